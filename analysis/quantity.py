@@ -1,0 +1,51 @@
+"""A number as an instrument states it: value with standard uncertainty, or the reason why it was not seen."""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A value, its standard uncertainty in the same unit, and in a few words how it was read."""
+
+    value: float
+    std: float
+    how: str = ""
+
+    def __str__(self) -> str:
+        """Render value ± standard uncertainty, both rounded to two digits of the uncertainty."""
+        if not (math.isfinite(self.std) and self.std > 0 and math.isfinite(self.value)):
+            return f"{self.value:.6g}"
+        decimals = 1 - math.floor(math.log10(self.std))
+        if decimals < 0:
+            return f"{round(self.value, decimals):.0f} ± {round(self.std, decimals):.0f}"
+        if decimals > 9:
+            return f"{self.value:.{12}g} ± {self.std:.2g}"
+        return f"{self.value:.{decimals}f} ± {self.std:.{decimals}f}"
+
+    def scaled(self, factor: float) -> "Quantity":
+        """Return the same reading in another unit."""
+        return Quantity(self.value * factor, self.std * abs(factor), self.how)
+
+
+@dataclass(frozen=True, slots=True)
+class NotSeen:
+    """The reason why a number could not be read from this shot."""
+
+    reason: str
+
+    def __str__(self) -> str:
+        return "–"
+
+
+Reading: TypeAlias = Quantity | NotSeen
+
+
+def to_json(reading: Reading | None) -> dict[str, float] | None:
+    """Return the result file's form of a reading: ``{"value", "std"}``, or null where it was not seen."""
+    if not isinstance(reading, Quantity):
+        return None
+    if not (math.isfinite(reading.value) and math.isfinite(reading.std)):
+        return None
+    return {"value": float(reading.value), "std": float(reading.std)}

@@ -1,0 +1,113 @@
+"""One shot, raw: the counts as the digitizer gave them, and everything known about how they were taken."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+DEFAULT_WAVELENGTH_AIR_M = 632.8e-9  # the paper's; 30 ppm below Ciddor's for 20 degC, 101325 Pa, 50 % RH
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+class Role(StrEnum):
+    """What a channel carries."""
+
+    REFERENCE = "reference"  # PD0: the rest beat
+    MEASUREMENT = "measurement"  # PD1: the beat shifted by the moving corner cube
+    SWITCH = "switch"  # the light switch that the block crosses
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One digitizer channel; volts = counts * volts_per_count + offset_v."""
+
+    role: Role
+    volts_per_count: float
+    offset_v: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Air:
+    """The air in the beam path."""
+
+    temperature_c: float
+    pressure_pa: float
+    humidity_percent: float
+
+
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """Geometry and material of the spring plate: an arm with a disc at its free end."""
+
+    arm_length_m: float
+    arm_width_m: float
+    thickness_m: float
+    disc_diameter_m: float
+    density_kg_m3: float
+    youngs_modulus_pa: float
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """The rig a shot was taken with; ``extra`` keeps keys of other writers so that they are written back."""
+
+    moving_mass_kg: float
+    moving_mass_u_kg: float = 0.0
+    wavelength_vacuum_m: float | None = None
+    wavelength_air_m: float | None = None
+    air: Air | None = None
+    rest_frequency_hz: float | None = None
+    plate: Plate | None = None
+    digitizer_bits: int = 16
+    extra: Mapping[str, Any] = field(default_factory=lambda: _NOTHING)
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Samples lost between stored samples ``sample_start - 1`` and ``sample_start``; None: how many is not known."""
+
+    sample_start: int
+    samples_lost: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A raw shot.
+
+    ``counts`` is int16, shape (samples, channels), read-only, often memory-mapped; time zero is its first sample.
+    ``flags`` says what is known to be wrong with it ("clipped", "gap", "truncated", "longer_than_declared", ...).
+    """
+
+    name: str
+    counts: NDArray[np.int16]
+    sample_rate_hz: float
+    channels: tuple[Channel, ...]
+    setup: Setup
+    trigger_sample: int | None = None
+    gaps: tuple[Gap, ...] = ()
+    started_at: str | None = None  # ISO 8601, UTC
+    note: str = ""
+    flags: tuple[str, ...] = ()
+    path: str | None = None
+    extra: Mapping[str, Any] = field(default_factory=lambda: _NOTHING)  # metadata of other writers, kept
+
+    @property
+    def samples(self) -> int:
+        """Get the number of samples a channel."""
+        return int(self.counts.shape[0])
+
+    @property
+    def trigger_time_s(self) -> float | None:
+        """Get the time in s from the first sample to the light switch."""
+        return None if self.trigger_sample is None else self.trigger_sample / self.sample_rate_hz
+
+    def column(self, role: Role) -> int | None:
+        """Return the channel index that carries ``role``, or None."""
+        for index, channel in enumerate(self.channels):
+            if channel.role is role:
+                return index
+        return None

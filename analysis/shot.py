@@ -1,0 +1,51 @@
+"""From a recording to everything one shot can tell: the one road that screen, replay and export all take."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from analysis.fit import Fit
+from analysis.impact import Impact
+from analysis.motion import Motion
+from analysis.recording import Setup
+
+Progress = Callable[[str, float], None]  # (what is being done, fraction of the whole)
+
+
+class AnalysisError(Exception):
+    """Why a shot could not be analysed, in one line for a person."""
+
+
+class Cancelled(Exception):
+    """The caller asked the analysis to stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisSettings:
+    """What a person may choose about an analysis; kept with the shot it was used for."""
+
+    bandwidth_hz: float = 10e3  # of velocity and force
+    motion_rate_hz: float = 100e3
+    model: str = "paper"  # "paper" | "clamped" | "no_tension" | "contact" | "driven"
+    rest: str = "smoothed"  # "smoothed" | "instantaneous": how PD0 is taken off
+    fit: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """One analysed shot; a part is None when the one before it failed, and ``problem`` says why."""
+
+    name: str
+    path: str | None
+    settings: AnalysisSettings
+    setup: Setup | None
+    sample_rate_hz: float | None
+    samples: int | None
+    trigger_time_s: float | None
+    motion: Motion | None
+    impact: Impact | None
+    fit: Fit | None
+    flags: tuple[str, ...] = ()
+    problem: str | None = None
+    started_at: str | None = None
+    note: str = ""
+    seconds: Mapping[str, float] = field(default_factory=dict)  # "load", "demodulate", "impact", "fit"

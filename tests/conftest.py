@@ -1,0 +1,25 @@
+"""Where the recordings of the rig lie, and skipping with a reason where they do not."""
+
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.fixture(scope="session")
+def recordings() -> Path:
+    """Return the folder of independent raw recordings, or skip."""
+    folder = SHARED / "recordings"
+    if not folder.is_dir():
+        pytest.skip("the recordings of ../shared are not on this machine")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def measured() -> Path:
+    """Return the folder of measured motion records, or skip."""
+    folder = SHARED / "measured"
+    if not folder.is_dir():
+        pytest.skip("the measured data of ../shared are not on this machine")
+    return folder

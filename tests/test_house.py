@@ -1,0 +1,31 @@
+"""Imports go one way: app -> instrument -> analysis; Qt lives in app alone."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+HOUSE = Path(__file__).resolve().parents[1]
+FORBIDDEN = {
+    "analysis": {"instrument", "app", "PySide6", "pyqtgraph", "usb", "niscope", "pyvisa"},
+    "instrument": {"app", "PySide6", "pyqtgraph"},
+    "resources": {"app", "instrument", "analysis", "PySide6"},
+}
+
+
+def _imported(source: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module.split(".")[0])
+    return names
+
+
+@pytest.mark.parametrize("floor", sorted(FORBIDDEN))
+def test_imports_go_one_way(floor: str) -> None:
+    sources = sorted((HOUSE / floor).rglob("*.py"))
+    assert sources
+    wrong = {str(s.relative_to(HOUSE)): bad for s in sources if (bad := _imported(s) & FORBIDDEN[floor])}
+    assert not wrong

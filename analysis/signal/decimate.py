@@ -1,0 +1,136 @@
+"""From the phase of a beat at millions of samples a second to the motion's rate, block by block."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+from analysis.signal.filters import decimator_taps
+from analysis.signal.tuning import Tuning
+
+Floats = NDArray[np.float64]
+_KERNEL: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract", "reassoc", "nsz"},
+}
+
+
+@njit(**_KERNEL)
+def _filter(phase: Floats, taps: Floats, factor: int, outputs: int, out: Floats) -> None:
+    """Dot product of the taps with every ``factor``-th stretch of phase; 12 multiply-adds an input sample."""
+    length = taps.shape[0]
+    for k in range(outputs):
+        stretch = phase[k * factor : k * factor + length]
+        total = 0.0
+        for i in range(length):
+            total += taps[i] * stretch[i]
+        out[k] = total
+
+
+@njit(**_KERNEL)
+def _describe(
+    phase: Floats,
+    power: NDArray[np.float32],
+    factor: int,
+    length: int,
+    outputs: int,
+    mean: Floats,
+    least: Floats,
+    rough: Floats,
+) -> None:
+    """For the central ``factor`` inputs of each output: mean and least power, and the phase's local roughness.
+
+    Roughness is the squared third difference of four neighbouring means of ``factor // 4`` phases (or of phases),
+    divided by 20: the variance of one such mean where the motion is smooth.
+    """
+    part = max(1, factor // 4)
+    for k in range(outputs):
+        start = k * factor + (length - factor) // 2
+        near = power[start : start + factor]
+        total, low = np.float32(0), near[0]
+        for i in range(factor):
+            total += near[i]
+            low = min(low, near[i])
+        mean[k] = total / factor
+        least[k] = low
+        start = k * factor + (length - 4 * part) // 2
+        m0, m1, m2, m3 = 0.0, 0.0, 0.0, 0.0
+        for i in range(part):
+            m0 += phase[start + i]
+            m1 += phase[start + part + i]
+            m2 += phase[start + 2 * part + i]
+            m3 += phase[start + 3 * part + i]
+        third = (m3 - 3 * m2 + 3 * m1 - m0) / part
+        rough[k] = third * third / 20
+
+
+@lru_cache(maxsize=32)
+def noise_ratio(tuning: Tuning, factor: int) -> float:
+    """Return std of a decimated phase / sqrt(mean roughness), both made of white noise on the counts."""
+    window = tuning.window
+    part = max(1, factor // 4)
+    third = np.repeat([1.0, -3.0, 3.0, -1.0], part) / (part * np.sqrt(20.0))
+
+    def gain(fine: Floats) -> float:
+        spread = np.zeros((fine.size - 1) * tuning.decimation + 1)
+        spread[:: tuning.decimation] = fine
+        return float(np.sum(fftconvolve(spread, window) ** 2))
+
+    return float(np.sqrt(gain(decimator_taps(factor)) / gain(third)))
+
+
+class PhaseDecimator:
+    """Decimates the phases of a ``BeatReader`` by ``factor``; output k is centred on phase k factor + 6 factor."""
+
+    def __init__(self, factor: int, first_phase: int = 0) -> None:
+        if factor < 2:
+            raise ValueError(f"a phase is decimated by at least 2, not {factor}")
+        self.factor = factor
+        self.taps = decimator_taps(factor)
+        self._length = self.taps.size
+        self.index = -(-first_phase // factor)  # of the next output
+        self._skip = self.index * factor - first_phase
+        self._phase = np.empty(0)
+        self._power = np.empty(0, dtype=np.float32)
+        self._kept = 0
+
+    def feed(self, phase: Floats, power: NDArray[np.float32]) -> tuple[int, Floats, Floats]:
+        """Take phases in cycles and powers, shape (m,); return (index of the first output, phase, description).
+
+        ``phase`` has shape (k,), ``description`` (3, k): mean power, least power, variance of the noise of a mean
+        of ``factor // 4`` phases in cycles^2.
+        """
+        if self._skip:
+            dropped = min(self._skip, phase.size)
+            self._skip -= dropped
+            phase, power = phase[dropped:], power[dropped:]
+        total = self._kept + phase.size
+        if self._phase.size < total:
+            grown = np.empty(total + 1024)
+            grown[: self._kept] = self._phase[: self._kept]
+            self._phase = grown
+            grown_power = np.empty(total + 1024, dtype=np.float32)
+            grown_power[: self._kept] = self._power[: self._kept]
+            self._power = grown_power
+        self._phase[self._kept : total] = phase
+        self._power[self._kept : total] = power
+        outputs = max(0, (total - self._length) // self.factor + 1)
+        out = np.empty(outputs)
+        description = np.empty((3, outputs))
+        _filter(self._phase[:total], self.taps, self.factor, outputs, out)
+        _describe(
+            self._phase[:total], self._power[:total], self.factor, self._length, outputs,
+            description[0], description[1], description[2],
+        )  # fmt: skip
+        used = outputs * self.factor
+        self._kept = total - used
+        self._phase[: self._kept] = self._phase[used:total].copy()
+        self._power[: self._kept] = self._power[used:total].copy()
+        first = self.index
+        self.index += outputs
+        return first, out, description

@@ -1,0 +1,230 @@
+"""From a recording to its motion: both beats read in one pass, phase to displacement, and what it is worth."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.air import wavelength_in_air_m
+from analysis.motion import BeatQuality, Motion
+from analysis.quantity import Quantity, Reading
+from analysis.recording import Recording, Role
+from analysis.shot import AnalysisError, AnalysisSettings, Progress
+from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
+from analysis.signal.rest import Rest, smooth
+from analysis.signal.survey import Survey, survey
+from analysis.signal.track import Grid, Track, Wanted, read_tracks
+from analysis.signal.tuning import Tuning, tune
+
+Floats = NDArray[np.float64]
+SPAN_MARGIN_HZ = 60e3  # beyond the frequencies seen in the survey, plus a tenth of their span
+DROP_OUT_SHARE = 0.4  # of the typical amplitude: below it there is no phase to speak of
+_GRID_HZ = 20e3
+_LONGEST_BRIDGE = 0.5  # of a derivative filter's half length, in samples
+_UNSTEADY_SIGMA = 3.0
+
+
+def demodulate(
+    recording: Recording,
+    settings: AnalysisSettings,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> Motion:
+    """Return the motion of a recording; PHYSICS.md section 1 gives equations and signs.
+
+    Raises AnalysisError, in one line, where the recording holds no motion: no rate, too short, flat, saturated, only
+    noise, no rest frequency, a beat that cannot be told from its image; Cancelled when ``cancelled()`` says so.
+    """
+    _check(recording, settings)
+    try:
+        wavelength_m = wavelength_in_air_m(recording.setup)
+    except ValueError as problem:
+        raise AnalysisError(str(problem)) from None
+    rate = recording.sample_rate_hz
+    column = recording.column(Role.MEASUREMENT)
+    assert column is not None
+    reference_column = recording.column(Role.REFERENCE)
+    bits = recording.setup.digitizer_bits
+    seen = survey(recording.counts[:, column], rate, bits, "measurement channel")
+    seen_reference = None
+    if reference_column is not None:
+        seen_reference = survey(recording.counts[:, reference_column], rate, bits, "reference channel")
+    low, high = _span(seen)
+    for _ in range(3):
+        tuning, step = _tune(rate, low, high, settings.motion_rate_hz)
+        wanted = [Wanted(tuning, column, seen)]
+        if seen_reference is not None and reference_column is not None:
+            tuning_reference = tuning
+            if settings.rest == "smoothed":
+                tuning_reference = _tune_rest(rate, *_span(seen_reference), step)
+            elif not low <= seen_reference.low_hz <= seen_reference.high_hz <= high:
+                low, high = min(low, _span(seen_reference)[0]), max(high, _span(seen_reference)[1])
+                continue
+            wanted.append(Wanted(tuning_reference, reference_column, seen_reference))
+        grid = Grid.of(recording, step)
+        tracks = read_tracks(recording, wanted, grid, progress, cancelled)
+        wandered = _wandered(tracks[0], grid)
+        if wandered is None:
+            break
+        low, high = min(low, wandered[0]), max(high, wandered[1])
+    return _motion(recording, settings, wavelength_m, grid, tracks)
+
+
+def _check(recording: Recording, settings: AnalysisSettings) -> None:
+    if not (np.isfinite(recording.sample_rate_hz) and recording.sample_rate_hz > 0):
+        raise AnalysisError(f"sample rate of {recording.sample_rate_hz:g} Hz: must be above zero")
+    if recording.samples == 0:
+        raise AnalysisError("no samples")
+    if recording.column(Role.MEASUREMENT) is None:
+        raise AnalysisError("no measurement channel (PD1)")
+    if recording.column(Role.REFERENCE) is None and not recording.setup.rest_frequency_hz:
+        raise AnalysisError("no rest frequency: neither a reference channel (PD0) nor rest_frequency_hz is given")
+    if not recording.setup.moving_mass_kg > 0:
+        raise AnalysisError(f"moving mass of {recording.setup.moving_mass_kg:g} kg: must be above zero")
+    if settings.rest not in ("smoothed", "instantaneous"):
+        raise AnalysisError(f"rest {settings.rest!r}: must be 'smoothed' or 'instantaneous'")
+    if not 0 < settings.motion_rate_hz <= recording.sample_rate_hz / 4:
+        raise AnalysisError(
+            f"motion rate of {settings.motion_rate_hz:g} Hz: samples at {recording.sample_rate_hz:g} Hz "
+            f"give at most {recording.sample_rate_hz / 4:g} Hz"
+        )
+    if not 0 < settings.bandwidth_hz <= 0.95 * MAX_BANDWIDTH_SHARE * settings.motion_rate_hz:
+        raise AnalysisError(
+            f"bandwidth of {settings.bandwidth_hz:g} Hz: a motion rate of {settings.motion_rate_hz:g} Hz carries "
+            f"at most {0.95 * MAX_BANDWIDTH_SHARE * settings.motion_rate_hz:g} Hz"
+        )
+
+
+def _span(seen: Survey) -> tuple[float, float]:
+    margin = SPAN_MARGIN_HZ + 0.1 * (seen.high_hz - seen.low_hz)
+    return seen.low_hz - margin, seen.high_hz + margin
+
+
+def _rounded(rate_hz: float, low_hz: float, high_hz: float) -> tuple[float, float]:
+    low = _GRID_HZ * np.floor(low_hz / _GRID_HZ)
+    high = _GRID_HZ * np.ceil(high_hz / _GRID_HZ)
+    return float(max(low, 1.0)), float(min(high, 0.5 * rate_hz - 1.0))
+
+
+def _tune(rate_hz: float, low_hz: float, high_hz: float, motion_rate_hz: float) -> tuple[Tuning, int]:
+    band = _rounded(rate_hz, low_hz, high_hz)
+    tuning = tune(rate_hz, *band, 3.0 * motion_rate_hz)
+    whole = round(rate_hz / motion_rate_hz)
+    if whole % tuning.decimation:
+        exact = tune(rate_hz, *band, 3.0 * motion_rate_hz, whole)  # hits the asked motion rate
+        if 2 * exact.decimation > tuning.decimation:
+            tuning = exact
+    factor = max(2, round(tuning.phase_rate_hz / motion_rate_hz))
+    return tuning, tuning.decimation * factor
+
+
+def _tune_rest(rate_hz: float, low_hz: float, high_hz: float, step: int) -> Tuning:
+    return tune(rate_hz, *_rounded(rate_hz, low_hz, high_hz), 2.0 * rate_hz / step, step)
+
+
+def _wandered(track: Track, grid: Grid) -> tuple[float, float] | None:
+    """Return the frequencies actually met, with a margin, where they left the band the beat was read through."""
+    frequency = track.tuning.oscillator_hz + np.diff(track.phase_cycles) * grid.rate_hz
+    frequency = frequency[np.isfinite(frequency)]
+    if frequency.size == 0:
+        return None
+    low, high = np.quantile(frequency, [0.0005, 0.9995])
+    if low >= track.tuning.low_hz and high <= track.tuning.high_hz:
+        return None
+    return float(low) - SPAN_MARGIN_HZ, float(high) + SPAN_MARGIN_HZ
+
+
+def _motion(
+    recording: Recording, settings: AnalysisSettings, wavelength_m: float, grid: Grid, tracks: list[Track]
+) -> Motion:
+    track = tracks[0]
+    known = np.isfinite(track.phase_cycles)
+    if known.sum() < 3:
+        raise AnalysisError("too short: no stretch without lost samples is long enough for the filters")
+    count = int(np.flatnonzero(known)[-1]) + 1
+    time_s = grid.time_s(track.tuning)[:count]
+    flags = list(recording.flags)
+
+    moving = track.phase_cycles[:count] + track.tuning.oscillator_hz * time_s
+    rest_cycles, rest_std, rest = _rest(recording, settings, grid, tracks, time_s, flags)
+    displacement = -0.5 * wavelength_m * (moving - rest_cycles)
+    std = 0.5 * wavelength_m * np.hypot(track.std_cycles[:count], rest_std)
+
+    typical = float(np.nanmedian(track.amplitude_counts))
+    lost = track.least_amplitude[:count] < DROP_OUT_SHARE * typical
+    if lost.any():
+        flags.append("drop_out")
+    if len(grid.pieces) > 1:
+        flags.append("gap")
+    valid = np.isfinite(displacement) & ~lost
+    displacement = displacement - displacement[valid][0] if valid.any() else displacement
+    rate = grid.rate_hz
+    velocity, acceleration = derivatives(displacement, rate, settings.bandwidth_hz)
+    velocity_gain, acceleration_gain = derivative_gains(np.isfinite(displacement), rate, settings.bandwidth_hz)
+    mass = recording.setup.moving_mass_kg
+    for array in (displacement, velocity, acceleration, std):
+        array[~valid] = np.nan
+    if max(t.survey.clipped_fraction for t in tracks) > 1e-4:
+        flags.append("clipped")
+    return Motion(
+        time_s=time_s,
+        displacement_m=displacement,
+        velocity_m_per_s=velocity,
+        acceleration_m_per_s2=acceleration,
+        force_n=mass * acceleration,
+        displacement_std_m=std,
+        velocity_std_m_per_s=std * velocity_gain,
+        acceleration_std_m_per_s2=std * acceleration_gain,
+        force_std_n=mass * std * acceleration_gain,
+        valid=valid,
+        sample_rate_hz=rate,
+        bandwidth_hz=settings.bandwidth_hz,
+        displacement_band_hz=FLAT_SHARE * rate,
+        moving_mass_kg=mass,
+        moving_mass_u_kg=recording.setup.moving_mass_u_kg,
+        wavelength_m=wavelength_m,
+        rest_frequency_hz=rest,
+        trigger_time_s=recording.trigger_time_s,
+        reference=_quality(recording, Role.REFERENCE, tracks[1], grid) if len(tracks) > 1 else None,
+        measurement=_quality(recording, Role.MEASUREMENT, track, grid),
+        flags=tuple(dict.fromkeys(flags)),
+    )
+
+
+def _rest(
+    recording: Recording, settings: AnalysisSettings, grid: Grid, tracks: list[Track], time_s: Floats, flags: list[str]
+) -> tuple[Floats, Floats | float, Reading]:
+    """Return (rest phase in cycles at ``time_s``, its standard deviation, the rest frequency)."""
+    if len(tracks) == 1:
+        given = recording.setup.rest_frequency_hz
+        assert given is not None
+        return given * time_s, 0.0, Quantity(given, 0.0, "given")
+    track = tracks[1]
+    own_time = grid.time_s(track.tuning)
+    known = np.isfinite(track.phase_cycles)
+    std = float(np.nanmedian(track.std_cycles))
+    rest: Rest = smooth(own_time, track.phase_cycles, std, track.tuning.oscillator_hz)
+    if rest.degree > 1:
+        flags.append("rest_drift")
+    if rest.unsteady_cycles > _UNSTEADY_SIGMA * std:
+        flags.append("rest_unsteady")
+    oscillator = track.tuning.oscillator_hz
+    if settings.rest == "instantaneous" and known.any():
+        count = time_s.size
+        return track.phase_cycles[:count] + oscillator * own_time[:count], track.std_cycles[:count], rest.frequency_hz
+    return rest.phase_at(time_s) + oscillator * time_s, 0.0, rest.frequency_hz
+
+
+def _quality(recording: Recording, role: Role, track: Track, grid: Grid) -> BeatQuality:
+    column = recording.column(role)
+    assert column is not None
+    known = stretches(np.isfinite(track.phase_cycles))
+    start, stop = max(known, key=lambda piece: piece[1] - piece[0])
+    quiet = slice(start, min(stop, start + max(16, (stop - start) // 32)))
+    slope = np.polyfit(np.arange(quiet.stop - quiet.start), track.phase_cycles[quiet], 1)[0]
+    return BeatQuality(
+        frequency_hz=float(track.tuning.oscillator_hz + slope * grid.rate_hz),
+        amplitude_v=track.survey.amplitude_counts * abs(recording.channels[column].volts_per_count),
+        snr_db=track.survey.snr_db,
+        clipped_fraction=track.survey.clipped_fraction,
+    )

@@ -1,0 +1,172 @@
+"""The filters between phase and force: one decimating low-pass, and the derivatives of displacement.
+
+Everything here is linear and has zero delay (odd, symmetric or antisymmetric taps on their centre sample), so a
+model's displacement passed through ``derivatives`` is distorted exactly as the measured one is.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+HALF_POWER_SHARE = 0.5  # of the output rate: where the decimator is 3 dB down, which keeps decimated noise white
+FLAT_SHARE = 0.32  # of the output rate: below it the decimator is flat (0.1 %) and free of aliases (-60 dB)
+MAX_BANDWIDTH_SHARE = 0.35  # of the motion rate: the widest bandwidth the derivative filters can honestly have
+_HALF_LENGTH = 3.0  # of the derivative filters, in 1 / bandwidth
+_KAISER = 5.65  # 60 dB
+_EDGE_DEGREE = 3
+
+
+@lru_cache(maxsize=32)
+def decimator_taps(factor: int) -> Floats:
+    """Return the symmetric low-pass, shape (12 factor + 1,), that decimates a phase by ``factor``.
+
+    Kaiser-windowed sinc with its half-power point at half the output rate: its power response and the response's
+    mirror image add up to one there, so white phase noise stays white.  Unit gain at zero frequency.
+    """
+    if factor == 1:
+        return _frozen(np.ones(1))
+    half = 6 * factor
+    n = np.arange(-half, half + 1)
+    window = np.kaiser(2 * half + 1, 6.2)
+    low, high = 0.4, 0.6
+    for _ in range(40):
+        cut = 0.5 * (low + high)
+        taps = np.sinc(2 * cut * n / factor) * window
+        taps /= taps.sum()
+        if np.sum(taps * np.cos(2 * np.pi * HALF_POWER_SHARE / factor * n)) > np.sqrt(0.5):
+            high = cut
+        else:
+            low = cut
+    return _frozen(taps)
+
+
+@dataclass(frozen=True, slots=True)
+class Derivatives:
+    """The derivative filters of one motion rate and bandwidth.
+
+    ``velocity`` and ``acceleration`` have shape (2 half + 1,), in order of time; a dot product with the displacement
+    around a sample gives m/s and m/s^2.  The ``edge_*`` matrices, shape (half, 2 half + 1), do the same for the
+    first samples of a stretch from its first 2 half + 1 samples.
+    """
+
+    half: int
+    velocity: Floats
+    acceleration: Floats
+    edge_velocity: Floats
+    edge_acceleration: Floats
+
+    @property
+    def velocity_gain(self) -> float:
+        """Get the standard deviation of velocity per white standard deviation of displacement, in 1/s."""
+        return float(np.sqrt(np.sum(self.velocity**2)))
+
+    @property
+    def acceleration_gain(self) -> float:
+        """Get the standard deviation of acceleration per white standard deviation of displacement, in 1/s^2."""
+        return float(np.sqrt(np.sum(self.acceleration**2)))
+
+
+@lru_cache(maxsize=32)
+def derivative_filters(sample_rate_hz: float, bandwidth_hz: float) -> Derivatives:
+    """Return the derivative filters: flat to about 0.6 ``bandwidth_hz``, half amplitude at it, 60 dB down beyond 1.5.
+
+    They are the first and second derivative of a sinc low-pass, Kaiser-windowed and scaled so that a ramp and a
+    parabola come out exact.  Raises ValueError where the rate cannot carry the bandwidth.
+    """
+    if not 0 < bandwidth_hz <= MAX_BANDWIDTH_SHARE * sample_rate_hz * (1 + 1e-9):
+        raise ValueError(
+            f"bandwidth {bandwidth_hz:g} Hz: a motion rate of {sample_rate_hz:g} Hz carries at most "
+            f"{MAX_BANDWIDTH_SHARE * sample_rate_hz:g} Hz"
+        )
+    half = max(4, int(np.ceil(_HALF_LENGTH * sample_rate_hz / bandwidth_hz)))
+    n = np.arange(-half, half + 1)
+    window = np.kaiser(2 * half + 1, _KAISER)
+    x = 2 * np.pi * bandwidth_hz / sample_rate_hz * n
+    safe = np.where(n == 0, 1.0, x)
+    first = np.where(n == 0, 0.0, (np.cos(x) - np.sin(safe) / safe) / safe)
+    second = np.where(n == 0, -1 / 3, -(np.sin(x) + 2 * (np.cos(x) - np.sin(safe) / safe) / safe) / safe)
+    velocity = -first * window  # minus: a dot product, not a convolution
+    velocity *= sample_rate_hz / np.sum(velocity * n)
+    acceleration = second * window
+    acceleration -= window * (acceleration.sum() / window.sum())
+    acceleration *= 2 * sample_rate_hz**2 / np.sum(acceleration * n**2)
+    edge_velocity, edge_acceleration = _edge_filters(2 * half + 1, half, sample_rate_hz)
+    return Derivatives(
+        half, _frozen(velocity), _frozen(acceleration), _frozen(edge_velocity), _frozen(edge_acceleration)
+    )
+
+
+def derivatives(displacement_m: Floats, sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]:
+    """Return (velocity in m/s, acceleration in m/s^2), both shape (n,), of a displacement of shape (n,).
+
+    The very filters a Motion is made with.  NaN in the displacement parts it into stretches; nothing is ever padded:
+    within half a filter length of a stretch's ends (0.3 ms at 10 kHz) the value is that of a cubic fitted to the
+    outermost filter length, whose larger noise ``derivative_gains`` states; a stretch shorter than that is NaN.
+    """
+    filters = derivative_filters(float(sample_rate_hz), float(bandwidth_hz))
+    displacement = np.asarray(displacement_m, dtype=np.float64)
+    velocity = np.full(displacement.shape, np.nan)
+    acceleration = np.full(displacement.shape, np.nan)
+    length, half = 2 * filters.half + 1, filters.half
+    for start, stop in stretches(np.isfinite(displacement)):
+        if stop - start < length:
+            continue
+        piece = displacement[start:stop] - displacement[start]
+        for out, taps, edge, sign in (
+            (velocity, filters.velocity, filters.edge_velocity, -1.0),
+            (acceleration, filters.acceleration, filters.edge_acceleration, 1.0),
+        ):
+            out[start + half : stop - half] = np.convolve(piece, taps[::-1], mode="valid")
+            out[start : start + half] = edge @ piece[:length]
+            out[stop - half : stop] = sign * (edge @ piece[: -length - 1 : -1])[::-1]
+    return velocity, acceleration
+
+
+def derivative_gains(finite: NDArray[np.bool_], sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]:
+    """Return the noise gains (1/s, 1/s^2) of each sample of ``derivatives``, shape (n,), NaN where it gives NaN.
+
+    Times the white standard deviation of displacement they are the standard deviation of velocity and acceleration.
+    """
+    filters = derivative_filters(float(sample_rate_hz), float(bandwidth_hz))
+    velocity = np.full(finite.shape, np.nan)
+    acceleration = np.full(finite.shape, np.nan)
+    edge_velocity = np.sqrt(np.sum(filters.edge_velocity**2, axis=1))
+    edge_acceleration = np.sqrt(np.sum(filters.edge_acceleration**2, axis=1))
+    half = filters.half
+    for start, stop in stretches(finite):
+        if stop - start < 2 * half + 1:
+            continue
+        velocity[start:stop] = filters.velocity_gain
+        acceleration[start:stop] = filters.acceleration_gain
+        velocity[start : start + half] = edge_velocity
+        velocity[stop - half : stop] = edge_velocity[::-1]
+        acceleration[start : start + half] = edge_acceleration
+        acceleration[stop - half : stop] = edge_acceleration[::-1]
+    return velocity, acceleration
+
+
+def stretches(finite: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return (start, stop) of every run of True in an array of shape (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], finite, [False])).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _edge_filters(length: int, rows: int, sample_rate_hz: float) -> tuple[Floats, Floats]:
+    position = np.linspace(-1.0, 1.0, length)
+    scale = 2.0 / (length - 1)
+    powers = position[:, None] ** np.arange(_EDGE_DEGREE + 1)
+    solve = np.linalg.pinv(powers)
+    at = position[:rows]
+    zero, one = np.zeros_like(at), np.ones_like(at)
+    slope = np.stack([zero, one, 2 * at, 3 * at**2], axis=1) * (scale * sample_rate_hz)
+    curvature = np.stack([zero, zero, 2 * one, 6 * at], axis=1) * (scale * sample_rate_hz) ** 2
+    return slope @ solve, curvature @ solve
+
+
+def _frozen(array: Floats) -> Floats:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,163 @@
+"""Reading the beats of a recording onto the motion's grid, each on its own thread."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import Recording
+from analysis.shot import AnalysisError, Cancelled, Progress
+from analysis.signal.beat import BeatReader
+from analysis.signal.decimate import PhaseDecimator, noise_ratio
+from analysis.signal.survey import Survey
+from analysis.signal.tuning import Tuning
+
+Floats = NDArray[np.float64]
+BLOCK_SAMPLES = 1 << 17
+MIN_MOTION_SAMPLES = 64
+_NOISE_BLOCK = 512
+_CHI2_MEDIAN = 0.45494  # of one squared standard normal
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """One beat to read."""
+
+    tuning: Tuning
+    column: int
+    survey: Survey
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """One beat on the motion's grid; arrays of shape (n,), NaN where not measured."""
+
+    phase_cycles: Floats  # of the beat less the oscillator
+    std_cycles: Floats
+    amplitude_counts: Floats
+    least_amplitude: Floats
+    tuning: Tuning
+    survey: Survey
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """The motion's uniform grid, ``step`` input samples apart, counted over lost samples too.
+
+    ``pieces`` are (start, stop, true index of start) of the stretches of stored samples without a loss.
+    """
+
+    input_rate_hz: float
+    step: int
+    samples: int
+    pieces: tuple[tuple[int, int, int], ...]
+
+    @classmethod
+    def of(cls, recording: Recording, step: int) -> "Grid":
+        """Lay the grid over a recording.  Raises AnalysisError where it is too short for one."""
+        starts, shifts = [0], [0]
+        for gap in sorted(recording.gaps, key=lambda g: g.sample_start):
+            if gap.samples_lost and 0 < gap.sample_start < recording.samples:
+                starts.append(gap.sample_start)
+                shifts.append(shifts[-1] + gap.samples_lost)
+        stops = [*starts[1:], recording.samples]
+        pieces = tuple((a, b, a + shift) for a, b, shift in zip(starts, stops, shifts, strict=True))
+        samples = (recording.samples + shifts[-1]) // step
+        if samples < MIN_MOTION_SAMPLES:
+            raise AnalysisError(
+                f"too short: {recording.samples} samples give {samples} of motion (at least {MIN_MOTION_SAMPLES})"
+            )
+        return cls(recording.sample_rate_hz, step, samples, pieces)
+
+    @property
+    def rate_hz(self) -> float:
+        """Get the motion's rate in samples/s."""
+        return self.input_rate_hz / self.step
+
+    def time_s(self, tuning: Tuning) -> Floats:
+        """Return the times, shape (samples,), that a beat read with ``tuning`` is centred on.
+
+        Half the decimator (6 steps) and half the band-pass lie before a sample's centre.
+        """
+        centre = (np.arange(self.samples) + 6) * self.step + tuning.delay_samples
+        return np.asarray(centre / self.input_rate_hz)
+
+
+def read_tracks(
+    recording: Recording,
+    wanted: list[Wanted],
+    grid: Grid,
+    progress: Progress | None,
+    cancelled: Callable[[], bool] | None,
+) -> list[Track]:
+    """Read every beat over the whole recording; the kernels let go of the interpreter, so the threads run at once.
+
+    Holds one block a beat beside the motion's own arrays.  Raises Cancelled.
+    """
+    tracks: list[Track | None] = [None] * len(wanted)
+    problems: list[BaseException] = []
+    done = [0.0] * len(wanted)
+
+    def run(place: int) -> None:
+        def advance(samples: int) -> None:
+            done[place] += samples / recording.samples
+            if problems or (cancelled is not None and cancelled()):
+                raise Cancelled
+            if progress is not None and place == 0:
+                progress("demodulating", min(1.0, sum(done) / len(done)))
+
+        try:
+            tracks[place] = _read(recording, wanted[place], grid, advance)
+        except BaseException as problem:
+            problems.append(problem)
+
+    others = [threading.Thread(target=run, args=(place,), daemon=True) for place in range(1, len(wanted))]
+    for thread in others:
+        thread.start()
+    run(0)
+    for thread in others:
+        thread.join()
+    if problems:
+        raise problems[0]
+    return [track for track in tracks if track is not None]
+
+
+def _read(recording: Recording, wanted: Wanted, grid: Grid, advance: Callable[[int], None]) -> Track:
+    tuning = wanted.tuning
+    factor = grid.step // tuning.decimation
+    phase = np.full(grid.samples, np.nan)
+    description = np.full((3, grid.samples), np.nan)
+
+    def store(first: int, values: Floats, about: Floats) -> None:
+        last = min(first + values.size, grid.samples)
+        phase[first:last] = values[: last - first]
+        description[:, first:last] = about[:, : last - first]
+
+    for start, stop, true_start in grid.pieces:
+        reader = BeatReader(tuning, wanted.column, wanted.survey.offset_counts, true_start)
+        decimator = PhaseDecimator(factor, reader.index)
+        for block in range(start, stop, BLOCK_SAMPLES):
+            end = min(stop, block + BLOCK_SAMPLES)
+            store(*decimator.feed(*reader.feed(recording.counts[block:end])[1:]))
+            advance(end - block)
+        store(*decimator.feed(*reader.finish()[1:]))
+    std = np.sqrt(local_variance(description[2])) * noise_ratio(tuning, factor)
+    return Track(phase, std, np.sqrt(description[0]), np.sqrt(description[1]), tuning, wanted.survey)
+
+
+def local_variance(rough: Floats) -> Floats:
+    """Return the variance behind squares of normal deviates, shape (n,): medians of 512, joined by straight lines."""
+    count = max(1, rough.size // _NOISE_BLOCK)
+    edges = np.linspace(0, rough.size, count + 1).astype(int)
+    centres, levels = [], []
+    for a, b in pairwise(edges):
+        known = rough[a:b][np.isfinite(rough[a:b])]
+        if known.size > 8:
+            centres.append(0.5 * (a + b))
+            levels.append(float(np.median(known)) / _CHI2_MEDIAN)
+    if not levels:
+        return np.full(rough.shape, np.nan)
+    return np.interp(np.arange(rough.size), centres, levels)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +140,11 @@ def _window(
 
 
 def _folded(
-    power: NDArray[np.float64], frequency: NDArray[np.float64], rate_hz: float, decimation: int, half_width_hz: float
+    power: NDArray[np.float64],
+    frequency: NDArray[np.floating[Any]],
+    rate_hz: float,
+    decimation: int,
+    half_width_hz: float,
 ) -> float:
     """Return the worst noise power folded onto a beat within +-half_width, relative to the power kept there."""
     at = np.linspace(-half_width_hz, half_width_hz, 33)

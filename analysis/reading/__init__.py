@@ -1,0 +1,1 @@
+"""Reading an impact from the motion alone: flights, edges, bounces, pulse; no model of the plate."""

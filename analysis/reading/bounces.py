@@ -1,0 +1,169 @@
+"""The first bounces: contacts and the short flights between them, which others dismiss as noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.motion import Motion
+from analysis.reading.edges import Edge, edges_of_short_flight
+from analysis.reading.flights import Flight
+
+Floats = NDArray[np.float64]
+
+SUPPORTS = (5, 7, 9, 11, 15, 21)  # samples a local parabola may span
+FLIGHT_SIGMAS = 4.0
+FLIGHT_FRACTION = 0.03  # of the first contact's force: below it the block counts as free
+EARLY_FRACTION = 0.4  # of the whole contact in which bounces are looked for
+SHORTEST_FLIGHT = 5  # samples
+EDGE_SAMPLES = 10  # of contact on either side of a short flight that show where it begins and ends
+PEAK_DEGREES = (7, 6, 5, 4)  # of the polynomial through the displacement about a force peak
+PEAK_REACH = 1.3  # how far beyond the peak it goes, in units of the rise before it
+
+
+@dataclass(frozen=True, slots=True)
+class Bounces:
+    """Onsets and force peaks of the first contacts, and the releases between them; all in s with uncertainties."""
+
+    onsets: tuple[Edge, ...]
+    releases: tuple[Edge, ...]
+    peaks: tuple[Edge, ...]
+
+
+def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight) -> Bounces:
+    """Find the flights inside the early contact, and between them the contacts with their force peaks.
+
+    A flight shows as a force that stands at nothing; its edges then come to a fraction of a sample from how the
+    displacement leaves the flight's straight line.
+    """
+    time = motion.time_s
+    end = touch.time_s + EARLY_FRACTION * (release.time_s - touch.time_s)
+    inside = np.flatnonzero((time >= touch.time_s) & (time <= end))
+    onsets, releases = [touch], list[Edge]()
+    if inside.size >= 2 * SUPPORTS[0] and motion.valid[inside].all():
+        force, std = _local_force(motion, inside, flight_in.noise_std_m)
+        head = force[: max(4, force.size // 6)]
+        free = np.abs(force) < max(FLIGHT_SIGMAS * std, FLIGHT_FRACTION * float(head.max()))
+        for first, last in _runs(free, shortest=SHORTEST_FLIGHT):
+            if time[inside[first]] - onsets[-1].time_s < 3.0 / motion.sample_rate_hz:
+                continue  # the force has not risen yet
+            edges = _flight_edges(motion, int(inside[first]), int(inside[last]), flight_in.noise_std_m)
+            if edges is not None and _is_flight(edges, releases, onsets, 1.0 / motion.sample_rate_hz):
+                releases.append(edges[0])
+                onsets.append(edges[1])
+    return Bounces(tuple(onsets), tuple(releases), _peaks(motion, onsets, releases, end, flight_in.noise_std_m))
+
+
+def _is_flight(edges: tuple[Edge, Edge], releases: list[Edge], onsets: list[Edge], step_s: float) -> bool:
+    """Tell a flight from a force that only passes through zero: it lasts, surely, and begins after the one before."""
+    release, onset = edges
+    lasts = onset.time_s - release.time_s
+    return (
+        lasts > SHORTEST_FLIGHT * step_s
+        and lasts > 3.0 * float(np.hypot(release.std_s, onset.std_s))
+        and release.time_s > onsets[-1].time_s + step_s
+        and (not releases or release.time_s > releases[-1].time_s)
+    )
+
+
+def _local_force(motion: Motion, index: NDArray[np.intp], noise_std_m: float) -> tuple[Floats, float]:
+    """Return force from a parabola over the fewest samples that keep the noise small, (n,), and its std, both in N.
+
+    A parabola's reach is compact, unlike a sharp low-pass, so a flight of a few samples is not rung into.
+    """
+    step = 1.0 / motion.sample_rate_hz
+    peak = float(np.nanmax(motion.force_n))
+    for support in SUPPORTS:
+        half = support // 2
+        u = np.arange(-half, half + 1) * step
+        weights = 2.0 * np.linalg.pinv(np.vander(u, 3, increasing=True))[2]
+        std = motion.moving_mass_kg * noise_std_m * float(np.linalg.norm(weights))
+        if std < 0.01 * peak:
+            break
+    low, high = max(index[0] - half, 0), min(index[-1] + half + 1, motion.time_s.size)
+    acceleration = np.convolve(motion.displacement_m[low:high], weights[::-1], mode="same")
+    return motion.moving_mass_kg * acceleration[index - low], std
+
+
+def _runs(mask: NDArray[np.bool_], shortest: int) -> list[tuple[int, int]]:
+    """Return first and last index of each run of True that is at least ``shortest`` long and ends inside."""
+    padded = np.concatenate([[False], mask, [False]]).astype(np.int8)
+    starts = np.flatnonzero(np.diff(padded) == 1)
+    ends = np.flatnonzero(np.diff(padded) == -1) - 1
+    return [
+        (int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= shortest and b < mask.size - 1
+    ]
+
+
+def _flight_edges(motion: Motion, first: int, last: int, std_m: float) -> tuple[Edge, Edge] | None:
+    """Return the release before and the onset after the short flight about samples ``first`` to ``last``."""
+    low, high = max(first - EDGE_SAMPLES, 0), min(last + EDGE_SAMPLES + 1, motion.time_s.size)
+    time = motion.time_s[low:high]
+    step = 1.0 / motion.sample_rate_hz
+    room = max(6, round(0.45 * (last - first)))
+    release = (time[0] + 2 * step, motion.time_s[first + room])
+    onset = (motion.time_s[last - room], time[-1] - 2 * step)
+    return edges_of_short_flight(time, motion.displacement_m[low:high], max(std_m, 1e-15), release, onset)
+
+
+def _peaks(
+    motion: Motion, onsets: list[Edge], releases: list[Edge], end_s: float, noise_std_m: float
+) -> tuple[Edge, ...]:
+    """Return the first force maximum after each of the first three onsets, as far as they are seen without a hole."""
+    peaks: list[Edge] = []
+    for number, onset in enumerate(onsets[:3]):
+        until = releases[number].time_s if number < len(releases) else end_s
+        index = np.flatnonzero((motion.time_s > onset.time_s) & (motion.time_s < until))
+        coarse = _first_maximum(motion, index)
+        peak = None if coarse is None else _refined_peak(motion, onset.time_s, coarse, until, noise_std_m)
+        if peak is None:
+            break
+        peaks.append(peak)
+    return tuple(peaks)
+
+
+def _first_maximum(motion: Motion, index: NDArray[np.intp]) -> float | None:
+    """Return the time in s of the first top of the filtered force that the force then clearly falls below."""
+    if index.size < 5:
+        return None
+    force, std = motion.force_n[index], float(np.nanmedian(motion.force_std_n[index]))
+    best = 0
+    for k in range(1, force.size):
+        if force[k] > force[best]:
+            best = k
+        elif force[best] - force[k] > max(6.0 * std, 0.02 * force[best]):
+            return float(motion.time_s[index[best]]) if best else None
+    return None
+
+
+def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: float, noise_std_m: float) -> Edge | None:
+    """Return the instant of largest acceleration by a polynomial through the displacement about it.
+
+    The low-passed force would do for its height, but a steep onset on one side pulls its peak there by tens of
+    microseconds; a polynomial of degree 7 over this reach leaves less than a microsecond (against the reference
+    solution of PHYSICS.md section 3).  A lower degree is taken where the noise forbids it.
+    """
+    rise = coarse_s - onset_s
+    step = 1.0 / motion.sample_rate_hz
+    window = (motion.time_s >= onset_s + 0.25 * step) & (motion.time_s <= min(coarse_s + PEAK_REACH * rise, until_s))
+    u = (motion.time_s[window] - coarse_s) / rise
+    best: Edge | None = None
+    for degree in PEAK_DEGREES:
+        if u.size < degree + 3:
+            continue
+        design = np.polynomial.chebyshev.chebvander(u, degree)
+        inverse = np.linalg.pinv(design)
+        series = np.polynomial.Chebyshev(inverse @ motion.displacement_m[window])
+        grid = np.linspace(max(u[0], -0.8), min(u[-1], 0.8 * PEAK_REACH), 2001)
+        force, snap = series.deriv(2)(grid), series.deriv(4)
+        top = int(force.argmax())
+        if top in (0, grid.size - 1):
+            continue
+        row = np.array([np.polynomial.Chebyshev.basis(k).deriv(3)(grid[top]) for k in range(degree + 1)])
+        std = noise_std_m * float(np.linalg.norm(row @ inverse)) / max(abs(float(snap(grid[top]))), 1e-300)
+        found = Edge(float(coarse_s + rise * grid[top]), float(rise * std))
+        if best is None or found.std_s < 0.7 * best.std_s:
+            best = found
+        if best.std_s < 0.05 * rise:
+            break
+    return best

@@ -1,0 +1,124 @@
+"""Where the block flies free, how fast, and how sure that is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.motion import Motion
+
+Floats = NDArray[np.float64]
+
+FORCE_SIGMAS = 6.0  # a contact must stand this far above the force noise
+FORCE_FRACTION = 0.03  # ... and this far above nothing, as a fraction of the peak
+LONGEST_FLIGHT_S = 0.040  # of flight taken on each side: longer adds drift, not knowledge
+SHORTEST_CURVED_S = 0.003  # a shorter flight carries a straight line only
+
+
+@dataclass(frozen=True, slots=True)
+class ContactSpan:
+    """Sample indices between which the block is under force, by threshold; touch and release lie close by."""
+
+    first: int
+    last: int
+    threshold_n: float
+    force_std_n: float
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """A polynomial through the displacement of a free flight, about ``time_zero_s``.
+
+    ``coefficients`` are position, velocity, half acceleration, ... (SI); ``covariance`` is over them and carries the
+    correlation of the remainder, not only its size.
+    """
+
+    time_zero_s: float
+    coefficients: Floats
+    covariance: Floats
+    noise_std_m: float
+    first: int
+    last: int
+
+    def position_m(self, time_s: Floats) -> Floats:
+        """Return the flight's displacement in m, continued to any times in s."""
+        return np.asarray(np.polynomial.polynomial.polyval(time_s - self.time_zero_s, self.coefficients))
+
+    def velocity(self, time_s: float) -> tuple[float, float]:
+        """Return velocity and its standard deviation in m/s at one time in s."""
+        tau = time_s - self.time_zero_s
+        powers = np.arange(self.coefficients.size)
+        row = np.where(powers > 0, powers * tau ** np.maximum(powers - 1, 0), 0.0)
+        return float(row @ self.coefficients), float(np.sqrt(row @ self.covariance @ row))
+
+
+def find_contact(motion: Motion) -> ContactSpan | None:
+    """Return the span under force, or None where the record shows no impact.
+
+    The noise of the force is taken from the record's own quiet part (median absolute value), never below the stated.
+    """
+    force = motion.force_n
+    seen = np.isfinite(force)
+    if seen.sum() < 32:
+        return None
+    absolute = np.abs(force[seen])
+    peak = float(absolute.max())
+    quiet = absolute[absolute < 0.1 * peak]
+    stated = float(np.nanmedian(motion.force_std_n))
+    std = max(stated, 1.4826 * float(np.median(quiet)) if quiet.size > 16 else stated)
+    threshold = max(FORCE_SIGMAS * std, FORCE_FRACTION * peak)
+    if peak < 2.0 * threshold:
+        return None
+    above = seen & (np.abs(np.where(seen, force, 0.0)) > threshold)
+    sustained = np.flatnonzero(above & np.roll(above, 1))
+    if sustained.size == 0:
+        return None
+    return ContactSpan(int(sustained[0]) - 1, int(sustained[-1]), threshold, std)
+
+
+def fit_flight(motion: Motion, first: int, last: int, *, nearest: int) -> Flight | None:
+    """Fit the flight between samples ``first`` and ``last`` (inclusive), keeping the part close to sample ``nearest``.
+
+    Quadratic where the flight is long enough, so that drag and tilt do not bend the velocity at its end; straight
+    where it is short.  None when fewer than 4 valid samples are left.
+    """
+    longest = round(LONGEST_FLIGHT_S * motion.sample_rate_hz)
+    if nearest >= last:
+        first = max(first, last - longest)
+    else:
+        last = min(last, first + longest)
+    index = np.arange(max(first, 0), min(last, motion.time_s.size - 1) + 1)
+    index = index[motion.valid[index] & np.isfinite(motion.displacement_m[index])]
+    if index.size < 4:
+        return None
+    zero = float(motion.time_s[min(max(nearest, 0), motion.time_s.size - 1)])
+    tau = motion.time_s[index] - zero
+    degree = 2 if tau[-1] - tau[0] >= SHORTEST_CURVED_S and index.size >= 12 else 1
+    scale = float(np.abs(tau).max())
+    design = np.vander(tau / scale, degree + 1, increasing=True)
+    solution, *_ = np.linalg.lstsq(design, motion.displacement_m[index], rcond=None)
+    residual = motion.displacement_m[index] - design @ solution
+    freedom = max(index.size - degree - 1, 1)
+    stated = float(np.nanmedian(motion.displacement_std_m[index]))
+    std = float(np.sqrt(residual @ residual / freedom)) if freedom >= 8 else stated
+    inverse = np.linalg.inv(design.T @ design)
+    covariance = inverse * (max(std, 1e-30) ** 2 * _correlation_factor(residual))
+    unscale = scale ** -np.arange(degree + 1.0)
+    return Flight(
+        zero, solution * unscale, covariance * np.outer(unscale, unscale), std, int(index[0]), int(index[-1])
+    )
+
+
+def _correlation_factor(residual: Floats) -> float:
+    """Return how many times larger a sum's variance is than for white noise (Bartlett-weighted autocovariances)."""
+    n = residual.size
+    lags = min(n // 4, 200)
+    if lags < 2:
+        return 1.0
+    variance = float(residual @ residual) / n
+    if variance == 0.0:
+        return 1.0
+    spectrum = np.abs(np.fft.rfft(residual, 2 * n)) ** 2
+    covariance = np.fft.irfft(spectrum)[1 : lags + 1] / n
+    weights = 1.0 - np.arange(1, lags + 1) / (lags + 1)
+    return float(max(1.0, 1.0 + 2.0 * (weights @ covariance) / variance))

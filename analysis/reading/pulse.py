@@ -1,0 +1,170 @@
+"""The force pulse as a whole: its top, its width without the bounce spikes, its impulse, its slope."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from analysis.motion import Motion
+from analysis.quantity import NotSeen, Quantity, Reading
+from analysis.reading.edges import Edge
+
+Floats = NDArray[np.float64]
+
+SMOOTH_HZ = (100.0, 250.0, 500.0)  # PHYSICS.md section 3: the smooth pulse is the force low-passed at 100-500 Hz
+SLOPE_SPAN = (0.209, 0.975)  # of the contact: 6 to 28 ms of 28.7, clear of bounces and release
+TOP_FRACTION = 0.04  # of the contact time, to each side of the top, that a parabola follows
+
+
+def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
+    """Return the force in N, low-passed without delay (Butterworth, both ways), (n,); None where it cannot be."""
+    seen = np.isfinite(motion.force_n)
+    first, last = (int(i) for i in np.flatnonzero(seen)[[0, -1]])
+    if not seen[first : last + 1].all() or cutoff_hz >= 0.45 * motion.sample_rate_hz or last - first < 64:
+        return None
+    out = np.full(motion.force_n.shape, np.nan)
+    sections = butter(2, cutoff_hz, fs=motion.sample_rate_hz, output="sos")
+    pad = min(last - first, round(2.0 * motion.sample_rate_hz / cutoff_hz))
+    out[first : last + 1] = sosfiltfilt(sections, motion.force_n[first : last + 1], padlen=pad)
+    return out
+
+
+def read_peak(motion: Motion, touch: Edge, release: Edge) -> tuple[Reading, float]:
+    """Return the peak force in N and its time in s: the top of the pulse, past the bounces, by a local parabola."""
+    span = release.time_s - touch.time_s
+    index = np.flatnonzero(
+        (motion.time_s > touch.time_s + SLOPE_SPAN[0] * span) & (motion.time_s < touch.time_s + SLOPE_SPAN[1] * span)
+    )
+    if index.size < 5 or not np.isfinite(motion.force_n[index]).all():
+        return NotSeen("the contact is too short or interrupted"), touch.time_s + span / 2
+    rough = _running_mean(motion.force_n[index], max(1, round(0.02 * span * motion.sample_rate_hz)))
+    middle = motion.time_s[index[int(rough.argmax())]]
+    around = index[np.abs(motion.time_s[index] - middle) <= max(TOP_FRACTION * span, 2.0 / motion.sample_rate_hz)]
+    tau = motion.time_s[around] - middle
+    (top, slope, curve), std_top = _parabola(tau, motion.force_n[around], motion, around)
+    if curve >= 0.0:
+        return NotSeen("the force has no single top"), float(middle)
+    vertex = float(np.clip(-slope / (2 * curve), tau[0], tau[-1]))
+    value = top + slope * vertex + curve * vertex**2
+    how = f"parabola over ±{tau[-1] * 1e3:.1f} ms about {(middle + vertex) * 1e3:.2f} ms, {motion.bandwidth_hz:g} Hz"
+    return Quantity(float(value), _with_mass(motion, float(value), std_top), how), float(middle + vertex)
+
+
+def read_fwhm(motion: Motion, touch: Edge, release: Edge) -> Reading:
+    """Return the full width at half maximum in s of the smooth pulse; its uncertainty carries the choice of cut-off."""
+    widths = [w for w in (_width(motion, touch, release, cutoff) for cutoff in SMOOTH_HZ) if w is not None]
+    if not widths:
+        return NotSeen("the record leaves no room to smooth the pulse")
+    chosen = widths[len(widths) // 2]
+    choice = (max(w[0] for w in widths) - min(w[0] for w in widths)) / np.sqrt(12.0)
+    how = f"force low-passed at {chosen[2]:g} Hz; uncertainty covers cut-offs of {SMOOTH_HZ[0]:g}-{SMOOTH_HZ[-1]:g} Hz"
+    return Quantity(chosen[0], float(np.hypot(chosen[1], choice)), how)
+
+
+def _width(motion: Motion, touch: Edge, release: Edge, cutoff_hz: float) -> tuple[float, float, float] | None:
+    force = smooth_force(motion, cutoff_hz)
+    if force is None:
+        return None
+    pad = 0.5 * (release.time_s - touch.time_s)
+    inside = np.flatnonzero((motion.time_s >= touch.time_s - pad) & (motion.time_s <= release.time_s + pad))
+    force = force[inside]
+    time = motion.time_s[inside]
+    if not np.isfinite(force).all() or inside.size < 16:
+        return None
+    top = int(force.argmax())
+    half = force[top] / 2.0
+    below_left = np.flatnonzero(force[:top] < half)
+    below_right = np.flatnonzero(force[top:] < half)
+    if below_left.size == 0 or below_right.size == 0:
+        return None
+    left, right = int(below_left[-1]), top + int(below_right[0])
+    up, down = force[left + 1] - force[left], force[right] - force[right - 1]
+    begin = time[left] + (half - force[left]) / up / motion.sample_rate_hz
+    finish = time[right - 1] + (half - force[right - 1]) / down / motion.sample_rate_hz
+    # force noise through the smoothing: its spectrum rises with f^4, so cutting B to b leaves (b/B)^2.5 of its std
+    std = float(np.nanmedian(motion.force_std_n)) * min(1.0, (cutoff_hz / motion.bandwidth_hz)) ** 2.5
+    slopes = np.array([up, down]) * motion.sample_rate_hz
+    return float(finish - begin), float(np.hypot(*(std / slopes))), cutoff_hz
+
+
+def read_impulse_ratio(motion: Motion, turnaround_s: float, touch: Edge, release: Edge) -> Reading:
+    """Return the impulse of unloading over that of loading, split where v = 0 (PHYSICS.md section 2)."""
+    margin = 6.0 / motion.bandwidth_hz  # the filter rings this far beyond the edges
+    begin, finish = touch.time_s - margin, release.time_s + margin
+    if begin < motion.time_s[0] or finish > motion.time_s[-1]:
+        return NotSeen("the record ends too close to the contact")
+    loading = _integral(motion.time_s, motion.force_n, begin, turnaround_s)
+    unloading = _integral(motion.time_s, motion.force_n, turnaround_s, finish)
+    if not (np.isfinite(loading) and np.isfinite(unloading)) or loading <= 0.0:
+        return NotSeen("the force is interrupted within the contact")
+    velocity_std = float(np.nanmedian(motion.velocity_std_m_per_s)) * motion.moving_mass_kg
+    # an integral of the force is a difference of velocities: the noise of its two ends, no more
+    std = float(np.hypot(velocity_std / loading, velocity_std * unloading / loading**2)) * np.sqrt(2.0)
+    return Quantity(unloading / loading, std, "∫F over unloading / ∫F over loading, split where v = 0")
+
+
+def read_slope(motion: Motion, touch: Edge, release: Edge, touch_position_m: float) -> Reading:
+    """Return dF/dy in N/m over the smooth part of the contact (Fig. 6, Eq. 11): below k_p by plate inertia and contact."""
+    span = release.time_s - touch.time_s
+    low, high = (touch.time_s + f * span for f in SLOPE_SPAN)
+    index = np.flatnonzero((motion.time_s >= low) & (motion.time_s <= high) & np.isfinite(motion.force_n))
+    if index.size < 8:
+        return NotSeen("too few samples inside the contact")
+    deflection = touch_position_m - motion.displacement_m[index]
+    force = motion.force_n[index]
+    centred = deflection - deflection.mean()
+    slope = float(centred @ force / (centred @ centred))
+    residual = force - force.mean() - slope * centred
+    # ripples of plate and contact make neighbouring residuals alike: count independent ones by their first zero
+    spectrum = np.abs(np.fft.rfft(residual, 2 * residual.size)) ** 2
+    covariance = np.fft.irfft(spectrum)[: residual.size]
+    length = max(1, int(np.argmax(covariance < 0.0))) if (covariance < 0.0).any() else residual.size
+    std = float(np.sqrt(residual @ residual / residual.size / (centred @ centred) * length))
+    how = f"least squares of F on deflection, {(low - touch.time_s) * 1e3:.1f} to {(high - touch.time_s) * 1e3:.1f} ms"
+    return Quantity(slope, _with_mass(motion, slope, std), how + " after touch")
+
+
+def read_deflection(motion: Motion, turnaround_s: float, touch: Edge, speed: float, touch_position_m: float) -> Reading:
+    """Return the largest distance in m that the block goes beyond its first touch."""
+    index = np.flatnonzero(np.abs(motion.time_s - turnaround_s) <= max(2e-4, 2.5 / motion.sample_rate_hz))
+    index = index[motion.valid[index]]
+    if index.size < 4:
+        return NotSeen("the turning point is missing from the record")
+    tau = motion.time_s[index] - turnaround_s
+    (bottom, slope, curve), *_ = np.linalg.lstsq(np.vander(tau, 3, increasing=True), motion.displacement_m[index], rcond=None)
+    lowest = bottom - slope**2 / (4 * curve) if curve > 0 else bottom
+    std = float(np.hypot(touch.std_s * speed, np.nanmedian(motion.displacement_std_m)))
+    return Quantity(float(touch_position_m - lowest), std, "from the first touch to the turning point")
+
+
+def find_turnaround(motion: Motion, touch: Edge, release: Edge) -> float | None:
+    """Return the time in s at which the velocity passes through zero between touch and release, or None."""
+    inside = np.flatnonzero((motion.time_s > touch.time_s) & (motion.time_s < release.time_s))
+    velocity = motion.velocity_m_per_s[inside]
+    crossing = np.flatnonzero((velocity[:-1] < 0.0) & (velocity[1:] >= 0.0))
+    if crossing.size == 0:
+        return None
+    near = inside[max(crossing[0] - 8, 0) : crossing[0] + 10]  # a line over some samples steadies the noise
+    slope, offset = np.polyfit(motion.time_s[near] - motion.time_s[near[0]], motion.velocity_m_per_s[near], 1)
+    return float(motion.time_s[near[0]] - offset / slope)
+
+
+def _parabola(tau: Floats, force: Floats, motion: Motion, index: NDArray[np.intp]) -> tuple[Floats, float]:
+    solution, *_ = np.linalg.lstsq(np.vander(tau, 3, increasing=True), force, rcond=None)
+    independent = max(1.0, index.size * 2.0 * motion.bandwidth_hz / motion.sample_rate_hz)
+    return solution, float(np.nanmedian(motion.force_std_n[index])) * 1.5 / np.sqrt(independent)
+
+
+def _with_mass(motion: Motion, value: float, std: float) -> float:
+    """Return the standard uncertainty with the moving mass's own, which scales every force."""
+    return float(np.hypot(std, value * motion.moving_mass_u_kg / motion.moving_mass_kg))
+
+
+def _running_mean(values: Floats, width: int) -> Floats:
+    return np.convolve(values, np.ones(width) / width, mode="same") if width > 1 else values
+
+
+def _integral(time_s: Floats, values: Floats, begin: float, finish: float) -> float:
+    """Trapezoidal integral between two instants that need not be samples."""
+    inside = (time_s > begin) & (time_s < finish)
+    grid = np.concatenate([[begin], time_s[inside], [finish]])
+    return float(np.trapezoid(np.interp(grid, time_s, values), grid))

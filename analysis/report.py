@@ -1,0 +1,98 @@
+"""The result file: schema levimass.result/1 of RECORDING.md, from shots and diagnosis."""
+
+import math
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as _installed_version
+from typing import Any
+
+from analysis.diagnosis.result import Diagnosis
+from analysis.diagnosis.result import to_result as diagnosis_result
+from analysis.fit import Fit
+from analysis.quantity import to_json
+from analysis.shot import Shot
+
+SCHEMA = "levimass.result/1"
+
+
+def program_version() -> str:
+    """Return the installed version of the program, or "unknown" when run from an uninstalled tree."""
+    try:
+        return _installed_version("levimass")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def result(shots: Sequence[Shot], diagnosis: Diagnosis | None) -> dict[str, Any]:
+    """Return the whole result, ready for JSON (no NaN, no infinity)."""
+    return {
+        "schema": SCHEMA,
+        "version": program_version(),
+        "shots": [shot_result(shot) for shot in shots],
+        "diagnosis": None if diagnosis is None else _finite(diagnosis_result(diagnosis)),
+    }
+
+
+def shot_result(shot: Shot) -> dict[str, Any]:
+    """Return one shot's entry; what was not seen is null."""
+    impact = shot.impact
+    kinetic = impact.cor_kinetic if impact else None
+    entry: dict[str, Any] = {
+        "name": shot.name,
+        "path": shot.path,
+        "status": "failed" if shot.problem else "ok",
+        "problem": shot.problem,
+        "flags": list(shot.flags),
+        "sample_rate_hz": shot.sample_rate_hz,
+        "samples": shot.samples,
+        "trigger_time_s": shot.trigger_time_s,
+        "rest_frequency_hz": to_json(shot.motion.rest_frequency_hz) if shot.motion else None,
+    }
+    for key in (
+        "velocity_in_m_per_s",
+        "velocity_out_m_per_s",
+        "cor_quasi_static",
+        "cor_impulse",
+    ):
+        entry[key] = to_json(getattr(impact, key)) if impact else None
+    entry["cor_kinetic"] = {
+        key: to_json(getattr(kinetic, key)) if kinetic else None
+        for key in ("force_peaks", "onsets", "flights", "contact")
+    }
+    for key in (
+        "force_peak_n",
+        "force_fwhm_s",
+        "contact_time_s",
+        "deflection_max_m",
+        "stiffness_slope_n_per_m",
+    ):
+        entry[key] = to_json(getattr(impact, key)) if impact else None
+    entry["fit"] = fit_result(shot.fit)
+    entry["seconds"] = {key: shot.seconds.get(key, 0.0) for key in ("load", "demodulate", "impact", "fit")}
+    finite: dict[str, Any] = _finite(entry)
+    return finite
+
+
+def fit_result(fit: Fit | None) -> dict[str, Any] | None:
+    """Return the fit's entry; a fit that did not converge gives no numbers."""
+    if fit is None:
+        return None
+    parameters = {name: to_json(quantity) if fit.converged else None for name, quantity in fit.parameters.items()}
+    return {
+        "model": fit.model,
+        "parameters": parameters,
+        "reduced_chi2": fit.reduced_chi2,
+        "converged": fit.converged,
+        "effects": list(fit.effects),
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Replace what JSON cannot hold by null, all the way down."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

@@ -1,0 +1,147 @@
+"""The command ``levimass``: the window where nothing else is asked for, and every mode that needs no screen."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from analysis.report import program_version
+
+MODELS = ("paper", "clamped", "no_tension", "contact", "driven")
+OK, FAILED, USAGE = 0, 1, 2
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; return the exit status of RECORDING.md (0 analysed, 1 something failed, 2 wrong usage)."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    parser = _parser()
+    try:
+        options = parser.parse_args(arguments)
+        _check(parser, options)
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    try:
+        return _run(options, arguments)
+    except KeyboardInterrupt:
+        print("levimass: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        return OK
+
+
+def window(argv: Sequence[str] | None = None) -> int:
+    """Open the desktop application."""
+    from app.window import run
+
+    return run(list(sys.argv[1:] if argv is None else argv))
+
+
+def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    if options.replay is not None:
+        from app.replay import replay
+
+        return replay(
+            options.replay,
+            json_to=options.json,
+            export_to=options.export,
+            diagnose=not options.no_diagnose,
+            model=options.model,
+        )
+    if options.acquire is not None:
+        from app.acquire import acquire
+
+        return acquire(
+            options.acquire,
+            source=options.source,
+            out=options.out,
+            rate_hz=options.rate,
+            samples=options.samples,
+            timeout_s=options.timeout,
+        )
+    if options.simulate is not None:
+        from app.simulate import simulate
+
+        return simulate(
+            options.simulate,
+            shots=options.shots,
+            seed=options.seed,
+            effect=options.effect,
+            undeclared=options.undeclared,
+        )
+    if options.doctor:
+        from app.doctor import doctor
+
+        return doctor()
+    return window(arguments)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="levimass",
+        description="Levitation Mass Method: from the beat of two light frequencies to force and restitution. "
+        "Without an option the desktop window opens.",
+    )
+    parser.add_argument("--version", action="version", version=f"levimass {program_version()}")
+    mode = parser.add_mutually_exclusive_group()
+    mode.add_argument("--replay", nargs="+", metavar="PATH", type=Path, help="analyse recordings (files or folders)")
+    mode.add_argument("--acquire", type=_positive_int, metavar="N", help="arm, wait for the light switch, record N shots")
+    mode.add_argument("--simulate", type=Path, metavar="DIR", help="write recordings from the simulated bench")
+    mode.add_argument("--doctor", action="store_true", help="check this machine, one line each")
+    group = parser.add_argument_group("with --replay")
+    group.add_argument("--json", metavar="FILE", help="write the result (- for standard output)")
+    group.add_argument("--export", type=Path, metavar="DIR", help="write CSV: one motion file a shot, and shots.csv")
+    group.add_argument("--no-diagnose", action="store_true", help="stop after the base model's fit")
+    group.add_argument("--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper)")
+    group = parser.add_argument_group("with --acquire")
+    group.add_argument(
+        "--source", metavar="SOURCE", help="bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE"
+    )
+    group.add_argument("--out", type=Path, metavar="DIR", help="folder for the recordings")
+    group.add_argument("--rate", type=_positive, metavar="HZ", help="sample rate")
+    group.add_argument("--samples", type=_positive_int, metavar="N", help="samples a channel and shot")
+    group.add_argument("--timeout", type=_positive, metavar="S", default=60.0, help="longest wait for a shot (60)")
+    group = parser.add_argument_group("with --simulate")
+    group.add_argument("--shots", type=_positive_int, default=3, metavar="N", help="shots to simulate (3)")
+    group.add_argument("--seed", type=int, default=1, metavar="S", help="seed of the draw (1)")
+    group.add_argument("--effect", metavar="NAME:PARAMETER=VALUE,...", help="an effect the base model lacks")
+    group.add_argument("--undeclared", action="store_true", help="draw an effect, or none, that is not told")
+    return parser
+
+
+def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Refuse options that would otherwise be passed over in silence."""
+    given = {name for name in ("json", "export", "model") if getattr(options, name) is not None}
+    given |= {"no-diagnose"} if options.no_diagnose else set()
+    if given and options.replay is None:
+        parser.error(f"--{sorted(given)[0]} goes with --replay")
+    if options.model is not None and options.model not in MODELS:
+        parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
+    if options.acquire is not None:
+        if options.source is None:
+            parser.error("--acquire needs --source")
+        if options.out is None:
+            parser.error("--acquire needs --out")
+    elif options.source is not None or options.out is not None:
+        parser.error("--source and --out go with --acquire")
+    if options.simulate is None and (options.effect is not None or options.undeclared):
+        parser.error("--effect and --undeclared go with --simulate")
+    if options.effect is not None and options.undeclared:
+        parser.error("--undeclared draws the effect itself: leave --effect out")
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def _positive_int(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a positive whole number")
+    return value
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

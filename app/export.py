@@ -1,0 +1,118 @@
+"""CSV for other programs: units in the header, "." and ",", whatever the screen's language is."""
+
+import csv
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from analysis.quantity import Quantity, Reading
+from analysis.shot import Shot
+from app.files import written_whole
+
+MOTION_COLUMNS = (
+    "time_s",
+    "displacement_m",
+    "velocity_m_per_s",
+    "acceleration_m_per_s2",
+    "force_n",
+    "displacement_std_m",
+    "velocity_std_m_per_s",
+    "acceleration_std_m_per_s2",
+    "force_std_n",
+)
+MODEL_COLUMNS = ("model_displacement_m", "model_velocity_m_per_s", "model_force_n", "model_gap_m")
+READINGS = (
+    ("velocity_in", "m_per_s", "velocity_in_m_per_s"),
+    ("velocity_out", "m_per_s", "velocity_out_m_per_s"),
+    ("cor_quasi_static", "1", "cor_quasi_static"),
+    ("cor_impulse", "1", "cor_impulse"),
+    ("force_peak", "n", "force_peak_n"),
+    ("force_fwhm", "s", "force_fwhm_s"),
+    ("contact_time", "s", "contact_time_s"),
+    ("deflection_max", "m", "deflection_max_m"),
+    ("stiffness_slope", "n_per_m", "stiffness_slope_n_per_m"),
+)
+FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
+
+
+def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
+    """Write one motion file a shot and ``shots.csv``; return the paths.  Raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written: list[Path] = []
+    taken: set[str] = {"shots.csv"}
+    files: list[str] = []
+    for shot in shots:
+        name = _free_name(shot, taken) if shot.motion is not None else ""
+        files.append(name)
+        if name:
+            write_motion(shot, folder / name)
+            written.append(folder / name)
+    write_shots(shots, files, folder / "shots.csv")
+    return [*written, folder / "shots.csv"]
+
+
+def write_motion(shot: Shot, path: Path) -> None:
+    """Write one row a sample of the motion record; a value that was not measured is an empty field."""
+    assert shot.motion is not None
+    columns = {name: np.asarray(getattr(shot.motion, name)) for name in MOTION_COLUMNS}
+    if shot.fit is not None and shot.fit.converged and len(shot.fit.shots) == 1:
+        overlay = shot.fit.shots[0].overlay
+        modelled = (overlay.displacement_m, overlay.velocity_m_per_s, overlay.force_n, overlay.gap_m)
+        columns |= dict(zip(MODEL_COLUMNS, modelled, strict=True))
+    table = np.stack(list(columns.values()), axis=1)
+    with written_whole(path) as file:
+        file.write(",".join(columns) + "\n")
+        for row in table.tolist():
+            file.write(",".join("" if value != value else repr(value) for value in row) + "\n")
+
+
+def write_shots(shots: Sequence[Shot], files: Sequence[str], path: Path) -> None:
+    """Write ``shots.csv``, one row a shot, each reading with its standard uncertainty."""
+    header = ["name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"]
+    for name, unit, _ in READINGS:
+        header += _pair(name, unit)
+    for kind in ("force_peaks", "onsets", "flights", "contact"):
+        header += _pair(f"cor_kinetic_{kind}", "1")
+    header += [f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")] + ["reduced_chi2"]
+    with written_whole(path) as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(header)
+        for shot, motion_file in zip(shots, files, strict=True):
+            rows.writerow(_row(shot, motion_file))
+
+
+def _pair(name: str, unit: str) -> list[str]:
+    suffix = "" if unit == "1" else f"_{unit}"
+    return [f"{name}{suffix}", f"{name}_std{suffix}"]
+
+
+def _row(shot: Shot, motion_file: str) -> list[str]:
+    status = "failed" if shot.problem else "ok"
+    row = [shot.name, shot.path or "", shot.started_at or "", status, shot.problem or "", " ".join(shot.flags)]
+    row += [shot.note, motion_file, shot.fit.model if shot.fit else ""]
+    for _, _, attribute in READINGS:
+        row += _cells(getattr(shot.impact, attribute) if shot.impact else None)
+    for kind in ("force_peaks", "onsets", "flights", "contact"):
+        row += _cells(getattr(shot.impact.cor_kinetic, kind) if shot.impact else None)
+    fit = shot.fit if shot.fit is not None and shot.fit.converged else None
+    for name in FITTED:
+        row += _cells(fit.parameters.get(name) if fit else None)
+    return [*row, repr(float(fit.reduced_chi2)) if fit else ""]
+
+
+def _cells(reading: Reading | None) -> list[str]:
+    if not isinstance(reading, Quantity):
+        return ["", ""]
+    return [repr(float(reading.value)), repr(float(reading.std))]
+
+
+def _free_name(shot: Shot, taken: set[str]) -> str:
+    """Return a file name no other shot of this export has; shots of two folders often share theirs."""
+    stem = re.sub(r"[^\w.-]+", "_", shot.name).strip("._") or "shot"
+    name, number = f"{stem}.csv", 2
+    while name.lower() in taken:
+        name, number = f"{stem}-{number}.csv", number + 1
+    taken.add(name.lower())
+    return name

@@ -1,13 +1,13 @@
 """The first bounces: contacts and the short flights between them, which others dismiss as noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.motion import Motion
-from analysis.reading.edges import Edge, edges_of_short_flight
-from analysis.reading.flights import Flight
+from analysis.reading.edges import Edge, edge_of_flight, edges_of_short_flight
+from analysis.reading.flights import Flight, fit_flight
 
 Floats = NDArray[np.float64]
 
@@ -15,7 +15,10 @@ SUPPORTS = (5, 7, 9, 11, 15, 21)  # samples a local parabola may span
 FLIGHT_SIGMAS = 4.0
 FLIGHT_FRACTION = 0.03  # of the first contact's force: below it the block counts as free
 EARLY_FRACTION = 0.4  # of the whole contact in which bounces are looked for
+STRAIGHT_SIGMAS = 4.0  # rms about a flight's line, in units of the record's white noise
 SHORTEST_FLIGHT = 5  # samples
+LONG_FLIGHT = 24  # samples, after trimming
+LINE_TRIM = 0.12  # of a long flight, left out at each end of its line: the contact may begin before it shows
 EDGE_SAMPLES = 10  # of contact on either side of a short flight that show where it begins and ends
 PEAK_DEGREES = (7, 6, 5, 4)  # of the polynomial through the displacement about a force peak
 PEAK_REACH = 1.3  # how far beyond the peak it goes, in units of the rise before it
@@ -28,6 +31,7 @@ class Bounces:
     onsets: tuple[Edge, ...]
     releases: tuple[Edge, ...]
     peaks: tuple[Edge, ...]
+    disturbed: bool = False  # a flight is not straight: something else moves the block, and its edges mean little
 
 
 def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight) -> Bounces:
@@ -36,22 +40,34 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight) 
     A flight shows as a force that stands at nothing; its edges then come to a fraction of a sample from how the
     displacement leaves the flight's straight line.
     """
+    motion = _straightened(motion, flight_in)
     time = motion.time_s
     end = touch.time_s + EARLY_FRACTION * (release.time_s - touch.time_s)
     inside = np.flatnonzero((time >= touch.time_s) & (time <= end))
     onsets, releases = [touch], list[Edge]()
+    quiet = motion.displacement_m[flight_in.first : flight_in.last + 1]
+    noise = max(white_noise_std(quiet), 1e-15)  # slow vibration bends no flight of a millisecond
+    disturbed = False
     if inside.size >= 2 * SUPPORTS[0] and motion.valid[inside].all():
-        force, std = _local_force(motion, inside, flight_in.noise_std_m)
+        force, std = _local_force(motion, inside, noise)
         head = force[: max(4, force.size // 6)]
         free = np.abs(force) < max(FLIGHT_SIGMAS * std, FLIGHT_FRACTION * float(head.max()))
         for first, last in _runs(free, shortest=SHORTEST_FLIGHT):
             if time[inside[first]] - onsets[-1].time_s < 3.0 / motion.sample_rate_hz:
                 continue  # the force has not risen yet
-            edges = _flight_edges(motion, int(inside[first]), int(inside[last]), flight_in.noise_std_m)
+            edges = _flight_edges(motion, int(inside[first]), int(inside[last]), noise)
             if edges is not None and _is_flight(edges, releases, onsets, 1.0 / motion.sample_rate_hz):
+                disturbed = disturbed or not _is_straight(motion, edges, noise)
                 releases.append(edges[0])
                 onsets.append(edges[1])
-    return Bounces(tuple(onsets), tuple(releases), _peaks(motion, onsets, releases, end, flight_in.noise_std_m))
+    return Bounces(tuple(onsets), tuple(releases), _peaks(motion, onsets, releases, end, noise), disturbed)
+
+
+def _straightened(motion: Motion, flight: Flight) -> Motion:
+    """Take the incoming flight's own acceleration off the displacement: a drag bends the short flights as well."""
+    half_acceleration = float(flight.coefficients[2]) if flight.coefficients.size > 2 else 0.0
+    bend = half_acceleration * (motion.time_s - flight.time_zero_s) ** 2
+    return replace(motion, displacement_m=motion.displacement_m - bend)
 
 
 def _is_flight(edges: tuple[Edge, Edge], releases: list[Edge], onsets: list[Edge], step_s: float) -> bool:
@@ -64,6 +80,17 @@ def _is_flight(edges: tuple[Edge, Edge], releases: list[Edge], onsets: list[Edge
         and release.time_s > onsets[-1].time_s + step_s
         and (not releases or release.time_s > releases[-1].time_s)
     )
+
+
+def _is_straight(motion: Motion, edges: tuple[Edge, Edge], noise_std_m: float) -> bool:
+    step = 1.0 / motion.sample_rate_hz
+    inner = (motion.time_s > edges[0].time_s + step) & (motion.time_s < edges[1].time_s - step)
+    if inner.sum() < 4:
+        return True
+    x = motion.displacement_m[inner]
+    tau = motion.time_s[inner] - motion.time_s[inner][0]
+    residual = x - np.polyval(np.polyfit(tau, x, 1), tau)
+    return float(np.sqrt(residual @ residual / (x.size - 2))) < STRAIGHT_SIGMAS * noise_std_m
 
 
 def _local_force(motion: Motion, index: NDArray[np.intp], noise_std_m: float) -> tuple[Floats, float]:
@@ -96,14 +123,31 @@ def _runs(mask: NDArray[np.bool_], shortest: int) -> list[tuple[int, int]]:
 
 
 def _flight_edges(motion: Motion, first: int, last: int, std_m: float) -> tuple[Edge, Edge] | None:
-    """Return the release before and the onset after the short flight about samples ``first`` to ``last``."""
+    """Return the release before and the onset after the flight about samples ``first`` to ``last``.
+
+    A long flight has a straight line of its own, which each edge leaves; a short one is fitted whole.
+    """
+    trim = round(LINE_TRIM * (last - first))
+    if last - first - 2 * trim >= LONG_FLIGHT:
+        line = fit_flight(motion, first + trim, last - trim, nearest=(first + last) // 2)
+        if line is None:
+            return None
+        line = replace(line, noise_std_m=std_m)
+        release, onset = edge_of_flight(motion, line, last=False), edge_of_flight(motion, line, last=True)
+        return None if release is None or onset is None else (release, onset)
     low, high = max(first - EDGE_SAMPLES, 0), min(last + EDGE_SAMPLES + 1, motion.time_s.size)
     time = motion.time_s[low:high]
     step = 1.0 / motion.sample_rate_hz
-    room = max(6, round(0.45 * (last - first)))
-    release = (time[0] + 2 * step, motion.time_s[first + room])
-    onset = (motion.time_s[last - room], time[-1] - 2 * step)
-    return edges_of_short_flight(time, motion.displacement_m[low:high], max(std_m, 1e-15), release, onset)
+    room = max(6, round(0.45 * (last - first))) * step
+    release_range = (time[0] + 2 * step, motion.time_s[first] + room)
+    onset_range = (motion.time_s[last] - room, time[-1] - 2 * step)
+    return edges_of_short_flight(time, motion.displacement_m[low:high], std_m, release_range, onset_range)
+
+
+def white_noise_std(displacement_m: Floats) -> float:
+    """Return the std of the white part of a smooth record's noise, from its third differences (variance 20 sigma^2)."""
+    third = np.diff(displacement_m[np.isfinite(displacement_m)], 3)
+    return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0)) if third.size else 0.0
 
 
 def _peaks(

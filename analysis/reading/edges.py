@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from analysis.motion import Motion
 from analysis.reading.flights import Flight
@@ -11,7 +12,7 @@ from analysis.reading.flights import Flight
 Floats = NDArray[np.float64]
 
 CLEAR_SIGMAS = 6.0  # a departure from flight that is no noise
-SHAPED_SIGMAS = 100.0  # a departure whose shape is known to a per cent: followed so far, no farther
+SHAPED_SIGMAS = 200.0  # a departure whose shape is known to a per cent: followed so far, no farther
 LONGEST_REACH_S = 1.0e-3
 TRIALS = 96
 FLIGHT_TRIALS = 28  # a side, for the two edges of a short flight together
@@ -28,9 +29,11 @@ class Edge:
 def edge_of_flight(motion: Motion, flight: Flight, *, last: bool) -> Edge | None:
     """Return the contact's edge after (``last``) or before a flight, by the flight's own noise.
 
-    The force's Taylor series at the edge, step, slope and curvature, makes the departure from flight
-    ``a u^2 + b u^3 + c u^4`` with ``u`` the time beyond the edge; the edge is the instant that leaves the least
-    squares over the samples up to a departure of 100 sigma.  None where the record shows no clear departure.
+    A force ``a + b u`` at the time ``u`` beyond the edge makes the departure from flight ``(a/2) u^2 + (b/6) u^3``
+    (times 1/m); the edge is the instant that leaves the least squares over the samples up to a departure of
+    SHAPED_SIGMAS.  The force grows away from the edge (b >= 0), and a contact begins with a push (a >= 0; a release
+    may end in tension): without that a flight could be mistaken for a contact of no force.
+    None where the record shows no clear departure.
     """
     std = max(flight.noise_std_m, 1e-15)
     step = 1.0 / motion.sample_rate_hz
@@ -51,7 +54,9 @@ def edge_of_flight(motion: Motion, flight: Flight, *, last: bool) -> Edge | None
     sign = 1.0 if last else -1.0
     anchor = float(motion.time_s[window[clear]])
     beyond = sign * (motion.time_s[window[start : shaped + 1]] - anchor)
-    found = _least_squares_edge(beyond, departure[start : shaped + 1], std, -reach * step, 0.5 * step)
+    found = _least_squares_edge(
+        beyond, departure[start : shaped + 1], std, -reach * step, 0.5 * step, tension=not last
+    )
     return None if found is None else Edge(anchor + sign * found.time_s, found.std_s)
 
 
@@ -61,14 +66,17 @@ def _first_run(mask: NDArray[np.bool_]) -> int | None:
     return int(three[0]) if three.size else None
 
 
-def _least_squares_edge(u_s: Floats, departure_m: Floats, std_m: float, low_s: float, high_s: float) -> Edge | None:
+def _least_squares_edge(
+    u_s: Floats, departure_m: Floats, std_m: float, low_s: float, high_s: float, *, tension: bool
+) -> Edge | None:
     trials = np.linspace(low_s, high_s, TRIALS)
-    cost = np.array([_left_over([_force_terms(u_s - t)], departure_m) for t in trials]) / std_m**2
+    scaled = departure_m / std_m
+    cost = np.array([nnls(_force_terms(u_s - t, tension=tension), scaled)[1] ** 2 for t in trials])
     best = int(cost.argmin())
-    if best in (0, trials.size - 1):
+    if best == 0:
         return None
-    spread = max(1.0, float(np.sqrt(cost[best] / max(u_s.size - 4, 1))))  # the series is only a series
-    return Edge(float(trials[best]), _half_width(trials, cost) * spread)
+    spread = max(1.0, float(np.sqrt(cost[best] / max(u_s.size - 3, 1))))  # the series is only a series
+    return _weighed(trials, cost, spread)
 
 
 def edges_of_short_flight(
@@ -78,61 +86,57 @@ def edges_of_short_flight(
 
     ``time_s`` and ``displacement_m`` (n,) span the flight and a little of the contact on either side; ``release`` and
     ``onset`` are the ranges in s to look in.  None where an edge lies at the end of its range.
-    Cost: FLIGHT_TRIALS^2 least-squares solutions of n x 8, on two grids.
+    Cost: FLIGHT_TRIALS^2 non-negative least-squares solutions of n x 5, on two grids.
     """
     zero = float(time_s.mean())
     tau = time_s - zero
-    line = np.stack([np.ones_like(tau), tau / np.abs(tau).max()], axis=1)
+    line, _ = np.linalg.qr(np.stack([np.ones_like(tau), tau / np.abs(tau).max()], axis=1))
+    scaled = (displacement_m - displacement_m.mean()) / std_m
+    scaled = scaled - line @ (line.T @ scaled)
     ranges = [np.linspace(*release, FLIGHT_TRIALS) - zero, np.linspace(*onset, FLIGHT_TRIALS) - zero]
+    edges: list[Edge] = []
     for narrowing in range(2):
+        sides = [[_force_terms(r - tau, tension=True) for r in ranges[0]], [_force_terms(tau - o) for o in ranges[1]]]
+        sides = [[terms - line @ (line.T @ terms) for terms in side] for side in sides]
         cost = np.full((FLIGHT_TRIALS, FLIGHT_TRIALS), np.inf)
         for i, r in enumerate(ranges[0]):
-            before = _force_terms(r - tau)
             for j, o in enumerate(ranges[1]):
                 if o > r:
-                    cost[i, j] = _left_over([line, before, _force_terms(tau - o)], displacement_m)
+                    cost[i, j] = nnls(np.concatenate([sides[0][i], sides[1][j]], axis=1), scaled)[1] ** 2
         i, j = (int(k) for k in np.unravel_index(int(cost.argmin()), cost.shape))
-        if narrowing == 0 and (i in (0, FLIGHT_TRIALS - 1) or j in (0, FLIGHT_TRIALS - 1)):
-            return None
-        cost /= std_m**2
-        edges = tuple(
-            Edge(float(grid[k]) + zero, _half_width(grid, cost.min(axis=1 - axis)))
-            for axis, (grid, k) in enumerate(zip(ranges, (i, j), strict=True))
-        )
-        widths = [max(4.0 * e.std_s, 3.0 * float(g[1] - g[0])) for e, g in zip(edges, ranges, strict=True)]
+        if narrowing == 0 and (i == 0 or j == FLIGHT_TRIALS - 1):
+            return None  # the flight is longer than its range allows: the range was wrong
+        spread = max(1.0, float(np.sqrt(cost.min() / max(tau.size - 8, 1))))
+        edges = [_weighed(grid, cost.min(axis=1 - axis), spread) for axis, grid in enumerate(ranges)]
+        widths = [max(3.0 * e.std_s, 2.0 * float(g[1] - g[0])) for e, g in zip(edges, ranges, strict=True)]
         ranges = [
-            np.linspace(e.time_s - zero - w, e.time_s - zero + w, FLIGHT_TRIALS)
+            np.linspace(e.time_s - w, e.time_s + w, FLIGHT_TRIALS)
             for e, w in zip(edges, widths, strict=True)
         ]
-    spread = max(1.0, float(np.sqrt(cost.min() / max(tau.size - 10, 1))))
     first, second = edges
-    return Edge(first.time_s, first.std_s * spread), Edge(second.time_s, second.std_s * spread)
+    return Edge(first.time_s + zero, first.std_s), Edge(second.time_s + zero, second.std_s)
 
 
-def _force_terms(u_s: Floats) -> Floats:
-    """Return u^2, u^3, u^4 of the time beyond an edge, zero before it, scaled to 1; shape (n, 3)."""
+def _force_terms(u_s: Floats, *, tension: bool = False) -> Floats:
+    """Return the departures of a step and of a slope of force at u = 0, scaled to 1: shape (n, 2).
+
+    With ``tension`` a third column lets the step be negative in a non-negative least-squares solution.
+    """
     u = np.maximum(u_s, 0.0)
     scale = float(u.max())
     if scale <= 0.0:
-        return np.zeros((u.size, 3))
+        return np.zeros((u.size, 3 if tension else 2))
     u = u / scale
-    return np.stack([u**2, u**3, u**4], axis=1)
+    return np.stack([u**2, u**3, -(u**2)] if tension else [u**2, u**3], axis=1)
 
 
-def _left_over(parts: list[Floats], values: Floats) -> float:
-    design = np.concatenate(parts, axis=1)
-    norms = np.linalg.norm(design, axis=0)
-    design = design[:, norms > 0.0] / norms[norms > 0.0]
-    solution, *_ = np.linalg.lstsq(design, values, rcond=None)
-    residual = values - design @ solution
-    return float(residual @ residual)
+def _weighed(trials: Floats, cost: Floats, spread: float) -> Edge:
+    """Return mean and standard deviation of the instant, each trial weighed by its likelihood exp(-chi2/2).
 
-
-def _half_width(trials: Floats, cost: Floats) -> float:
-    """Return the distance over which a profile of chi-squared rises by one."""
-    best = int(cost.argmin())
-    left = np.flatnonzero(cost[:best] > cost[best] + 1.0)
-    right = np.flatnonzero(cost[best:] > cost[best] + 1.0)
-    low = trials[left[-1]] if left.size else trials[0]
-    high = trials[best + right[0]] if right.size else trials[-1]
-    return float(high - low) / 2.0
+    Where two instants explain the record almost alike, the uncertainty spans both.
+    """
+    weight = np.exp(-0.5 * (cost - cost.min()) / spread**2)
+    weight /= weight.sum()
+    mean = float(weight @ trials)
+    step = float(trials[1] - trials[0])
+    return Edge(mean, float(np.sqrt(weight @ (trials - mean) ** 2 + step**2 / 12.0)))

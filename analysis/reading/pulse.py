@@ -65,10 +65,11 @@ def _width(motion: Motion, touch: Edge, release: Edge, cutoff_hz: float) -> tupl
     if force is None:
         return None
     pad = 0.5 * (release.time_s - touch.time_s)
-    inside = np.flatnonzero((motion.time_s >= touch.time_s - pad) & (motion.time_s <= release.time_s + pad))
+    near = (motion.time_s >= touch.time_s - pad) & (motion.time_s <= release.time_s + pad)
+    inside = np.flatnonzero(near & np.isfinite(force))
     force = force[inside]
     time = motion.time_s[inside]
-    if not np.isfinite(force).all() or inside.size < 16:
+    if inside.size < 16 or time[0] > touch.time_s or time[-1] < release.time_s:
         return None
     top = int(force.argmax())
     half = force[top] / 2.0

@@ -41,7 +41,7 @@ def read_impact(motion: Motion) -> Impact:
     bounces = find_bounces(motion, touch, release, flight_in)
     touch_position = float(flight_in.position_m(np.array([touch.time_s]))[0])
     peak, _ = pulse.read_peak(motion, touch, release)
-    flags = []
+    flags = ["bounces_disturbed"] if bounces.disturbed else []
     if not _agree(quasi_static, impulse):
         flags.append("impulse_disagrees")
     return Impact(
@@ -114,6 +114,9 @@ def _agree(one: Quantity, other: Reading) -> bool:
 def _kinetic(bounces: Bounces) -> KineticCor:
     """Return T2 / T1 three ways (PHYSICS.md section 2); a bounce that is not there is said, not guessed."""
     contacts = len(bounces.onsets)
+    if bounces.disturbed:
+        ringing = NotSeen("the flights between the bounces are not straight: something else moves the block")
+        return KineticCor(ringing, ringing, ringing)
     missing = NotSeen(f"{contacts} contact{'s' if contacts != 1 else ''} resolved, three are needed")
     on, off, top = bounces.onsets, bounces.releases, bounces.peaks
     onsets: Reading = missing

@@ -84,7 +84,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"levimass {program_version()}")
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--replay", nargs="+", metavar="PATH", type=Path, help="analyse recordings (files or folders)")
-    mode.add_argument("--acquire", type=_positive_int, metavar="N", help="arm, wait for the light switch, record N shots")
+    mode.add_argument(
+        "--acquire", type=_positive_int, metavar="N", help="arm, wait for the light switch, record N shots"
+    )
     mode.add_argument("--simulate", type=Path, metavar="DIR", help="write recordings from the simulated bench")
     mode.add_argument("--doctor", action="store_true", help="check this machine, one line each")
     group = parser.add_argument_group("with --replay")

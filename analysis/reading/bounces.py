@@ -117,9 +117,7 @@ def _runs(mask: NDArray[np.bool_], shortest: int) -> list[tuple[int, int]]:
     padded = np.concatenate([[False], mask, [False]]).astype(np.int8)
     starts = np.flatnonzero(np.diff(padded) == 1)
     ends = np.flatnonzero(np.diff(padded) == -1) - 1
-    return [
-        (int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= shortest and b < mask.size - 1
-    ]
+    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= shortest and b < mask.size - 1]
 
 
 def _flight_edges(motion: Motion, first: int, last: int, std_m: float) -> tuple[Edge, Edge] | None:

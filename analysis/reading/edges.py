@@ -54,9 +54,7 @@ def edge_of_flight(motion: Motion, flight: Flight, *, last: bool) -> Edge | None
     sign = 1.0 if last else -1.0
     anchor = float(motion.time_s[window[clear]])
     beyond = sign * (motion.time_s[window[start : shaped + 1]] - anchor)
-    found = _least_squares_edge(
-        beyond, departure[start : shaped + 1], std, -reach * step, 0.5 * step, tension=not last
-    )
+    found = _least_squares_edge(beyond, departure[start : shaped + 1], std, -reach * step, 0.5 * step, tension=not last)
     return None if found is None else Edge(anchor + sign * found.time_s, found.std_s)
 
 
@@ -109,10 +107,7 @@ def edges_of_short_flight(
         spread = max(1.0, float(np.sqrt(cost.min() / max(tau.size - 8, 1))))
         edges = [_weighed(grid, cost.min(axis=1 - axis), spread) for axis, grid in enumerate(ranges)]
         widths = [max(3.0 * e.std_s, 2.0 * float(g[1] - g[0])) for e, g in zip(edges, ranges, strict=True)]
-        ranges = [
-            np.linspace(e.time_s - w, e.time_s + w, FLIGHT_TRIALS)
-            for e, w in zip(edges, widths, strict=True)
-        ]
+        ranges = [np.linspace(e.time_s - w, e.time_s + w, FLIGHT_TRIALS) for e, w in zip(edges, widths, strict=True)]
     first, second = edges
     return Edge(first.time_s + zero, first.std_s), Edge(second.time_s + zero, second.std_s)
 

@@ -104,9 +104,7 @@ def fit_flight(motion: Motion, first: int, last: int, *, nearest: int) -> Flight
     inverse = np.linalg.inv(design.T @ design)
     covariance = inverse * (max(std, 1e-30) ** 2 * _correlation_factor(residual))
     unscale = scale ** -np.arange(degree + 1.0)
-    return Flight(
-        zero, solution * unscale, covariance * np.outer(unscale, unscale), std, int(index[0]), int(index[-1])
-    )
+    return Flight(zero, solution * unscale, covariance * np.outer(unscale, unscale), std, int(index[0]), int(index[-1]))
 
 
 def _correlation_factor(residual: Floats) -> float:

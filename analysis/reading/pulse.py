@@ -131,7 +131,9 @@ def read_deflection(motion: Motion, turnaround_s: float, touch: Edge, speed: flo
     if index.size < 4:
         return NotSeen("the turning point is missing from the record")
     tau = motion.time_s[index] - turnaround_s
-    (bottom, slope, curve), *_ = np.linalg.lstsq(np.vander(tau, 3, increasing=True), motion.displacement_m[index], rcond=None)
+    (bottom, slope, curve), *_ = np.linalg.lstsq(
+        np.vander(tau, 3, increasing=True), motion.displacement_m[index], rcond=None
+    )
     lowest = bottom - slope**2 / (4 * curve) if curve > 0 else bottom
     std = float(np.hypot(touch.std_s * speed, np.nanmedian(motion.displacement_std_m)))
     return Quantity(float(touch_position_m - lowest), std, "from the first touch to the turning point")

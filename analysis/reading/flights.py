@@ -119,4 +119,4 @@ def _correlation_factor(residual: Floats) -> float:
     spectrum = np.abs(np.fft.rfft(residual, 2 * n)) ** 2
     covariance = np.fft.irfft(spectrum)[1 : lags + 1] / n
     weights = 1.0 - np.arange(1, lags + 1) / (lags + 1)
-    return float(max(1.0, 1.0 + 2.0 * (weights @ covariance) / variance))
+    return max(1.0, 1.0 + 2.0 * float(weights @ covariance) / variance)

@@ -104,7 +104,10 @@ def read_impulse_ratio(motion: Motion, turnaround_s: float, touch: Edge, release
 
 
 def read_slope(motion: Motion, touch: Edge, release: Edge, touch_position_m: float) -> Reading:
-    """Return dF/dy in N/m over the smooth part of the contact (Fig. 6, Eq. 11): below k_p by plate inertia and contact."""
+    """Return dF/dy in N/m over the smooth part of the contact (Fig. 6, Eq. 11).
+
+    It lies below k_p by the plate's inertia and the contact spring in series.
+    """
     span = release.time_s - touch.time_s
     low, high = (touch.time_s + f * span for f in SLOPE_SPAN)
     index = np.flatnonzero((motion.time_s >= low) & (motion.time_s <= high) & np.isfinite(motion.force_n))
@@ -154,7 +157,8 @@ def find_turnaround(motion: Motion, touch: Edge, release: Edge) -> float | None:
 def _parabola(tau: Floats, force: Floats, motion: Motion, index: NDArray[np.intp]) -> tuple[Floats, float]:
     solution, *_ = np.linalg.lstsq(np.vander(tau, 3, increasing=True), force, rcond=None)
     independent = max(1.0, index.size * 2.0 * motion.bandwidth_hz / motion.sample_rate_hz)
-    return solution, float(np.nanmedian(motion.force_std_n[index])) * 1.5 / np.sqrt(independent)
+    std = float(np.nanmedian(motion.force_std_n[index])) * 1.5 / float(np.sqrt(independent))
+    return np.asarray(solution, dtype=np.float64), std
 
 
 def _with_mass(motion: Motion, value: float, std: float) -> float:

@@ -134,9 +134,9 @@ def _intervals(a: Edge, b: Edge, c: Edge, d: Edge, how: str) -> Quantity:
     first, second = b.time_s - a.time_s, d.time_s - c.time_s
     ratio = second / first
     if b is c:  # the middle instant moves both intervals, in opposite senses
-        parts = (a.std_s * ratio / first, b.std_s * (1 + ratio) / first, d.std_s / first)
+        parts = [a.std_s * ratio / first, b.std_s * (1 + ratio) / first, d.std_s / first]
     else:
-        parts = (a.std_s * ratio / first, b.std_s * ratio / first, c.std_s / first, d.std_s / first)
+        parts = [a.std_s * ratio / first, b.std_s * ratio / first, c.std_s / first, d.std_s / first]
     how = f"T2/T1, {how}: {second * 1e3:.4g} ms / {first * 1e3:.4g} ms"
     return Quantity(ratio, float(np.linalg.norm(parts)), how)
 

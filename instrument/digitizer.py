@@ -68,6 +68,10 @@ class Digitizer(ABC):
     def setup(self) -> Setup:
         """Get what the device itself knows of the rig (bits; the bench knows all, a scope knows little)."""
 
+    def default_settings(self) -> CaptureSettings | None:
+        """Return the settings the next ``arm`` is best given; None where any of the capabilities will do."""
+        return None
+
     @abstractmethod
     def arm(self, settings: CaptureSettings) -> None:
         """Start sampling, or wait for the hardware trigger.  Raises DigitizerError."""

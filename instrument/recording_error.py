@@ -1,0 +1,35 @@
+"""Why a file could not be read or written, in one line that names the file and the key."""
+
+from pathlib import Path
+from typing import Any
+
+_SHOWN = 60  # characters of a foreign value that a message may carry
+
+
+class RecordingError(Exception):
+    """A file that cannot be read or written; the message is one line: file, key or place, cause."""
+
+    def __init__(self, path: Path | str, cause: str, key: str | None = None) -> None:
+        where = f"{path}: {key}" if key else f"{path}"
+        super().__init__(one_line(f"{where}: {cause}", 600))
+        self.path = str(path)
+        self.key = key
+
+
+def one_line(text: str, longest: int = 200) -> str:
+    """Return ``text`` without line breaks or control characters, cut to ``longest`` characters."""
+    flat = "".join(c if c.isprintable() else " " for c in text)
+    return flat if len(flat) <= longest else flat[: longest - 3] + "..."
+
+
+def shown(value: Any) -> str:
+    """Return a foreign value short enough for a message; never renders a large structure."""
+    if isinstance(value, str):
+        return one_line(repr(value[: _SHOWN + 1]), _SHOWN)
+    if isinstance(value, dict):
+        return "an object"
+    if isinstance(value, list):
+        return "a list"
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 10**18:
+        return "a huge whole number"
+    return one_line(repr(value), _SHOWN)

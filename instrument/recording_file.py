@@ -1,0 +1,140 @@
+"""Recordings on disk: two SigMF files with one stem, as RECORDING.md says.
+
+Read with json and mmap rather than the ``sigmf`` package: every refusal must name file and key in one line, foreign
+metadata must not lead outside their folder (``core:dataset``) nor allocate without bound, and a capture has to be
+readable while it is still being written, none of which that package's checks are made for.  The tests read what is
+written here with the package, so that the two agree on the format.
+"""
+
+import hashlib
+import mmap
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import Recording, Role
+from instrument.json_reading import open_regular
+from instrument.recording_error import RecordingError
+from instrument.recording_metadata import Metadata, read_metadata
+from instrument.recording_search import find_recordings, recording_stem
+from instrument.recording_writer import RecordingWriter, rewrite_note, write_recording
+
+__all__ = [
+    "RecordingError",
+    "RecordingWriter",
+    "find_recordings",
+    "read_recording",
+    "recording_stem",
+    "rewrite_note",
+    "verify",
+    "write_recording",
+]
+
+_LOOKED_AT = 256, 256  # places in the file and samples at each: enough to see clipping, too little to wait for
+_CLIPPED_SHARE = 1e-3
+
+
+def read_recording(path: Path | str) -> Recording:
+    """Open a recording; its counts stay on disk (memory-mapped, int16, shape (samples, channels)).
+
+    Flags: "interrupted" (never closed: no hash), "truncated" (fewer samples than the metadata say),
+    "longer_than_declared", "gap", "clipped" (seen in samples taken across the file).  RecordingError names file and
+    key in one line.  The hash is not checked: see ``verify``.
+    """
+    stem = recording_stem(path)
+    metadata = read_metadata(stem.with_name(stem.name + ".sigmf-meta"))
+    data = stem.with_name(stem.name + ".sigmf-data")
+    counts, left_over = _map(data, len(metadata.channels))
+    samples = counts.shape[0]
+    declared, at_least = metadata.declared_samples, metadata.at_least_samples
+    flags = []
+    if metadata.sha512 is None:
+        flags.append("interrupted")
+    if left_over or samples < max(declared or 0, at_least):
+        flags.append("truncated")
+    elif declared is not None and samples > declared:
+        flags.append("longer_than_declared")
+    trigger = metadata.trigger_sample
+    if trigger is not None and trigger >= samples:
+        trigger = None
+        flags.append("trigger_lost")
+    gaps = tuple(gap for gap in metadata.gaps if gap.sample_start < samples)
+    if gaps:
+        flags.append("gap")
+    if _clipped(counts, metadata):
+        flags.append("clipped")
+    return Recording(
+        name=stem.name,
+        counts=counts,
+        sample_rate_hz=metadata.sample_rate_hz,
+        channels=metadata.channels,
+        setup=metadata.setup,
+        trigger_sample=trigger,
+        gaps=gaps,
+        started_at=metadata.started_at,
+        note=metadata.note,
+        flags=tuple(flags),
+        path=str(stem.with_name(stem.name + ".sigmf-meta")),
+        extra=metadata.extra,
+    )
+
+
+def verify(path: Path | str) -> bool:
+    """Check the hash of a recording's samples; False where it differs.
+
+    RecordingError where the recording cannot be read or was never closed, so has no hash.
+    """
+    stem = recording_stem(path)
+    meta = stem.with_name(stem.name + ".sigmf-meta")
+    wanted = read_metadata(meta).sha512
+    if wanted is None:
+        raise RecordingError(meta, "missing (the capture was cut off)", "global.core:sha512")
+    data = stem.with_name(stem.name + ".sigmf-data")
+    _stay_inside(data)
+    with os.fdopen(open_regular(data), "rb") as file:
+        return hashlib.file_digest(file, "sha512").hexdigest() == wanted.lower()
+
+
+def _stay_inside(data: Path) -> None:
+    """Refuse a link that would make the program read outside the recording's folder."""
+    try:
+        if data.is_symlink() and data.resolve().parent not in (data.parent.resolve(), _real_folder(data)):
+            raise RecordingError(data, "a link to outside the recording's folder; copy the file here instead")
+    except (OSError, RuntimeError) as error:
+        raise RecordingError(data, f"a link that leads nowhere ({error})") from None
+
+
+def _real_folder(data: Path) -> Path:
+    # both files linked from one foreign folder are that folder's recording, not a way out of this one
+    return data.with_name(data.name.removesuffix(".sigmf-data") + ".sigmf-meta").resolve().parent
+
+
+def _map(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
+    """Return the mapped counts, shape (samples, channels), and the bytes left over after the last whole sample."""
+    _stay_inside(data)
+    descriptor = open_regular(data)
+    try:
+        size = os.fstat(descriptor).st_size
+        frame = 2 * channels
+        samples, left_over = divmod(size, frame)
+        if samples == 0:
+            raise RecordingError(data, "holds no samples")
+        mapped = mmap.mmap(descriptor, samples * frame, access=mmap.ACCESS_READ)
+    except (OSError, ValueError) as error:
+        raise RecordingError(data, getattr(error, "strerror", None) or str(error)) from None
+    finally:
+        os.close(descriptor)
+    return np.frombuffer(mapped, dtype="<i2").reshape(samples, channels), left_over
+
+
+def _clipped(counts: NDArray[np.int16], metadata: Metadata) -> bool:
+    """Return whether a beat sits at the rails of the digitizer; the switch channel may sit there rightly."""
+    beats = [i for i, channel in enumerate(metadata.channels) if channel.role is not Role.SWITCH]
+    places, length = _LOOKED_AT
+    starts = np.linspace(0, max(0, counts.shape[0] - length), places).astype(np.int64)
+    looked_at = np.concatenate([counts[start : start + length] for start in np.unique(starts)])[:, beats]
+    rail = 1 << (metadata.setup.digitizer_bits - 1)
+    at_rail = (looked_at >= rail - 1) | (looked_at <= -rail)
+    return bool(np.any(at_rail.mean(axis=0) > _CLIPPED_SHARE))

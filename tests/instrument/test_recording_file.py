@@ -1,0 +1,297 @@
+"""Recordings on disk: round trip, what is flagged, what is refused, and that a crash leaves what came so far."""
+
+import json
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from analysis.recording import Recording
+from instrument.recording_file import (
+    RecordingError,
+    RecordingWriter,
+    find_recordings,
+    read_recording,
+    rewrite_note,
+    verify,
+    write_recording,
+)
+
+FIELDS = ("name", "sample_rate_hz", "channels", "setup", "trigger_sample", "gaps", "started_at", "note", "flags")
+
+
+def edit(meta: Path, **changes: object) -> None:
+    """Change keys of the global object of a metadata file ("lmm_setup" for "lmm:setup"); None removes the key."""
+    whole = json.loads(meta.read_text())
+    for name, value in changes.items():
+        key = name.replace("_", ":", 1)
+        if value is None:
+            whole["global"].pop(key, None)
+        else:
+            whole["global"][key] = value
+    meta.write_text(json.dumps(whole))
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(RecordingError) as caught:
+        read_recording(path)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 700
+    return str(caught.value)
+
+
+def test_what_is_written_is_read_again(shot: Recording, tmp_path: Path) -> None:
+    meta = write_recording(shot, tmp_path / "shot-1")
+    for named in (meta, tmp_path / "shot-1.sigmf-data", tmp_path / "shot-1", str(meta)):
+        back = read_recording(named)
+        for field in FIELDS:
+            assert getattr(back, field) == getattr(shot, field), field
+        np.testing.assert_array_equal(back.counts, shot.counts)
+        assert not back.counts.flags.writeable
+        assert back.extra["global"]["lmm:other"] == [1, {"a": None}]
+    assert verify(meta)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["shot-1.sigmf-data", "shot-1.sigmf-meta"]
+
+
+def test_the_field_s_own_package_agrees(shot: Recording, tmp_path: Path) -> None:
+    sigmf = pytest.importorskip("sigmf")
+    meta = write_recording(shot, tmp_path / "shot-1")
+    foreign = sigmf.fromfile(str(meta), autoscale=False)  # checks the hash
+    foreign.validate()
+    np.testing.assert_array_equal(np.asarray(foreign[0 : shot.samples]), shot.counts)
+    assert foreign.get_global_field("core:sample_rate") == 30e6
+
+
+def test_unknown_keys_travel_along(shot: Recording, tmp_path: Path) -> None:
+    meta = write_recording(shot, tmp_path / "a")
+    whole = json.loads(meta.read_text())
+    whole["global"]["lmm:future"] = {"x": [1, 2]}
+    whole["global"]["lmm:setup"]["optics"] = "new"
+    whole["global"]["lmm:setup"]["plate"]["finish"] = "ground"
+    whole["global"]["lmm:channels"][1]["amplifier"] = "A7"
+    whole["global"]["core:extensions"].append({"name": "zzz", "version": "0.1.0", "optional": True})
+    whole["captures"][0]["core:frequency"] = 2.7e6
+    whole["annotations"].append({"core:sample_start": 5, "core:label": "spike", "core:comment": "a lorry"})
+    whole["collection"] = {"core:version": "1.2.5"}
+    meta.write_text(json.dumps(whole))
+    again = json.loads(write_recording(read_recording(meta), tmp_path / "b").read_text())
+    key = lambda a: json.dumps(a, sort_keys=True)  # noqa: E731
+    for part in ("global", "captures", "collection"):
+        got, wanted = again[part], whole[part]
+        if part == "global":
+            assert sorted(map(key, got.pop("core:extensions"))) == sorted(map(key, wanted.pop("core:extensions")))
+        assert got == wanted
+    assert sorted(map(key, again["annotations"])) == sorted(map(key, whole["annotations"]))
+
+
+def test_independent_recordings_open(recordings: Path) -> None:
+    found = find_recordings([recordings / "paper", recordings / "plain"])
+    assert [p.name for p in found] == ["shot-1.sigmf-meta"] * 2 + ["shot-2.sigmf-meta", "shot-3.sigmf-meta"]
+    paper = read_recording(found[0])
+    assert (paper.samples, paper.trigger_sample, paper.flags) == (5_000_000, 232_077, ())
+    assert all(verify(p) for p in found[1:])
+
+
+def test_lengths_that_differ_are_flagged(shot: Recording, tmp_path: Path) -> None:
+    meta = write_recording(shot, tmp_path / "s")
+    data = tmp_path / "s.sigmf-data"
+    raw = data.read_bytes()
+    data.write_bytes(raw[: 6 * 9_000 + 1])
+    short = read_recording(meta)
+    assert short.samples == 9_000 and "truncated" in short.flags and short.gaps == ()
+    data.write_bytes(raw[: 6 * 4_000])
+    assert read_recording(meta).trigger_sample is None
+    assert {"truncated", "trigger_lost"} <= set(read_recording(meta).flags)
+    data.write_bytes(raw + raw[:600])
+    longer = read_recording(meta)
+    assert longer.samples == shot.samples + 100 and "longer_than_declared" in longer.flags
+    assert not verify(meta)
+    edit(meta, lmm_samples=None)  # a foreign writer states the length in the extent of its note
+    assert "longer_than_declared" in read_recording(meta).flags
+
+
+def test_a_beat_at_the_rails_is_flagged(shot: Recording, tmp_path: Path) -> None:
+    counts = shot.counts.copy()
+    counts[:, 1] = np.clip(counts[:, 1] * 2, -2048, 2047)
+    assert "clipped" in read_recording(write_recording(replace(shot, counts=counts), tmp_path / "a")).flags
+    counts = shot.counts.copy()
+    counts[6_000:, 2] = 2047  # the light switch may sit at the rail
+    assert "clipped" not in read_recording(write_recording(replace(shot, counts=counts), tmp_path / "b")).flags
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"core_datatype": "rf32_le"}, "core:datatype"),
+        ({"core_datatype": 7}, "core:datatype"),
+        ({"core_sample_rate": 0}, "core:sample_rate"),
+        ({"core_sample_rate": -1.0}, "core:sample_rate"),
+        ({"core_sample_rate": "fast"}, "core:sample_rate"),
+        ({"core_sample_rate": True}, "core:sample_rate"),
+        ({"core_sample_rate": 10**400}, "core:sample_rate"),
+        ({"core_sample_rate": None}, "core:sample_rate"),
+        ({"core_num_channels": 2}, "core:num_channels"),
+        ({"core_num_channels": 1.5}, "core:num_channels"),
+        ({"lmm_channels": None}, "lmm:channels"),
+        ({"lmm_channels": []}, "lmm:channels"),
+        ({"lmm_channels": {}}, "lmm:channels"),
+        ({"lmm_channels": ["a"]}, "lmm:channels[0]"),
+        ({"lmm_channels": [{"role": "aux", "volts_per_count": 1}] * 3}, "lmm:channels[0].role"),
+        ({"lmm_channels": [{"role": "switch", "volts_per_count": 1}] * 3}, "lmm:channels[1].role"),
+        ({"lmm_channels": [{"role": "measurement", "volts_per_count": 0}], "core_num_channels": 1}, "volts_per_count"),
+        ({"lmm_channels": [{"role": "reference", "volts_per_count": 1}], "core_num_channels": 1}, "measurement"),
+        ({"lmm_setup": None}, "lmm:setup"),
+        ({"lmm_setup": {}}, "lmm:setup.moving_mass_kg"),
+        ({"lmm_setup": {"moving_mass_kg": [1]}}, "lmm:setup.moving_mass_kg"),
+        ({"lmm_setup": {"moving_mass_kg": 1, "air": 3}}, "lmm:setup.air"),
+        ({"lmm_setup": {"moving_mass_kg": 1, "digitizer_bits": 99}}, "lmm:setup.digitizer_bits"),
+        ({"lmm_trigger": 1, "lmm_trigger_sample": -5}, "lmm:trigger_sample"),
+        ({"lmm_trigger_sample": "5"}, "lmm:trigger_sample"),
+        ({"core_dataset": "../../etc/passwd"}, "core:dataset"),
+        ({"core_dataset": "/etc/passwd"}, "core:dataset"),
+    ],
+)
+def test_refusals_name_file_and_key(
+    shot: Recording, tmp_path: Path, changes: dict[str, object], named: str
+) -> None:
+    meta = write_recording(shot, tmp_path / "s")
+    edit(meta, **changes)
+    line = refusal(meta)
+    assert str(meta) in line and named in line
+
+
+@pytest.mark.parametrize(
+    "text",
+    [b"", b"{", b"[1]", b"nonsense", b"\xff\xfe\x00", b"[" * 200_000, b'{"a": NaN}', b'{"a": ' + b"9" * 5000 + b"}"],
+)
+def test_what_is_no_json_is_refused(shot: Recording, tmp_path: Path, text: bytes) -> None:
+    meta = write_recording(shot, tmp_path / "s")
+    meta.write_bytes(text)
+    assert str(meta) in refusal(meta)
+
+
+def test_missing_and_odd_files_are_refused(shot: Recording, tmp_path: Path) -> None:
+    meta = write_recording(shot, tmp_path / "s")
+    data = tmp_path / "s.sigmf-data"
+    assert "no such file" in refusal(tmp_path / "nothing")
+    secret = tmp_path.parent / f"{tmp_path.name}-secret.bin"
+    shutil.move(data, secret)
+    assert "no such file" in refusal(meta) and str(data) in refusal(meta)
+    data.symlink_to(secret)
+    assert "outside" in refusal(meta)
+    data.unlink()
+    data.write_bytes(b"\0" * 5)
+    assert "no samples" in refusal(meta)
+    data.unlink()
+    os.mkfifo(data)
+    assert "not a regular file" in refusal(meta)
+
+
+def test_nothing_is_overwritten_and_a_failure_leaves_nothing(shot: Recording, tmp_path: Path) -> None:
+    write_recording(shot, tmp_path / "s")
+    with pytest.raises(RecordingError, match="exists already"):
+        write_recording(shot, tmp_path / "s")
+    with pytest.raises(RecordingError, match="folder does not exist"):
+        write_recording(shot, tmp_path / "none" / "s")
+    with pytest.raises(RecordingError, match="JSON"):
+        write_recording(replace(shot, extra={"global": {"x": object()}}), tmp_path / "t")
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_capture_cut_off_reopens_as_far_as_it_got(shot: Recording, tmp_path: Path) -> None:
+    writer = RecordingWriter(tmp_path / "s", shot.sample_rate_hz, shot.channels, shot.setup)
+    writer.append(shot.counts[:3_000])
+    cut_off = read_recording(tmp_path / "s")
+    np.testing.assert_array_equal(cut_off.counts, shot.counts[:3_000])
+    assert "interrupted" in cut_off.flags
+    with pytest.raises(RecordingError, match="sha512"):
+        verify(tmp_path / "s")
+    writer.trigger(2_000)
+    writer.gap(2_500, 10)
+    writer._refreshed_at = -1e9  # a quarter of a second later
+    writer.append(shot.counts[3_000:])
+    later = read_recording(tmp_path / "s")
+    assert later.trigger_sample == 2_000 and later.gaps[0].samples_lost == 10
+    meta = writer.close()
+    assert verify(meta) and read_recording(meta).flags == ("gap",)
+
+
+def test_a_note_is_changed_in_place(shot: Recording, tmp_path: Path) -> None:
+    meta = write_recording(shot, tmp_path / "s")
+    changed = rewrite_note(read_recording(meta), "better: £ ± \u2028")
+    assert changed.note == read_recording(meta).note == "better: £ ± \u2028"
+    assert verify(meta) and read_recording(meta).extra == read_recording(meta).extra
+
+
+def test_folders_are_searched_in_counting_order(shot: Recording, tmp_path: Path) -> None:
+    for name in ("shot-10", "shot-9", "b"):
+        write_recording(shot, tmp_path / name)
+    (tmp_path / "m.csv").write_text("")
+    (tmp_path / "shots.csv").write_text("")
+    (tmp_path / "m.toml").write_text("")
+    (tmp_path / "orphan.sigmf-data").write_bytes(b"1234")
+    names = ["b.sigmf-meta", "m.csv", "orphan.sigmf-meta", "shot-9.sigmf-meta", "shot-10.sigmf-meta"]
+    assert [p.name for p in find_recordings([tmp_path])] == names
+    twice = [tmp_path / "b.sigmf-data", tmp_path / "b", tmp_path / "m.toml", tmp_path / "no"]
+    assert [p.name for p in find_recordings(twice)] == ["b.sigmf-meta", "m.csv", "no"]
+    assert find_recordings([tmp_path.parent / tmp_path.name])[0].parent == tmp_path
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert find_recordings([empty]) == [empty]
+    assert "no such file" in refusal(empty)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=12), inner, max_size=4),
+    max_leaves=12,
+)
+KEYS = st.sampled_from(
+    ["core:datatype", "core:num_channels", "core:sample_rate", "core:version", "core:sha512", "core:extensions",
+     "core:dataset", "lmm:channels", "lmm:setup", "lmm:trigger_sample", "lmm:samples", "core:trailing_bytes"]
+)
+SETUP_KEYS = st.sampled_from(
+    ["moving_mass_kg", "moving_mass_u_kg", "wavelength_vacuum_m", "wavelength_air_m", "air", "plate",
+     "rest_frequency_hz", "digitizer_bits"]
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.dictionaries(KEYS, JSON, max_size=2),
+    st.dictionaries(SETUP_KEYS, JSON, max_size=2),
+    st.one_of(st.none(), JSON),
+    st.one_of(st.none(), JSON),
+)
+def test_hostile_metadata_open_or_are_refused_in_one_line(
+    shot: Recording, tmp_path: Path, head: dict, setup: dict, annotations: object, captures: object
+) -> None:
+    meta = tmp_path / "s.sigmf-meta"
+    if not meta.exists():
+        write_recording(shot, tmp_path / "s")
+        shutil.copy(meta, tmp_path / "good.json")
+    whole = json.loads((tmp_path / "good.json").read_text())
+    whole["global"].update(head)
+    if isinstance(whole["global"].get("lmm:setup"), dict):
+        whole["global"]["lmm:setup"].update(setup)
+    if annotations is not None:
+        whole["annotations"] = annotations
+    if captures is not None:
+        whole["captures"] = captures
+    meta.write_text(json.dumps(whole))
+    try:
+        back = read_recording(meta)
+    except RecordingError as error:
+        assert "\n" not in str(error) and str(meta) in str(error)
+    else:
+        assert back.samples == shot.samples
+        again = tmp_path / "again"
+        for ending in (".sigmf-meta", ".sigmf-data"):
+            Path(str(again) + ending).unlink(missing_ok=True)
+        write_recording(back, again)
+        assert read_recording(again).setup == back.setup

@@ -1,0 +1,109 @@
+"""Replay honours the digitizer contract: every sample once, gaps as data, paced by the clock."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.recording import Recording, Role
+from instrument.digitizer import Block, CaptureSettings, DigitizerError
+from instrument.recording_file import write_recording
+from instrument.replay import ReplayDigitizer
+
+
+def play(digitizer: ReplayDigitizer, length: int = 1_700) -> tuple[np.ndarray, list[Block]]:
+    """Return everything played since ``arm`` and the blocks it came in."""
+    buffer = np.empty((length, len(digitizer.capabilities.channels)), np.int16)
+    parts, blocks = [], []
+    while True:
+        block = digitizer.read_into(buffer, 1.0)
+        parts.append(buffer[: block.samples].copy())
+        blocks.append(block)
+        if block.ended:
+            return np.concatenate(parts), blocks
+
+
+def test_all_samples_come_once_and_gaps_begin_a_block(shot: Recording) -> None:
+    digitizer = ReplayDigitizer([shot], real_time=False)
+    settings = digitizer.default_settings()
+    assert settings == CaptureSettings(30e6, 20_000, 5_000)
+    assert not digitizer.capabilities.hardware_trigger
+    for _ in range(2):  # from the first again after the last
+        digitizer.arm(settings)
+        counts, blocks = play(digitizer)
+        np.testing.assert_array_equal(counts, shot.counts)
+        starts = np.cumsum([0, *(b.samples for b in blocks)])[:-1]
+        lost = {int(s): b.lost_before for s, b in zip(starts, blocks, strict=True) if b.lost_before != 0}
+        assert lost == {12_000: 77, 15_000: None}
+        assert digitizer.read_into(np.empty((10, 3), np.int16), 0.1) == Block(0, ended=True)
+
+
+def test_without_a_light_switch_the_kept_trigger_is_the_hardware_s(shot: Recording) -> None:
+    two = replace(shot, counts=np.ascontiguousarray(shot.counts[:, :2]), channels=shot.channels[:2], gaps=())
+    digitizer = ReplayDigitizer([two], real_time=False)
+    assert digitizer.capabilities.hardware_trigger
+    digitizer.arm(digitizer.default_settings())
+    _, blocks = play(digitizer, 1_024)
+    at = [(i, b.trigger_sample) for i, b in enumerate(blocks) if b.trigger_sample is not None]
+    assert at == [(5_000 // 1_024, 5_000 % 1_024)]
+
+
+def test_samples_at_the_rail_are_counted(shot: Recording) -> None:
+    counts = shot.counts.copy()
+    counts[10:15, 1] = 2047
+    counts[20:22, 0] = -2048
+    digitizer = ReplayDigitizer([replace(shot, counts=counts, gaps=())], real_time=False)
+    digitizer.arm(digitizer.default_settings())
+    assert digitizer.read_into(np.empty((100, 3), np.int16), 0).clipped == (2, 5, 0)
+
+
+def test_real_time_follows_the_clock(shot: Recording) -> None:
+    now = [10.0]
+    digitizer = ReplayDigitizer(
+        [replace(shot, gaps=())], clock=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s)
+    )
+    digitizer.arm(digitizer.default_settings())
+    buffer = np.empty((4_000, 3), np.int16)
+    came = 0
+    while True:
+        block = digitizer.read_into(buffer, 0.05)
+        came += block.samples
+        assert came <= (now[0] - 10.0) * 30e6 + 0.6
+        if block.ended:
+            break
+    assert now[0] - 10.0 == pytest.approx(20_000 / 30e6, rel=0.2)
+    digitizer.arm(digitizer.default_settings())
+    assert digitizer.read_into(buffer, 0.0).samples == 0  # nothing is due yet, and it returns
+
+
+def test_stop_ends_and_a_wrong_rate_is_refused(shot: Recording) -> None:
+    digitizer = ReplayDigitizer([shot])
+    with pytest.raises(DigitizerError, match="samples/s"):
+        digitizer.arm(CaptureSettings(1e6, 100, 0))
+    digitizer.arm(CaptureSettings(30e6, 100, 0))
+    digitizer.stop()
+    digitizer.stop()
+    assert digitizer.read_into(np.empty((10, 3), np.int16), 0.1) == Block(0, ended=True)
+    digitizer.close()
+
+
+def test_a_folder_is_played_in_order_and_broken_ones_are_named(shot: Recording, tmp_path: Path) -> None:
+    write_recording(shot, tmp_path / "shot-1")
+    write_recording(replace(shot, sample_rate_hz=10e6), tmp_path / "shot-2")
+    (tmp_path / "shot-0.sigmf-meta").write_text("{")
+    digitizer = ReplayDigitizer([tmp_path], real_time=False)
+    names = []
+    for _ in range(2):
+        names.append(digitizer.capabilities.name)
+        digitizer.arm(digitizer.default_settings())
+        play(digitizer)
+    assert names == ["replay of shot-1", "replay of shot-2"]
+    with pytest.raises(DigitizerError, match=r"shot-0.*not JSON"):
+        digitizer.default_settings()
+    assert digitizer.recording.name == "shot-1" and digitizer.setup == shot.setup
+    assert digitizer.recording.column(Role.SWITCH) == 2
+    with pytest.raises(DigitizerError, match="nothing to replay"):
+        ReplayDigitizer([])
+    with pytest.raises(DigitizerError, match="no such file"):
+        ReplayDigitizer([tmp_path / "none"])

@@ -1,0 +1,72 @@
+"""The ring: what was written comes out, and never half replaced."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from instrument.ring import Overwritten, Ring
+
+
+def numbered(start: int, length: int, channels: int = 2) -> np.ndarray:
+    """Return samples that carry their own number."""
+    return np.repeat((np.arange(start, start + length) % 30_000).astype(np.int16)[:, None], channels, axis=1)
+
+
+def test_any_cutting_gives_the_same_samples() -> None:
+    rng = np.random.default_rng(1)
+    ring = Ring(97, 2)
+    total = 0
+    for _ in range(300):
+        length = int(rng.integers(0, 150))
+        ring.append(numbered(total, length))
+        total += length
+        assert ring.total == total and ring.oldest == max(0, total - 97)
+        start = int(rng.integers(ring.oldest, total + 1))
+        out = np.empty((total - start, 2), np.int16)
+        ring.copy_into(start, out)
+        np.testing.assert_array_equal(out, numbered(start, total - start))
+
+
+def test_what_is_gone_or_not_yet_there_is_said() -> None:
+    ring = Ring(10, 1)
+    ring.append(numbered(0, 25, 1))
+    with pytest.raises(Overwritten):
+        ring.copy_into(14, np.empty((2, 1), np.int16))
+    with pytest.raises(ValueError, match="of 25"):
+        ring.copy_into(20, np.empty((6, 1), np.int16))
+    ring.space(3)  # samples that are being replaced count as gone before they are
+    with pytest.raises(Overwritten):
+        ring.copy_into(15, np.empty((2, 1), np.int16))
+    with pytest.raises(ValueError):
+        ring.commit(4)
+    with pytest.raises(ValueError):
+        Ring(0, 1)
+
+
+def test_a_reader_never_sees_a_sample_half_replaced() -> None:
+    ring = Ring(4_096, 2)
+    done = threading.Event()
+
+    def write() -> None:
+        at = 0
+        while not done.is_set():
+            ring.append(numbered(at, 512))
+            at += 512
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    out = np.empty((2_048, 2), np.int16)
+    seen = 0
+    try:
+        while seen < 300:
+            start = max(0, ring.total - 3_000)
+            try:
+                ring.copy_into(start, out)
+            except (Overwritten, ValueError):
+                continue
+            np.testing.assert_array_equal(out, numbered(start, 2_048))
+            seen += 1
+    finally:
+        done.set()
+        writer.join()

@@ -1,0 +1,115 @@
+"""Lost packets are found where they are lost, and nothing is called lost that is not."""
+
+import numpy as np
+import pytest
+
+from instrument.drivers.beat_seams import BeatSeams
+from instrument.drivers.bulk_stream import Chunk
+from instrument.drivers.byte_clock import ByteClock
+from instrument.drivers.streamed_codes import StreamedCodes
+
+RATE_HZ = 10e6
+
+
+def _codes(samples: int, beat_hz: float, seed: int, amplitude: float = 60.0, noise: float = 1.5) -> np.ndarray:
+    """Two channels, uint8: a steady beat and one that is swept hard."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(samples) / RATE_HZ
+    reference = amplitude * np.cos(2 * np.pi * beat_hz * t + rng.uniform(0, 6))
+    swept = amplitude * np.cos(2 * np.pi * (2e6 * t + 1e4 * np.sin(300 * t)))
+    both = np.stack((reference, swept), axis=1) + 128.5 + rng.normal(0, noise, (samples, 2))
+    return np.clip(both, 0, 255).astype(np.uint8).reshape(-1)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_every_lost_packet_is_found_at_its_place(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    beat_hz = rng.uniform(0.6e6, 4.4e6)
+    packets = 2000
+    step = abs((beat_hz * 256 / RATE_HZ + 0.5) % 1 - 0.5)
+    if step < 0.03:
+        beat_hz += 2000.0  # a whole number of cycles in a packet is no step at all
+    codes = _codes(packets * 256, beat_hz, seed).reshape(packets, 512)
+    lost = np.sort(rng.choice(np.arange(400, packets - 20, 12), 9, replace=False))
+    kept = np.delete(codes, lost, axis=0).reshape(-1)
+    places = [int(at) - i for i, at in enumerate(lost)]  # the first packet after each loss, in what was kept
+    cuts = np.sort(rng.choice(np.arange(1, kept.size), 30, replace=False))
+    stream = StreamedCodes(2 * RATE_HZ, 0)
+    blocks = []
+    for at, piece in enumerate(np.split(kept, cuts)):
+        stream.accept(Chunk(piece, at * 1e-9 + float(cuts[min(at, 29)]) / (2 * RATE_HZ)))
+        _drain(stream, blocks)
+    stream.flush()
+    _drain(stream, blocks)
+    found, at = [], 8
+    for counts, lost_before in blocks:
+        if lost_before is None:
+            found.append(at)
+        at += counts.shape[0] / 256
+    assert found == places
+    everything = np.concatenate([counts for counts, _ in blocks]).reshape(-1)
+    np.testing.assert_array_equal(everything, kept[8 * 512 :].astype(np.int16) - 128)
+
+
+def _drain(stream: StreamedCodes, blocks: list) -> None:
+    while stream.ready:
+        buffer = np.empty((1000, 2), np.int16)
+        block = stream.deliver(buffer)
+        blocks.append((buffer[: block.samples].copy(), block.lost_before))
+
+
+@pytest.mark.parametrize("kind", ["steady", "noise", "flat", "disturbed", "clipped"])
+def test_what_is_whole_is_not_called_lost(kind: str) -> None:
+    codes = _codes(256 * 4000, 2.7e6, 5, amplitude=200.0 if kind == "clipped" else 60.0)[::2].copy()
+    rng = np.random.default_rng(3)
+    if kind == "noise":
+        codes = rng.integers(0, 256, codes.size).astype(np.uint8)
+    elif kind == "flat":
+        codes[:] = 128
+    elif kind == "disturbed":  # a spark into single packets
+        for packet in rng.choice(np.arange(100, 3900, 10), 20, replace=False):
+            codes[packet * 256 + 40 : packet * 256 + 140] = rng.integers(0, 256, 100)
+    seams = BeatSeams(256)
+    found = [seam for piece in np.split(codes, 40) for seam in seams.find(piece)]
+    assert found == []
+
+
+def _clocked(received: np.ndarray, times_s: np.ndarray, rate: float) -> list[tuple[float, int]]:
+    clock = ByteClock(rate)
+    told = []
+    for count, now in zip(received, times_s, strict=True):
+        lost = clock.count(int(count), float(now))
+        if lost:
+            told.append((float(now), lost))
+    return told
+
+
+def test_the_clock_finds_a_loss_among_late_deliveries() -> None:
+    rng = np.random.default_rng(11)
+    rate = 20e6
+    chunks = 600
+    size = 1 << 18
+    due = np.arange(1, chunks + 1) * size / rate * (1 + 80e-6)  # its crystal is slow
+    late = np.abs(rng.normal(0, 0.5e-3, chunks))
+    late[200:206] += 0.06  # the host was away, the queue was not
+    times = np.maximum.accumulate(due + late)
+    assert _clocked(np.full(chunks, size), times, rate) == []
+    lost_s = 0.012
+    times[400:] += lost_s
+    told = _clocked(np.full(chunks, size), times, rate)
+    assert len(told) == 1
+    assert times[400] < told[0][0] < times[400] + 0.5
+    assert told[0][1] == pytest.approx(lost_s * rate, rel=0.15)
+
+
+def test_a_loss_the_clock_tells_becomes_a_gap_without_a_reference() -> None:
+    rng = np.random.default_rng(2)
+    stream = StreamedCodes(2e6, None)
+    now, told = 0.0, 0
+    for i in range(60):
+        now += 32768 / 2e6 + (0.03 if i == 40 else 0.0)
+        stream.accept(Chunk(rng.integers(0, 256, 32768).astype(np.uint8), now))
+        blocks: list = []
+        _drain(stream, blocks)
+        told += sum(lost is None for _, lost in blocks)
+    assert told == 1

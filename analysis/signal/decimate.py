@@ -69,6 +69,16 @@ def _describe(
         rough[k] = third * third / 20
 
 
+def filtered(phase: Floats, taps: Floats, factor: int = 1) -> Floats:
+    """Return the dot products of ``taps`` with every stretch of their length, shape (n - taps + 1,) at factor 1.
+
+    The same value for the same samples wherever a stream was cut, which a library convolution does not promise.
+    """
+    out = np.empty(max(0, (phase.size - taps.size) // factor + 1))
+    _filter(phase, taps, factor, out.size, out)
+    return out
+
+
 @lru_cache(maxsize=32)
 def noise_ratio(tuning: Tuning, factor: int) -> float:
     """Return std of a decimated phase / sqrt(mean roughness), both made of white noise on the counts."""

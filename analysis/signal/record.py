@@ -1,0 +1,175 @@
+"""A motion record demodulated elsewhere, as a Motion: same grid, same filters, noise read from the record itself."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.motion import Motion
+from analysis.quantity import NotSeen
+from analysis.shot import AnalysisError
+from analysis.signal.filters import FLAT_SHARE, derivative_filters, derivative_gains, derivatives
+
+Floats = NDArray[np.float64]
+BANDWIDTH_SHARE = 0.2  # of the sample rate, where no bandwidth is asked for
+MAX_JITTER = 0.2  # of a step: times further off an even grid than this are refused
+_EVEN = 1e-3  # of a step: closer than this the grid counts as even
+_LONGEST_GAP = 10_000  # steps
+_MIN_SAMPLES = 32
+
+
+def motion_from_displacement(
+    time_s: Floats,
+    displacement_m: Floats | None,
+    velocity_m_per_s: Floats | None,
+    force_n: Floats | None,
+    moving_mass_kg: float | None,
+    moving_mass_u_kg: float = 0.0,
+    bandwidth_hz: float | None = None,
+    flags: tuple[str, ...] = (),
+) -> Motion:
+    """Return the Motion of a record with times of shape (n,) and at least displacement or velocity, shape (n,).
+
+    Missing rows (steps of a whole number of sample intervals) become NaN, flagged "gap"; times that jitter by up to
+    ``MAX_JITTER`` of a step are interpolated (cubic) to an even grid, flagged "uneven_time"; what is worse is refused.
+    Where displacement is given, velocity is its derivative through this program's filters and a velocity column is
+    not used; else displacement is the integral of velocity, whose noise grows as a random walk and is stated so.
+    ``force_n``, where given, is the force as measured; else mass times acceleration, or NaN without a mass.
+    The noise is read from the record's fourth differences, at least the rounding of its numbers.  Raises
+    AnalysisError, in one line, naming the column at fault.
+    """
+    time = np.asarray(time_s, dtype=np.float64)
+    if displacement_m is None and velocity_m_per_s is None:
+        raise AnalysisError("neither displacement_m nor velocity_m_per_s is given")
+    if time.ndim != 1 or time.size < _MIN_SAMPLES:
+        raise AnalysisError(f"time_s: {time.size} rows are too short (at least {_MIN_SAMPLES})")
+    if not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0):
+        raise AnalysisError("time_s: must be finite and rise from row to row")
+    columns = {"displacement_m": displacement_m, "velocity_m_per_s": velocity_m_per_s, "force_n": force_n}
+    given: dict[str, Floats] = {}
+    for name, column in columns.items():
+        if column is None:
+            continue
+        given[name] = np.asarray(column, dtype=np.float64)
+        if given[name].shape != time.shape:
+            raise AnalysisError(f"{name}: {given[name].size} values for {time.size} times")
+    grid, given, problems = _even(time, given)
+    rate = (grid.size - 1) / (grid[-1] - grid[0])
+    bandwidth = BANDWIDTH_SHARE * rate if bandwidth_hz is None else min(bandwidth_hz, BANDWIDTH_SHARE * rate)
+
+    if "displacement_m" in given:
+        displacement = given["displacement_m"]
+        noise = _noise(displacement, "displacement_m")
+        std = np.full(grid.size, noise)
+        velocity, acceleration = derivatives(displacement, rate, bandwidth)
+        gains = derivative_gains(np.isfinite(displacement), rate, bandwidth)
+        velocity_std, acceleration_std = noise * gains[0], noise * gains[1]
+    else:
+        rates = given["velocity_m_per_s"]
+        if not np.all(np.isfinite(rates)):
+            raise AnalysisError("velocity_m_per_s: has missing values, over which it cannot be integrated")
+        noise = _noise(rates, "velocity_m_per_s")
+        displacement = np.concatenate(([0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1])))) / rate
+        std = noise / rate * np.sqrt(np.arange(grid.size) + 1.0)
+        velocity, acceleration = derivatives(displacement, rate, bandwidth)
+        velocity_std, acceleration_std = _integrated_std(noise, rate, bandwidth, grid.size)
+    valid = np.isfinite(displacement)
+    std[~valid] = np.nan
+
+    mass = float("nan") if moving_mass_kg is None else float(moving_mass_kg)
+    if mass <= 0:
+        raise AnalysisError(f"moving_mass_kg: {mass:g} must be above zero")
+    force, force_std = mass * acceleration, mass * acceleration_std
+    if "force_n" in given:
+        force = given["force_n"]
+        force_std = np.where(np.isfinite(force), _noise(force, "force_n"), np.nan)
+    return Motion(
+        time_s=grid,
+        displacement_m=displacement,
+        velocity_m_per_s=velocity,
+        acceleration_m_per_s2=acceleration,
+        force_n=force,
+        displacement_std_m=std,
+        velocity_std_m_per_s=velocity_std,
+        acceleration_std_m_per_s2=acceleration_std,
+        force_std_n=force_std,
+        valid=valid,
+        sample_rate_hz=float(rate),
+        bandwidth_hz=float(bandwidth),
+        displacement_band_hz=FLAT_SHARE * float(rate),
+        moving_mass_kg=mass,
+        moving_mass_u_kg=moving_mass_u_kg,
+        wavelength_m=None,
+        rest_frequency_hz=NotSeen("a motion record has no beats"),
+        flags=tuple(dict.fromkeys((*flags, *problems))),
+    )
+
+
+def _even(time: Floats, given: dict[str, Floats]) -> tuple[Floats, dict[str, Floats], tuple[str, ...]]:
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    places = np.concatenate(([0.0], np.cumsum(np.rint(steps / step))))
+    if np.any(np.rint(steps / step) < 1) or places[-1] > time.size + _LONGEST_GAP:
+        raise AnalysisError(f"time_s: steps from {steps.min():g} to {steps.max():g} s are no even sampling")
+    step, start = np.polyfit(places, time, 1)
+    off = np.abs(time - start - step * places) / step
+    if off.max() > MAX_JITTER:
+        row = int(np.argmax(off))
+        raise AnalysisError(f"time_s: row {row + 1} is {off.max():.0%} of a step off an even grid of {step:g} s")
+    problems: list[str] = []
+    size = int(places[-1]) + 1
+    index = places.astype(np.int64)
+    if off.max() > _EVEN:
+        problems.append("uneven_time")
+        target = start + step * places
+        given = {name: _interpolated(target, time, column) for name, column in given.items()}
+    else:
+        start, step = time[0], (time[-1] - time[0]) / (size - 1)
+    if size > time.size:
+        problems.append("gap")
+        spread = {}
+        for name, column in given.items():
+            spread[name] = np.full(size, np.nan)
+            spread[name][index] = column
+        given = spread
+    return start + step * np.arange(size), {n: c.copy() for n, c in given.items()}, tuple(problems)
+
+
+def _interpolated(target: Floats, time: Floats, column: Floats) -> Floats:
+    """Return a column moved by fractions of a step: the cubic through the four rows around each target."""
+    first = np.clip(np.searchsorted(time, target) - 2, 0, time.size - 4)
+    out = np.zeros(target.shape)
+    for j in range(4):
+        weight = np.ones(target.shape)
+        for k in range(4):
+            if k != j:
+                weight *= (target - time[first + k]) / (time[first + j] - time[first + k])
+        out += weight * column[first + j]
+    return out
+
+
+def _noise(column: Floats, name: str) -> float:
+    """Return the white noise of a smooth column: median square of its fourth differences (variance 70 sigma^2)."""
+    fourth = np.diff(column, 4)
+    fourth = fourth[np.isfinite(fourth)]
+    known = column[np.isfinite(column)]
+    if fourth.size < 8:
+        raise AnalysisError(f"{name}: too few rows without a gap")
+    if known.max() == known.min():
+        raise AnalysisError(f"{name}: constant at {known[0]:g}")
+    noise = float(np.sqrt(np.median(fourth**2) / 0.45494 / 70.0))
+    levels = np.diff(np.unique(known))
+    return max(noise, float(levels.min()) / np.sqrt(12.0) if levels.size < known.size / 2 else 0.0, 1e-30)
+
+
+def _integrated_std(noise: float, rate: float, bandwidth: float, size: int) -> tuple[Floats, Floats]:
+    """Return the noise of the derivatives of an integrated velocity: the filters, summed once, on white noise."""
+    filters = derivative_filters(float(rate), float(bandwidth))
+    summed = [np.sqrt(np.sum(np.cumsum(taps) ** 2)) / rate for taps in (filters.velocity, filters.acceleration)]
+    if size < 2 * filters.half + 1:
+        return np.full(size, np.nan), np.full(size, np.nan)
+    out = []
+    for gain, edge in zip(summed, (filters.edge_velocity, filters.edge_acceleration), strict=True):
+        std = np.full(size, noise * gain)
+        rows = noise / rate * np.sqrt(np.sum(np.cumsum(edge[:, ::-1], axis=1) ** 2, axis=1))
+        std[: filters.half], std[size - filters.half :] = rows, rows[::-1]
+        out.append(std)
+    return out[0], out[1]

@@ -1,0 +1,211 @@
+"""The live picture: frequency, velocity and force while samples stream, block by block, without growing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.air import wavelength_in_air_m
+from analysis.recording import Setup
+from analysis.shot import AnalysisError
+from analysis.signal.beat import BeatReader
+from analysis.signal.decimate import PhaseDecimator, filtered
+from analysis.signal.filters import derivative_filters
+from analysis.signal.survey import survey
+from analysis.signal.tuning import Tuning, tune
+
+Floats = NDArray[np.float64]
+LOOK_S = 2e-3  # of the stream, read before a beat is tuned to
+REST_MEMORY_S = 0.2  # the rest frequency shown is a running mean over about this long
+MAX_DOPPLER_HZ = 1.3e6
+_REST_HALF_WIDTH_HZ = 80e3
+
+
+@dataclass(frozen=True, slots=True)
+class LiveChunk:
+    """What one block added, on a uniform grid; arrays of shape (k,), k may be 0; NaN parts stretches at a gap."""
+
+    time_s: Floats  # from the stream's first sample
+    beat_frequency_hz: Floats
+    velocity_m_per_s: Floats
+    force_n: Floats
+    amplitude_counts: Floats
+    rest_frequency_hz: float | None
+    problem: str | None  # why nothing can be shown
+
+
+class LiveDemodulator:
+    """Demodulates a running stream at a rate for the eye; used from one thread.
+
+    Tunes itself to the rest beat from the first ``LOOK_S`` (tries again until there is a beat), then follows both
+    beats; the result lags the samples by 3 / bandwidth.  Holds a few blocks' worth of memory however long it runs.
+    Raises AnalysisError at once where no rest frequency can ever be known.
+    """
+
+    def __init__(
+        self,
+        sample_rate_hz: float,
+        measurement_column: int,
+        reference_column: int | None,
+        setup: Setup,
+        output_rate_hz: float = 10e3,
+        bandwidth_hz: float = 1e3,
+    ) -> None:
+        if not sample_rate_hz > 0:
+            raise AnalysisError(f"sample rate of {sample_rate_hz:g} Hz: must be above zero")
+        if reference_column is None and not setup.rest_frequency_hz:
+            raise AnalysisError("no rest frequency: neither a reference channel (PD0) nor rest_frequency_hz is given")
+        self._rate = sample_rate_hz
+        self._columns = (measurement_column, reference_column)
+        self._setup = setup
+        self._wanted_rate = output_rate_hz
+        self._bandwidth = bandwidth_hz
+        try:
+            self._wavelength = wavelength_in_air_m(setup)
+        except ValueError as problem:
+            raise AnalysisError(str(problem)) from None
+        self._sample = 0  # next input sample, lost ones counted
+        self._look: list[NDArray[np.int16]] = []
+        self._looked = 0
+        self._lines: list[_Line] = []
+        self._rest_hz: float | None = None if reference_column is not None else setup.rest_frequency_hz
+        self._rest_weight = 0.0
+        self._broken = False
+        self._pending: Floats | None = None  # of the moving beat, until the rest frequency is known
+        self._problem: str | None = "looking for the beat"
+
+    def feed(self, counts: NDArray[np.int16]) -> LiveChunk:
+        """Take the next counts, shape (n, channels), and return what they add to the picture."""
+        if self._lines:
+            self._sample += counts.shape[0]
+            return self._follow(counts)
+        self._look.append(counts.copy())
+        self._looked += counts.shape[0]
+        self._sample += counts.shape[0]
+        enough = max(4096, round(LOOK_S * self._rate))
+        if self._looked < enough:
+            return self._nothing()
+        seen = np.concatenate(self._look)
+        self._look, self._looked = [], 0
+        try:
+            self._tune(seen[:enough])  # as many as that, so that blocks of another size give the same picture
+        except AnalysisError as problem:
+            self._problem = str(problem)
+            return self._nothing()
+        self._problem = None
+        self._restart(self._sample - seen.shape[0])
+        return self._follow(seen)
+
+    def gap(self, samples_lost: int | None) -> None:
+        """Take note that samples were lost before the next block; None: how many is not known."""
+        self._sample += samples_lost or 0
+        self._look, self._looked = [], 0
+        if self._lines:
+            self._restart(self._sample)
+            self._pending = None
+            self._broken = True
+
+    def _tune(self, seen: NDArray[np.int16]) -> None:
+        measurement, reference = self._columns
+        bits = self._setup.digitizer_bits
+        beat = survey(seen[:, measurement], self._rate, bits, "measurement channel")
+        rest_hz = self._setup.rest_frequency_hz
+        tunings: list[tuple[int, Tuning, float]] = []
+        if reference is not None:
+            rest = survey(seen[:, reference], self._rate, bits, "reference channel")
+            rest_hz = 0.5 * (rest.low_hz + rest.high_hz)
+            low, high = rest_hz - _REST_HALF_WIDTH_HZ, rest_hz + _REST_HALF_WIDTH_HZ
+            tunings.append((reference, tune(self._rate, low, high, 3 * self._wanted_rate), rest.offset_counts))
+        assert rest_hz is not None
+        reach = min(MAX_DOPPLER_HZ, 0.75 * rest_hz, 0.75 * (0.5 * self._rate - rest_hz))
+        while True:
+            low, high = min(beat.low_hz - 5e3, rest_hz - reach), max(beat.high_hz + 5e3, rest_hz + reach)
+            try:
+                tuning = tune(self._rate, low, high, 3 * self._wanted_rate)
+                break
+            except AnalysisError:
+                if reach < 0.1 * rest_hz:
+                    raise
+                reach *= 0.85
+        tunings.insert(0, (measurement, tuning, beat.offset_counts))
+        self._lines = [_Line(*t, self._wanted_rate, self._bandwidth) for t in tunings]
+
+    def _restart(self, sample: int) -> None:
+        for line in self._lines:
+            line.restart(sample)
+
+    def _follow(self, counts: NDArray[np.int16]) -> LiveChunk:
+        line = self._lines[0]
+        parts = line.feed(counts)
+        if self._pending is not None:
+            parts = np.concatenate((self._pending, parts), axis=1)
+            self._pending = None
+        time_s, frequency, slope, amplitude = parts
+        if len(self._lines) > 1:
+            self._average_rest(self._lines[1].feed(counts)[1])
+        if self._rest_hz is None:
+            self._pending = parts
+            return self._nothing()
+        if time_s.size == 0:
+            return self._nothing()
+        velocity = -0.5 * self._wavelength * (frequency - self._rest_hz)
+        force = -0.5 * self._wavelength * self._setup.moving_mass_kg * slope
+        if self._broken:
+            self._broken = False
+            time_s = np.concatenate(([time_s[0] - 1 / line.rate_hz], time_s))
+            frequency, velocity, force, amplitude = (
+                np.concatenate(([np.nan], part)) for part in (frequency, velocity, force, amplitude)
+            )
+        return LiveChunk(time_s, frequency, velocity, force, amplitude, self._rest_hz, None)
+
+    def _average_rest(self, rest: Floats) -> None:
+        if rest.size == 0:
+            return
+        memory = REST_MEMORY_S * self._lines[1].rate_hz
+        weight = rest.size / (rest.size + min(self._rest_weight, memory))
+        mean = float(rest.mean())
+        self._rest_hz = mean if self._rest_hz is None else self._rest_hz + weight * (mean - self._rest_hz)
+        self._rest_weight += rest.size
+
+    def _nothing(self) -> LiveChunk:
+        empty = np.empty(0)
+        return LiveChunk(empty, empty, empty, empty, empty, self._rest_hz, self._problem)
+
+
+class _Line:
+    """One beat of the stream: phase, decimated, then its derivatives."""
+
+    def __init__(self, column: int, tuning: Tuning, offset: float, rate_hz: float, bandwidth_hz: float) -> None:
+        self._column = column
+        self._tuning = tuning
+        self._offset = offset
+        self._factor = max(2, round(tuning.phase_rate_hz / rate_hz))
+        self.rate_hz = tuning.phase_rate_hz / self._factor
+        self._filters = derivative_filters(self.rate_hz, min(bandwidth_hz, 0.35 * self.rate_hz))
+
+    def restart(self, sample: int) -> None:
+        self._reader = BeatReader(self._tuning, self._column, self._offset, sample)
+        self._decimator = PhaseDecimator(self._factor, self._reader.index)
+        self._first = self._decimator.index  # of the oldest phase kept
+        self._phase = np.empty(0)
+        self._amplitude = np.empty(0)
+
+    def feed(self, counts: NDArray[np.int16]) -> Floats:
+        """Return time in s, frequency in Hz, its slope in Hz/s, amplitude in counts as rows, shape (4, k)."""
+        _, phase, about = self._decimator.feed(*self._reader.feed(counts)[1:])
+        self._phase = np.concatenate((self._phase, phase))
+        self._amplitude = np.concatenate((self._amplitude, np.sqrt(about[0])))
+        half = self._filters.half
+        ready = self._phase.size - 2 * half
+        if ready <= 0:
+            return np.empty((4, 0))
+        frequency = self._tuning.oscillator_hz + filtered(self._phase, self._filters.velocity)
+        slope = filtered(self._phase, self._filters.acceleration)
+        amplitude = self._amplitude[half : half + ready].copy()
+        index = self._first + half + np.arange(ready) + 6
+        step = self._factor * self._tuning.decimation
+        time_s = np.asarray((index * step + self._tuning.delay_samples) / self._tuning.sample_rate_hz, np.float64)
+        self._phase = self._phase[ready:].copy()
+        self._amplitude = self._amplitude[ready:].copy()
+        self._first += ready
+        return np.stack((time_s, frequency, slope, amplitude))

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from analysis.recording import Role
+from analysis.shot import AnalysisError
+from analysis.signal.stream import LiveChunk, LiveDemodulator
+from tests.analysis.signal.beats import collision, free_flight, make_recording
+
+
+def _run(live: LiveDemodulator, counts: np.ndarray, block: int) -> list[LiveChunk]:
+    return [live.feed(counts[a : a + block]) for a in range(0, counts.shape[0], block)]
+
+
+def _joined(chunks: list[LiveChunk], name: str) -> np.ndarray:
+    return np.concatenate([getattr(c, name) for c in chunks])
+
+
+def test_the_live_picture_follows_an_impact_and_does_not_depend_on_the_blocks() -> None:
+    truth = collision(0.265, 25e-3)
+    recording = make_recording(truth, 500_000)
+    runs = [
+        _run(LiveDemodulator(10e6, 1, 0, recording.setup, 10e3, 2e3), recording.counts, block)
+        for block in (4096, 30_011)
+    ]
+    time, velocity, force = (_joined(runs[0], n) for n in ("time_s", "velocity_m_per_s", "force_n"))
+    exact = (truth(time + 1e-6) - truth(time - 1e-6)) / 2e-6
+    assert np.max(np.abs(velocity - exact)) < 2e-3  # the corner where the force sets in, through 2 kHz
+    assert np.median(np.abs(velocity - exact)) < 2e-6
+    assert force.max() == pytest.approx(0.01785 * 0.265 * np.pi / 10e-3, rel=0.02)
+    assert np.array_equal(_joined(runs[0], "beat_frequency_hz"), _joined(runs[1], "beat_frequency_hz"))
+    assert runs[0][-1].rest_frequency_hz == pytest.approx(2.73e6, abs=0.05)
+
+
+def test_a_gap_parts_the_picture_and_keeps_the_clock() -> None:
+    recording = make_recording(free_flight(-0.3), 400_000)
+    live = LiveDemodulator(10e6, 1, 0, recording.setup)
+    chunks = _run(live, recording.counts[:200_000], 20_000)
+    live.gap(37_123)
+    chunks += _run(live, recording.counts[237_123:], 20_000)
+    velocity = _joined(chunks, "velocity_m_per_s")
+    assert np.isnan(velocity).sum() == 1
+    assert np.allclose(velocity[~np.isnan(velocity)], -0.3, atol=2e-5)
+    assert _joined(chunks, "time_s")[-1] == pytest.approx(0.04, abs=6e-3)
+    assert np.all(np.diff(_joined(chunks, "time_s")) > 0)
+
+
+def test_it_waits_for_light_and_says_so() -> None:
+    recording = make_recording(free_flight(0.1), 200_000)
+    live = LiveDemodulator(10e6, 1, 0, recording.setup)
+    dark = np.random.default_rng(3).normal(0, 5, (60_000, 2)).astype(np.int16)
+    assert all(c.time_s.size == 0 and c.problem for c in _run(live, dark, 10_000))
+    lit = _run(live, recording.counts, 10_000)
+    assert np.allclose(lit[-1].velocity_m_per_s, 0.1, atol=2e-5)
+    assert lit[-1].problem is None
+
+
+def test_memory_does_not_grow() -> None:
+    recording = make_recording(free_flight(0.1), 100_000)
+    live = LiveDemodulator(10e6, 1, 0, recording.setup)
+    _run(live, recording.counts, 50_000)
+    sizes = []
+    for _ in range(6):
+        _run(live, recording.counts, 50_000)
+        sizes.append(sum(line._phase.nbytes + line._reader._phase.nbytes for line in live._lines))
+    assert max(sizes) < 1.05 * sizes[0]
+
+
+def test_a_given_rest_frequency_serves_without_a_reference() -> None:
+    recording = make_recording(free_flight(0.1), 200_000, order=(Role.MEASUREMENT,))
+    chunks = _run(LiveDemodulator(10e6, 0, None, recording.setup), recording.counts, 10_000)
+    assert np.allclose(_joined(chunks, "velocity_m_per_s"), 0.1, atol=2e-5)
+    with pytest.raises(AnalysisError, match="rest frequency"):
+        LiveDemodulator(10e6, 0, None, make_recording(free_flight(0.1), 10).setup)

@@ -65,8 +65,7 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight) 
 
 def _straightened(motion: Motion, flight: Flight) -> Motion:
     """Take the incoming flight's own acceleration off the displacement: a drag bends the short flights as well."""
-    half_acceleration = float(flight.coefficients[2]) if flight.coefficients.size > 2 else 0.0
-    bend = half_acceleration * (motion.time_s - flight.time_zero_s) ** 2
+    bend = 0.5 * flight.acceleration_m_per_s2 * (motion.time_s - flight.time_zero_s) ** 2
     return replace(motion, displacement_m=motion.displacement_m - bend)
 
 

@@ -50,7 +50,7 @@ def edge_of_flight(motion: Motion, flight: Flight, *, last: bool) -> Edge | None
     shaped = _first_run(np.abs(departure) > SHAPED_SIGMAS * std) or departure.size - 1
     shaped = min(max(shaped, clear + 6), departure.size - 1)
     reach = 1.5 * (shaped - clear) + 3
-    start = max(0, int(clear - reach - 12))
+    start = max(0, int(clear - 2.0 * reach - 24))
     sign = 1.0 if last else -1.0
     anchor = float(motion.time_s[window[clear]])
     beyond = sign * (motion.time_s[window[start : shaped + 1]] - anchor)
@@ -68,12 +68,18 @@ def _least_squares_edge(
     u_s: Floats, departure_m: Floats, std_m: float, low_s: float, high_s: float, *, tension: bool
 ) -> Edge | None:
     trials = np.linspace(low_s, high_s, TRIALS)
+    # vibration of the building bends the flight's continuation a little: let the line before the edge be its own
+    line, _ = np.linalg.qr(np.stack([np.ones_like(u_s), u_s / np.abs(u_s).max()], axis=1))
     scaled = departure_m / std_m
-    cost = np.array([nnls(_force_terms(u_s - t, tension=tension), scaled)[1] ** 2 for t in trials])
+    scaled = scaled - line @ (line.T @ scaled)
+    cost = np.empty(trials.size)
+    for k, trial in enumerate(trials):
+        terms = _force_terms(u_s - trial, tension=tension)
+        cost[k] = nnls(terms - line @ (line.T @ terms), scaled)[1] ** 2
     best = int(cost.argmin())
     if best == 0:
         return None
-    spread = max(1.0, float(np.sqrt(cost[best] / max(u_s.size - 3, 1))))  # the series is only a series
+    spread = max(1.0, float(np.sqrt(cost[best] / max(u_s.size - 5, 1))))  # the series is only a series
     return _weighed(trials, cost, spread)
 
 

@@ -40,6 +40,11 @@ class Flight:
     first: int
     last: int
 
+    @property
+    def acceleration_m_per_s2(self) -> float:
+        """Get the flight's own constant acceleration; 0 where it was too short to show one."""
+        return 2.0 * float(self.coefficients[2]) if self.coefficients.size > 2 else 0.0
+
     def position_m(self, time_s: Floats) -> Floats:
         """Return the flight's displacement in m, continued to any times in s."""
         return np.asarray(np.polynomial.polynomial.polyval(time_s - self.time_zero_s, self.coefficients))

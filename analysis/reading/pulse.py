@@ -12,6 +12,7 @@ Floats = NDArray[np.float64]
 
 SMOOTH_HZ = (100.0, 250.0, 500.0)  # PHYSICS.md section 3: the smooth pulse is the force low-passed at 100-500 Hz
 SLOPE_SPAN = (0.209, 0.975)  # of the contact: 6 to 28 ms of 28.7, clear of bounces and release
+SPLIT_NOISE = 0.6  # of a velocity's noise is left in the turning point, a line through 18 samples
 TOP_FRACTION = 0.04  # of the contact time, to each side of the top, that a parabola follows
 
 
@@ -87,20 +88,28 @@ def _width(motion: Motion, touch: Edge, release: Edge, cutoff_hz: float) -> tupl
     return float(finish - begin), float(np.hypot(*(std / slopes))), cutoff_hz
 
 
-def read_impulse_ratio(motion: Motion, turnaround_s: float, touch: Edge, release: Edge) -> Reading:
-    """Return the impulse of unloading over that of loading, split where v = 0 (PHYSICS.md section 2)."""
+def read_impulse_ratio(
+    motion: Motion, turnaround_s: float, touch: Edge, release: Edge, drag_n: tuple[float, float]
+) -> Reading:
+    """Return the impulse of unloading over that of loading, split where v = 0 (PHYSICS.md section 2).
+
+    The integrals reach beyond the contact by the force filter's ringing; what the free flights' own forces ``drag_n``
+    (before, after) add there is taken off.
+    """
     margin = 6.0 / motion.bandwidth_hz  # the filter rings this far beyond the edges
     begin, finish = touch.time_s - margin, release.time_s + margin
     if begin < motion.time_s[0] or finish > motion.time_s[-1]:
         return NotSeen("the record ends too close to the contact")
-    loading = _integral(motion.time_s, motion.force_n, begin, turnaround_s)
-    unloading = _integral(motion.time_s, motion.force_n, turnaround_s, finish)
+    loading = _integral(motion.time_s, motion.force_n, begin, turnaround_s) - drag_n[0] * margin
+    unloading = _integral(motion.time_s, motion.force_n, turnaround_s, finish) - drag_n[1] * margin
     if not (np.isfinite(loading) and np.isfinite(unloading)) or loading <= 0.0:
         return NotSeen("the force is interrupted within the contact")
-    velocity_std = float(np.nanmedian(motion.velocity_std_m_per_s)) * motion.moving_mass_kg
-    # an integral of the force is a difference of velocities: the noise of its two ends, no more
-    std = float(np.hypot(velocity_std / loading, velocity_std * unloading / loading**2)) * np.sqrt(2.0)
-    return Quantity(unloading / loading, std, "∫F over unloading / ∫F over loading, split where v = 0")
+    # an integral of the force is a difference of velocities: the noise of both ends, and of the split they share
+    ends = float(np.nanmedian(motion.velocity_std_m_per_s)) * motion.moving_mass_kg / loading
+    split = SPLIT_NOISE * ends
+    ratio = unloading / loading
+    std = float(np.sqrt(ends**2 * (1.0 + ratio**2) + split**2 * (1.0 + ratio) ** 2))
+    return Quantity(ratio, std, "∫F over unloading / ∫F over loading, split where v = 0")
 
 
 def read_slope(motion: Motion, touch: Edge, release: Edge, touch_position_m: float) -> Reading:

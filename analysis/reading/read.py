@@ -37,11 +37,15 @@ def read_impact(motion: Motion) -> Impact:
         return _unfinished(motion, touch, v_in, "the block does not turn round")
     v_out = _velocity(flight_out, release, "after the release")
     quasi_static = _ratio(v_out, v_in, "|v_out / v_in| of the two free flights")
-    impulse = pulse.read_impulse_ratio(motion, turnaround, touch, release)
+    drag = (
+        motion.moving_mass_kg * flight_in.acceleration_m_per_s2,
+        motion.moving_mass_kg * flight_out.acceleration_m_per_s2,
+    )
+    impulse = pulse.read_impulse_ratio(motion, turnaround, touch, release, drag)
     bounces = find_bounces(motion, touch, release, flight_in)
     touch_position = float(flight_in.position_m(np.array([touch.time_s]))[0])
     peak, _ = pulse.read_peak(motion, touch, release)
-    flags = ["bounces_disturbed"] if bounces.disturbed else []
+    flags = ["bounces_disturbed"] if _disturbed(bounces) else []
     if not _agree(quasi_static, impulse):
         flags.append("impulse_disagrees")
     return Impact(
@@ -111,10 +115,17 @@ def _agree(one: Quantity, other: Reading) -> bool:
     return abs(one.value - other.value) <= AGREEMENT_SIGMAS * float(np.hypot(one.std, other.std))
 
 
+def _disturbed(bounces: Bounces) -> bool:
+    """Tell bounces from a block that rings: a flight bent, or a second bounce that lasts longer than the first."""
+    on = [edge.time_s for edge in bounces.onsets]
+    top = [edge.time_s for edge in bounces.peaks]
+    return bounces.disturbed or any(len(t) >= 3 and t[2] - t[1] >= t[1] - t[0] for t in (on, top))
+
+
 def _kinetic(bounces: Bounces) -> KineticCor:
     """Return T2 / T1 three ways (PHYSICS.md section 2); a bounce that is not there is said, not guessed."""
     contacts = len(bounces.onsets)
-    if bounces.disturbed:
+    if _disturbed(bounces):
         ringing = NotSeen("the flights between the bounces are not straight: something else moves the block")
         return KineticCor(ringing, ringing, ringing)
     missing = NotSeen(f"{contacts} contact{'s' if contacts != 1 else ''} resolved, three are needed")

@@ -70,7 +70,7 @@ def test_stated_uncertainty_of_the_restitution_is_true() -> None:
         reading = seen(read_impact(motion_of(RIG, seed)).cor_quasi_static)
         values.append(reading.value)
         stds.append(reading.std)
-    # chi-squared of 29 degrees of freedom: 0.74 to 1.26 of the true value in 95 of 100 draws, 0.6 to 1.5 practically always
+    # 29 degrees of freedom: within 0.74 to 1.26 in 95 of 100 draws, within 0.6 to 1.5 practically always
     assert 0.6 < np.std(values, ddof=1) / np.mean(stds) < 1.5
 
 

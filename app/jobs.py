@@ -1,0 +1,118 @@
+"""Work that takes longer than a frame: one worker thread, progress and cancel; the screen polls, nothing is pushed."""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from analysis.shot import Cancelled
+
+Report = Callable[[str, float], None]
+Asked = Callable[[], bool]
+Work = Callable[[Report, Asked], Any]
+
+
+@dataclass(slots=True, eq=False)
+class Job:
+    """One piece of work; ``what`` and ``fraction`` are written by the worker and read by the screen."""
+
+    name: str
+    work: Work
+    kind: str = ""
+    what: str = ""
+    fraction: float = 0.0
+    result: Any = None
+    problem: str | None = None
+    cancelled: bool = False
+    done: threading.Event = field(default_factory=threading.Event)
+
+    def cancel(self) -> None:
+        """Ask the job to stop at its next look."""
+        self.cancelled = True
+
+
+class Jobs:
+    """A queue of jobs worked off one after another in a thread that ends with ``close``."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Job] = deque()
+        self._finished: deque[Job] = deque()
+        self._current: Job | None = None
+        self._wake = threading.Condition()
+        self._closing = False
+        self._thread = threading.Thread(target=self._work, name="levimass-jobs", daemon=True)
+        self._thread.start()
+
+    def submit(self, name: str, work: Work, kind: str = "") -> Job:
+        """Queue a job; its function gets (report, cancelled) and returns the result."""
+        job = Job(name, work, kind)
+        with self._wake:
+            self._waiting.append(job)
+            self._wake.notify()
+        return job
+
+    @property
+    def current(self) -> Job | None:
+        """Get the job under way."""
+        return self._current
+
+    @property
+    def open_jobs(self) -> int:
+        """Get how many jobs are waiting or under way."""
+        with self._wake:
+            return len(self._waiting) + (self._current is not None)
+
+    def finished(self) -> list[Job]:
+        """Return the jobs that ended since the last call, cancelled ones included."""
+        ended = []
+        while self._finished:
+            ended.append(self._finished.popleft())
+        return ended
+
+    def cancel(self, kind: str | None = None) -> None:
+        """Cancel all jobs, or all of one kind."""
+        with self._wake:
+            for job in (*self._waiting, self._current):
+                if job is not None and (kind is None or job.kind == kind):
+                    job.cancel()
+
+    def close(self, timeout_s: float = 10.0) -> bool:
+        """Cancel everything and wait for the thread; return whether it ended."""
+        self.cancel()
+        with self._wake:
+            self._closing = True
+            self._wake.notify()
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _work(self) -> None:
+        while True:
+            with self._wake:
+                while not self._waiting and not self._closing:
+                    self._wake.wait()
+                if self._closing:
+                    return
+                job = self._waiting.popleft()
+                self._current = job
+            self._run(job)
+            with self._wake:
+                self._current = None
+            self._finished.append(job)
+            job.done.set()
+
+    def _run(self, job: Job) -> None:
+        def report(what: str, fraction: float) -> None:
+            job.what, job.fraction = what, fraction
+
+        def cancelled() -> bool:
+            return job.cancelled
+
+        if job.cancelled:
+            return
+        try:
+            job.result = job.work(report, cancelled)
+        except Cancelled:
+            job.cancelled = True
+        except Exception as error:  # the worker must outlive any one job; the window shows the reason
+            job.problem = str(error) or type(error).__name__

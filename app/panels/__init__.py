@@ -1,0 +1,1 @@
+"""The panels the window is composed of, one a file."""

@@ -1,0 +1,86 @@
+"""The model in use in three lines, and the verdict of the last diagnosis, beside the numbers."""
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from analysis.shot import Shot
+from app.theme import MARKS, Colours, Tone
+from app.wording import effect_words, number
+
+
+class ModelPanel(QFrame):
+    """Base and effects, how well they fit this shot, what the diagnosis said."""
+
+    diagnose_wanted = Signal()
+    details_wanted = Signal()
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        column = QVBoxLayout(self)
+        column.setContentsMargins(12, 6, 12, 8)
+        column.setSpacing(3)
+        heading = QLabel("MODEL AND DIAGNOSIS", self)
+        heading.setProperty("heading", True)
+        column.addWidget(heading)
+        self._model = QLabel(self)
+        self._fit = QLabel(self)
+        self._verdict = QLabel(self)
+        for label in (self._model, self._fit, self._verdict):
+            label.setWordWrap(True)
+            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+            column.addWidget(label)
+        self._verdict.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
+        self._verdict.setAlignment(Qt.AlignmentFlag.AlignTop)
+        row = QHBoxLayout()
+        self.diagnose = QPushButton("Diagnose", self)
+        self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
+        self.details = QPushButton("Evidence", self)
+        self.details.setToolTip("Candidates, residual before and after  (Ctrl+5)")
+        row.addWidget(self.diagnose)
+        row.addWidget(self.details)
+        row.addStretch(1)
+        column.addLayout(row)
+        self.diagnose.clicked.connect(self._diagnose)
+        self.details.clicked.connect(self._details)
+        self.show_shot(None)
+        self.show_verdict("", Tone.NEUTRAL)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+
+    def show_shot(self, shot: Shot | None) -> None:
+        """Show the model of this shot's fit."""
+        fit = shot.fit if shot is not None else None
+        if fit is None:
+            self._model.setText("paper's two bodies" if shot is None else f"model {shot.settings.model}: not fitted")
+            self._fit.setText("")
+            return
+        effects = " + ".join(effect_words(name) for name in fit.effects) or "nothing"
+        self._model.setText(f"<b>{fit.model}</b> + {effects}")
+        if not fit.converged:
+            self._fit.setText(f"{MARKS[Tone.BAD]} the fit did not converge: its numbers are not shown")
+            self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
+            return
+        self._fit.setStyleSheet("")
+        self._fit.setText(f"χ²/ν {number(fit.reduced_chi2, 4)}   noise {number(1e9 * fit.noise_std_m, 3)} nm a sample")
+        self._fit.setToolTip("Near 1: what is left over is noise. Far above: the model lacks something, diagnose it.")
+
+    def show_verdict(self, sentence: str, tone: Tone) -> None:
+        """Show what the diagnosis of this shot said."""
+        self._verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
+        self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
+
+    @property
+    def verdict(self) -> str:
+        """Get the verdict shown."""
+        return self._verdict.text()
+
+    @Slot()
+    def _diagnose(self) -> None:
+        self.diagnose_wanted.emit()
+
+    @Slot()
+    def _details(self) -> None:
+        self.details_wanted.emit()

@@ -1,0 +1,156 @@
+"""Two cursors over linked plots, and what lies between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyqtgraph as pg
+from numpy.typing import NDArray
+from PySide6.QtCore import QObject, Signal, Slot
+
+from app.plots.curve import SampledCurve
+from app.plots.time_plot import TimePlot
+from app.theme import Colours
+
+
+@dataclass(frozen=True, slots=True)
+class Between:
+    """What one curve does between the cursors, in the curve's own unit; NaN where there is nothing."""
+
+    name: str
+    unit: str
+    at_a: float
+    at_b: float
+    mean: float
+    rms: float  # about zero
+    deviation: float  # about the mean
+    slope_per_s: float  # least squares over the samples between
+
+    @property
+    def difference(self) -> float:
+        """Get value at B minus value at A."""
+        return self.at_b - self.at_a
+
+
+def between(
+    name: str, unit: str, x_ms: NDArray[np.float64], values: NDArray[np.float64], at_a: float, at_b: float
+) -> Between:
+    """Return the measures of the samples (n,) at times (n,) in ms; what is NaN is left out."""
+    seen = np.isfinite(values)
+    x, y = x_ms[seen] * 1e-3, values[seen].astype(np.float64)
+    if len(y) == 0:
+        nothing = float("nan")
+        return Between(name, unit, at_a, at_b, nothing, nothing, nothing, nothing)
+    mean = float(y.mean())
+    centred = x - x.mean()
+    power = float(centred @ centred)
+    slope = float(centred @ (y - mean)) / power if power > 0 else float("nan")
+    return Between(name, unit, at_a, at_b, mean, float(np.sqrt(np.mean(y * y))), float(y.std()), slope)
+
+
+class Cursors(QObject):
+    """Cursor A and B, drawn in every joined plot at the same time."""
+
+    moved = Signal()
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self._plots: list[TimePlot] = []
+        self._lines: dict[str, list[pg.InfiniteLine]] = {"A": [], "B": []}
+        self._at = {"A": 0.0, "B": 1.0}
+        self.shown = False
+        self._following = False
+
+    def join(self, plot: TimePlot) -> None:
+        """Draw the cursors in this plot too."""
+        for name, lines in self._lines.items():
+            first = not self._plots
+            line = pg.InfiniteLine(
+                angle=90,
+                movable=True,
+                label=name if first else None,
+                labelOpts={"position": 0.94, "movable": False} if first else None,
+            )
+            line.setZValue(20)
+            line.setVisible(False)
+            plot.addItem(line, ignoreBounds=True)
+            line.sigPositionChanged.connect(self._dragged_a if name == "A" else self._dragged_b)
+            lines.append(line)
+        self._plots.append(plot)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours; A is drawn full, B dashed, so that they differ without colour."""
+        for name, colour, dash in (("A", colours.cursor_a, None), ("B", colours.cursor_b, [6, 4])):
+            pen = pg.mkPen(colour, width=1, dash=dash)
+            for line in self._lines[name]:
+                line.setPen(pen)
+                line.setHoverPen(pg.mkPen(colour, width=3, dash=dash))
+                if getattr(line, "label", None) is not None:
+                    line.label.setColor(colour)
+
+    @property
+    def times(self) -> tuple[float, float]:
+        """Get the places of A and B in ms."""
+        return self._at["A"], self._at["B"]
+
+    def place(self, a: float, b: float) -> None:
+        """Set both cursors, in ms."""
+        self._set("A", a)
+        self._set("B", b)
+
+    def show(self, shown: bool, left: float, right: float) -> None:
+        """Show or hide; when they come they stand at a third and two thirds of the view."""
+        self.shown = shown
+        if shown:
+            third = (right - left) / 3
+            self.place(left + third, right - third)
+        for lines in self._lines.values():
+            for line in lines:
+                line.setVisible(shown)
+        self.moved.emit()
+
+    def _set(self, name: str, place: float) -> None:
+        if self._following:
+            return
+        self._following = True
+        self._at[name] = place
+        for line in self._lines[name]:
+            line.setValue(place)
+        self._following = False
+        self.moved.emit()
+
+    @Slot(object)
+    def _dragged_a(self, line: pg.InfiniteLine) -> None:
+        self._set("A", float(line.value()))
+
+    @Slot(object)
+    def _dragged_b(self, line: pg.InfiniteLine) -> None:
+        self._set("B", float(line.value()))
+
+    def measures(self) -> list[Between]:
+        """Return what every visible curve of the joined plots does between the cursors."""
+        a, b = self.times
+        left, right = min(a, b), max(a, b)
+        found = []
+        for plot in self._plots:
+            for curve in plot.curves:
+                if curve.isVisible() and len(curve.samples):
+                    found.append(self._measure(plot, curve, left, right))
+        return found
+
+    def _measure(self, plot: TimePlot, curve: SampledCurve, left: float, right: float) -> Between:
+        a, b = self.times
+        x, values = curve.between(left, right)
+        name = f"{plot.title}, {curve.label}"
+        return between(name, plot.unit, x, np.asarray(values, float), curve.value_at(a), curve.value_at(b))
+
+    def text(self) -> str:
+        """Return all measures as tab-separated text, times and values in plain units."""
+        a, b = self.times
+        rows = [
+            f"A\t{a:.6f} ms\tB\t{b:.6f} ms\tB-A\t{b - a:.6f} ms",
+            "curve\tunit\tat A\tat B\tB-A\tmean\trms\tstandard deviation\tslope (unit/s)",
+        ]
+        for m in self.measures():
+            numbers = (m.at_a, m.at_b, m.difference, m.mean, m.rms, m.deviation, m.slope_per_s)
+            rows.append(f"{m.name}\t{m.unit}\t" + "\t".join(f"{value:.9g}" for value in numbers))
+        return "\n".join(rows)

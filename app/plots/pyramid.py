@@ -1,0 +1,117 @@
+"""Extremes of a long record at every zoom: what a view of so many pixels needs, and no peak lost."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating] | NDArray[np.integer]
+BASE = 16  # samples of one level that make one of the next
+
+
+class Pyramid:
+    """Minima and maxima of uniformly sampled values over blocks of 16, 256, 4096, ... samples, grown as data arrive.
+
+    Only whole blocks enter a level; the rest is read from the level below, so that what was appended in pieces
+    answers exactly like what was given at once.  NaN is ignored where a block holds anything else.
+    """
+
+    def __init__(self, values: Array | None = None) -> None:
+        self._values: Array = np.empty(0) if values is None else values
+        self._lows: list[Array] = []
+        self._highs: list[Array] = []
+        self._grow()
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    @property
+    def values(self) -> Array:
+        """Get all values, shape (n,)."""
+        return self._values
+
+    def append(self, values: Array) -> None:
+        """Add values at the end; the cost is that of the new ones plus one copy of the level arrays."""
+        self._values = values if len(self._values) == 0 else np.concatenate((self._values, values))
+        self._grow()
+
+    def _grow(self) -> None:
+        low, high = self._values, self._values
+        level = 0
+        while len(low) >= BASE:
+            if level == len(self._lows):
+                self._lows.append(low[:0])
+                self._highs.append(high[:0])
+            done = len(self._lows[level])
+            whole = len(low) // BASE
+            if whole > done:
+                fresh = slice(done * BASE, whole * BASE)
+                lows = np.fmin.reduce(low[fresh].reshape(-1, BASE), axis=1)
+                highs = np.fmax.reduce(high[fresh].reshape(-1, BASE), axis=1)
+                self._lows[level] = np.concatenate((self._lows[level], lows))
+                self._highs[level] = np.concatenate((self._highs[level], highs))
+            low, high = self._lows[level], self._highs[level]
+            level += 1
+
+    def extremes(self, start: int, stop: int) -> tuple[float, float]:
+        """Return the smallest and largest of samples ``start`` to ``stop`` (exclusive); NaN where there are none."""
+        start, stop = max(0, start), min(len(self._values), stop)
+        if stop <= start:
+            return float("nan"), float("nan")
+        low, high = np.inf, -np.inf
+        for level in range(-1, len(self._lows)):
+            lows = self._values if level < 0 else self._lows[level]
+            highs = self._values if level < 0 else self._highs[level]
+            stop = min(stop, len(lows))
+            last = level == len(self._lows) - 1
+            head = stop if last else min(stop, -(-start // BASE) * BASE)
+            tail = stop if last else max(head, stop // BASE * BASE)
+            for part in (slice(start, head), slice(tail, stop)):
+                if part.stop > part.start:
+                    low = np.fmin(low, float(np.fmin.reduce(lows[part])))
+                    high = np.fmax(high, float(np.fmax.reduce(highs[part])))
+            if tail <= head:
+                break
+            start, stop = head // BASE, tail // BASE
+        return (float(low), float(high)) if low <= high else (float("nan"), float("nan"))
+
+    def view(self, start: int, stop: int, pixels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return (sample positions, values) of samples ``start`` to ``stop`` with at most two points a pixel.
+
+        Where fewer than two samples fall on a pixel these are the samples themselves; else each pixel's worth of
+        samples gives its minimum and its maximum.  Bins lie on multiples of their own width, so that panning does
+        not make them flicker.
+        """
+        start, stop = max(0, start), min(len(self._values), stop)
+        pixels = max(2, pixels)
+        count = stop - start
+        if count <= 0:
+            return np.empty(0), np.empty(0)
+        if count <= 2 * pixels:
+            return np.arange(start, stop, dtype=np.float64), self._values[start:stop].astype(np.float64)
+        width = -(-count // (pixels - 1))
+        level = 0
+        while BASE ** (level + 1) <= width and level < len(self._lows):
+            level += 1
+        unit = BASE**level
+        width = -(-width // unit) * unit
+        first = start // width * width
+        lows = self._values if level == 0 else self._lows[level - 1]
+        highs = self._values if level == 0 else self._highs[level - 1]
+        begin = first // unit
+        end = min(len(lows), -(-stop // width) * (width // unit))
+        edges = np.arange(begin, end, width // unit)
+        low = np.fmin.reduceat(lows[:end], edges)
+        high = np.fmax.reduceat(highs[:end], edges)
+        covered = end * unit
+        if covered < stop:  # the last samples, too few for a block of this level
+            rest_low, rest_high = self.extremes(covered, stop)
+            if covered % width:
+                low[-1], high[-1] = np.fmin(low[-1], rest_low), np.fmax(high[-1], rest_high)
+            else:
+                low, high = np.append(low, rest_low), np.append(high, rest_high)
+                edges = np.append(edges, end)
+        middle = edges * float(unit) + 0.5 * width
+        middle[-1] = min(middle[-1], len(self._values) - 1.0)
+        x = np.repeat(middle, 2)
+        y = np.empty(2 * len(edges))
+        y[0::2], y[1::2] = low, high
+        return x, y

@@ -1,0 +1,264 @@
+"""Colours, pens and sizes of the window, dark and light; the one place where measured and simulated get their look."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import pyqtgraph as pg
+from PySide6.QtCore import QObject, Qt, Signal, Slot
+from PySide6.QtGui import QColor, QFont, QGuiApplication, QPalette, QPen
+from PySide6.QtWidgets import QApplication
+
+
+class Tone(StrEnum):
+    """What a colour means; every use of a tone carries a word or a sign beside it."""
+
+    NEUTRAL = "neutral"
+    WAITING = "waiting"
+    BUSY = "busy"
+    GOOD = "good"
+    WARNING = "warning"
+    BAD = "bad"
+
+
+@dataclass(frozen=True, slots=True)
+class Colours:
+    """One colour scheme; text on ``panel`` and on every tone has a contrast of at least 4.5 to 1."""
+
+    dark: bool
+    window: str
+    panel: str
+    plot: str
+    text: str
+    faint: str  # secondary text
+    edge: str
+    accent: str
+    accent_text: str
+    measured: str
+    simulated: str
+    residual: str
+    band: str  # opaque: half-transparent fills cost frames
+    marker: str
+    cursor_a: str
+    cursor_b: str
+    tones: dict[Tone, tuple[str, str]]  # background, text
+    signs: dict[Tone, str]  # the tone as text on the panel
+    series: tuple[str, ...]  # overlaid shots; each also gets its own dash
+
+
+LIGHT = Colours(
+    dark=False,
+    window="#eef0f3",
+    panel="#ffffff",
+    plot="#ffffff",
+    text="#14181d",
+    faint="#56606c",
+    edge="#c6ccd4",
+    accent="#1b5fa8",
+    accent_text="#ffffff",
+    measured="#1a2733",
+    simulated="#d1380f",
+    residual="#1b5fa8",
+    band="#d5dde8",
+    marker="#7a8694",
+    cursor_a="#7a2bb5",
+    cursor_b="#0b7a53",
+    tones={
+        Tone.NEUTRAL: ("#3d4a58", "#ffffff"),
+        Tone.WAITING: ("#f5b400", "#1c1500"),
+        Tone.BUSY: ("#1b5fa8", "#ffffff"),
+        Tone.GOOD: ("#15703f", "#ffffff"),
+        Tone.WARNING: ("#f5b400", "#1c1500"),
+        Tone.BAD: ("#b3161b", "#ffffff"),
+    },
+    signs={
+        Tone.NEUTRAL: "#56606c",
+        Tone.WAITING: "#7d5a00",
+        Tone.BUSY: "#1b5fa8",
+        Tone.GOOD: "#15703f",
+        Tone.WARNING: "#7d5a00",
+        Tone.BAD: "#b3161b",
+    },
+    series=("#1b5fa8", "#d1380f", "#15703f", "#7a2bb5", "#8a6a00", "#0f7f8c", "#a3195b", "#4a5563"),
+)
+
+DARK = Colours(
+    dark=True,
+    window="#14181d",
+    panel="#1d232a",
+    plot="#101418",
+    text="#e8edf2",
+    faint="#a3afbc",
+    edge="#3a444f",
+    accent="#5aa9ff",
+    accent_text="#06121f",
+    measured="#dfe7ee",
+    simulated="#ff8a4c",
+    residual="#5aa9ff",
+    band="#2b3744",
+    marker="#8793a0",
+    cursor_a="#d39bff",
+    cursor_b="#5fdcaa",
+    tones={
+        Tone.NEUTRAL: ("#45525f", "#ffffff"),
+        Tone.WAITING: ("#ffc533", "#1c1500"),
+        Tone.BUSY: ("#1f6fc4", "#ffffff"),
+        Tone.GOOD: ("#1a7f49", "#ffffff"),
+        Tone.WARNING: ("#ffc533", "#1c1500"),
+        Tone.BAD: ("#c8252b", "#ffffff"),
+    },
+    signs={
+        Tone.NEUTRAL: "#a3afbc",
+        Tone.WAITING: "#ffc533",
+        Tone.BUSY: "#5aa9ff",
+        Tone.GOOD: "#5fdc98",
+        Tone.WARNING: "#ffc533",
+        Tone.BAD: "#ff7d7d",
+    },
+    series=("#5aa9ff", "#ff8a4c", "#5fdc98", "#d39bff", "#ffc533", "#4fd3e0", "#ff7fb2", "#b4bec9"),
+)
+
+MARKS = {
+    Tone.NEUTRAL: "○",
+    Tone.WAITING: "◔",
+    Tone.BUSY: "◔",
+    Tone.GOOD: "✓",
+    Tone.WARNING: "!",
+    Tone.BAD: "✗",
+}
+
+DASHES = (
+    Qt.PenStyle.SolidLine,
+    Qt.PenStyle.DashLine,
+    Qt.PenStyle.DotLine,
+    Qt.PenStyle.DashDotLine,
+)
+
+
+def thin(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
+    """Return the only pen curves may use: one device pixel wide, opaque (a wider zigzag costs seconds a frame)."""
+    return pg.mkPen(QColor(colour), width=1, style=dash)
+
+
+def series_pen(colours: Colours, index: int) -> QPen:
+    """Return the pen of the index-th overlaid shot: its own colour, and its own dash each time the colours repeat."""
+    turn, place = divmod(index, len(colours.series))
+    return thin(colours.series[place], DASHES[turn % len(DASHES)])
+
+
+def sized(font: QFont, factor: float, bold: bool = False) -> QFont:
+    """Return the font scaled relative to the system's own size, so that the system's scaling carries through."""
+    scaled = QFont(font)
+    if font.pointSizeF() > 0:
+        scaled.setPointSizeF(font.pointSizeF() * factor)
+    else:
+        scaled.setPixelSize(round(font.pixelSize() * factor))
+    scaled.setBold(bold)
+    return scaled
+
+
+def palette(colours: Colours) -> QPalette:
+    """Return the Qt palette of a scheme, so that every stock widget follows it."""
+    result = QPalette()
+    role = QPalette.ColorRole
+    for which, colour in (
+        (role.Window, colours.window),
+        (role.WindowText, colours.text),
+        (role.Base, colours.panel),
+        (role.AlternateBase, colours.window),
+        (role.Text, colours.text),
+        (role.Button, colours.panel),
+        (role.ButtonText, colours.text),
+        (role.BrightText, colours.text),
+        (role.ToolTipBase, colours.panel),
+        (role.ToolTipText, colours.text),
+        (role.PlaceholderText, colours.faint),
+        (role.Highlight, colours.accent),
+        (role.HighlightedText, colours.accent_text),
+        (role.Link, colours.accent),
+        (role.Mid, colours.edge),
+        (role.Dark, colours.edge),
+        (role.Accent, colours.accent),
+    ):
+        result.setColor(which, QColor(colour))
+    for which in (role.WindowText, role.Text, role.ButtonText):
+        faded = QColor(colours.faint)
+        faded.setAlpha(150)
+        result.setColor(QPalette.ColorGroup.Disabled, which, faded)
+    return result
+
+
+def style_sheet(colours: Colours) -> str:
+    """Return the few rules that the palette cannot express."""
+    background, text = colours.tones[Tone.NEUTRAL]
+    return f"""
+    QToolTip {{ color: {colours.text}; background: {colours.panel}; border: 1px solid {colours.edge}; padding: 4px; }}
+    QFrame[card="true"] {{ background: {colours.panel}; border: 1px solid {colours.edge}; border-radius: 6px; }}
+    QLabel[faint="true"] {{ color: {colours.faint}; }}
+    QLabel[heading="true"] {{ color: {colours.faint}; font-weight: bold; letter-spacing: 1px; }}
+    QPushButton, QToolButton, QComboBox {{ padding: 5px 12px; border: 1px solid {colours.edge}; border-radius: 5px;
+        background: {colours.panel}; color: {colours.text}; }}
+    QPushButton:hover, QToolButton:hover, QComboBox:hover {{ border-color: {colours.accent}; }}
+    QPushButton:focus, QToolButton:focus, QComboBox:focus {{ border: 2px solid {colours.accent}; padding: 4px 11px; }}
+    QPushButton:pressed, QToolButton:pressed {{ background: {colours.edge}; }}
+    QPushButton:checked, QToolButton:checked {{ background: {background}; color: {text}; }}
+    QPushButton:disabled, QToolButton:disabled, QComboBox:disabled {{ color: {colours.marker};
+        background: {colours.window}; }}
+    QPushButton[primary="true"] {{ background: {colours.accent}; color: {colours.accent_text}; font-weight: bold;
+        border-color: {colours.accent}; }}
+    QPushButton[primary="true"]:focus {{ border: 2px solid {colours.text}; }}
+    QPushButton[primary="true"]:disabled {{ background: {colours.window}; color: {colours.marker};
+        border-color: {colours.edge}; }}
+    QTabBar::tab {{ padding: 7px 18px; border: none; border-bottom: 3px solid transparent; color: {colours.faint};
+        background: transparent; font-weight: bold; }}
+    QTabBar::tab:selected {{ color: {colours.text}; border-bottom: 3px solid {colours.accent}; }}
+    QTabBar::tab:focus {{ color: {colours.accent}; }}
+    QTabWidget::pane {{ border: none; border-top: 1px solid {colours.edge}; }}
+    QHeaderView::section {{ background: {colours.window}; color: {colours.faint}; border: none;
+        border-bottom: 1px solid {colours.edge}; padding: 4px 8px; }}
+    QTableView {{ border: none; gridline-color: {colours.edge}; selection-background-color: {colours.accent};
+        selection-color: {colours.accent_text}; alternate-background-color: {colours.window}; }}
+    QScrollArea {{ border: none; background: transparent; }}
+    QSplitter::handle {{ background: {colours.edge}; }}
+    QSplitter::handle:horizontal {{ width: 3px; }}
+    QSplitter::handle:vertical {{ height: 3px; }}
+    QProgressBar {{ border: 1px solid {colours.edge}; border-radius: 4px; text-align: center; background: {colours.window};
+        color: {colours.text}; min-height: 1.2em; }}
+    QProgressBar::chunk {{ background: {colours.band}; border-radius: 3px; }}
+    """
+
+
+class Theme(QObject):
+    """The scheme in use; follows the system unless a person chose one."""
+
+    changed = Signal()
+
+    def __init__(self, choice: str = "system", parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._choice = choice
+        self._colours = LIGHT
+        QGuiApplication.styleHints().colorSchemeChanged.connect(self._system_changed)
+        self._settle()
+
+    @property
+    def colours(self) -> Colours:
+        """Get the scheme in use."""
+        return self._colours
+
+    def choose(self, choice: str) -> None:
+        """Set "system", "dark" or "light"."""
+        self._choice = choice
+        self._settle()
+
+    @Slot()
+    def _system_changed(self) -> None:
+        self._settle()
+
+    def _settle(self) -> None:
+        system_dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
+        dark = self._choice == "dark" or (self._choice == "system" and system_dark)
+        self._colours = DARK if dark else LIGHT
+        application = QApplication.instance()
+        if isinstance(application, QApplication):
+            application.setPalette(palette(self._colours))
+            application.setStyleSheet(style_sheet(self._colours))
+        self.changed.emit()

@@ -132,7 +132,7 @@ class Cursors(QObject):
         left, right = min(a, b), max(a, b)
         found = []
         for plot in self._plots:
-            for curve in plot.curves:
+            for curve in plot.sampled:
                 if curve.isVisible() and len(curve.samples):
                     found.append(self._measure(plot, curve, left, right))
         return found

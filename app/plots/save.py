@@ -45,7 +45,7 @@ def save_csv(stack: TimeStack, path: Path) -> None:
     left, right = stack.span
     groups: dict[tuple[float, float, int, int], list[tuple[str, SampledCurve]]] = {}
     for plot in stack.plots:
-        for curve in plot.curves:
+        for curve in plot.sampled:
             if curve.isVisible() and len(curve.samples):
                 key = (*curve.grid, *curve.index_range(left, right))
                 groups.setdefault(key, []).append((f"{plot.title} {curve.label} ({plot.unit})", curve))

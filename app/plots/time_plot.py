@@ -54,7 +54,7 @@ class TimePlot(pg.PlotItem):
         super().__init__(viewBox=self.view, enableMenu=False)
         self.title = title
         self.unit = unit
-        self.curves: list[SampledCurve] = []
+        self.sampled: list[SampledCurve] = []
         self.bands: list[Band] = []
         self.marks: list[pg.InfiniteLine] = []
         self.minimum_span = 0.0
@@ -85,7 +85,7 @@ class TimePlot(pg.PlotItem):
         """Add an empty curve."""
         curve = SampledCurve(name, self.unit, pen)
         self.addItem(curve)
-        self.curves.append(curve)
+        self.sampled.append(curve)
         return curve
 
     def add_band(self, colour: str) -> Band:
@@ -131,7 +131,7 @@ class TimePlot(pg.PlotItem):
 
     @Slot()
     def _resized(self) -> None:
-        for curve in self.curves:
+        for curve in self.sampled:
             curve.redraw()
 
     def fit_y(self) -> None:
@@ -140,7 +140,7 @@ class TimePlot(pg.PlotItem):
             return
         (left, right), _ = self.view.viewRange()
         low, high = math.inf, -math.inf
-        for curve in self.curves:
+        for curve in self.sampled:
             if not curve.isVisible():
                 continue
             least, most = curve.extremes(left, right)

@@ -1,0 +1,246 @@
+"""What the window does with shots away from the rig: open, re-analyse, export, diagnose, change the model.
+
+Plain Python: every piece of work runs in the jobs' thread and comes back as a Happening that the screen polls.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+
+from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.fit import Fit
+from analysis.model.fitting import fit_shots
+from analysis.recording import Recording
+from analysis.shot import AnalysisError, AnalysisSettings, Shot
+from app.export import export
+from app.jobs import Asked, Job, Jobs, Report
+from app.read_shot import read_shot
+from app.session import Entry, Session
+from app.wording import effect_words
+from instrument.recording_file import find_recordings
+
+
+class Kind(StrEnum):
+    """What may happen."""
+
+    SHOT = "shot"  # a new entry, analysed
+    CHANGED = "changed"  # entries were read again or refitted
+    EXPORTED = "exported"
+    DIAGNOSED = "diagnosed"
+    PROBLEM = "problem"
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """One thing that ended, in words, with the entries it concerns."""
+
+    kind: Kind
+    words: str
+    numbers: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosed:
+    """A diagnosis and the entries it was made over, in the order of its fits."""
+
+    diagnosis: Diagnosis
+    numbers: tuple[int, ...]
+
+
+class Workbench:
+    """Session, jobs and the effects now in the model."""
+
+    def __init__(self, session: Session, settings: Callable[[], AnalysisSettings]) -> None:
+        self.session = session
+        self.jobs = Jobs()
+        self.effects: tuple[str, ...] = ()
+        self.diagnosed: Diagnosed | None = None
+        self._settings = settings
+        self._waiting: list[Happening] = []
+
+    def close(self) -> bool:
+        """Cancel all work and wait for it; return whether the thread ended."""
+        return self.jobs.close()
+
+    # what is asked for ------------------------------------------------------------------------------------------
+
+    def open_paths(self, paths: Sequence[Path]) -> int:
+        """Queue every recording under these files and folders; return how many."""
+        found = find_recordings(paths)
+        for path in found:
+            self._submit_open(path, self._settings())
+        return len(found)
+
+    def read_unread(self) -> None:
+        """Queue the recordings of entries that a reopened session lists."""
+        for entry in self.session.entries:
+            if entry.shot is None and entry.path is not None:
+                self._submit_fill(entry)
+
+    def reanalyse(self, numbers: Sequence[int]) -> int:
+        """Queue copies of these entries with the present settings; return how many."""
+        count = 0
+        for entry in self._entries(numbers):
+            if entry.path is not None:
+                self._submit_open(Path(entry.path), self._settings(), copy_of=entry.number)
+                count += 1
+        return count
+
+    def add_shot(self, shot: Shot) -> Entry:
+        """Take a shot that the rig captured and analysed; the model's effects join it in a job."""
+        entry = self.session.add(shot)
+        if self.effects and shot.motion is not None and shot.fit is not None:
+            self._submit_refit([entry])
+        return entry
+
+    def export(self, numbers: Sequence[int], folder: Path) -> None:
+        """Queue the export of these entries, or of all when none is named."""
+        shots = [
+            replace(entry.shot, note=entry.note)
+            for entry in (self._entries(numbers) or self.session.entries)
+            if entry.shot is not None
+        ]
+
+        def work(report: Report, _: Asked) -> Happening:
+            report("writing CSV", 0.1)
+            written = export(shots, folder)
+            return Happening(Kind.EXPORTED, f"{len(shots)} shots exported to {folder} ({len(written)} files)")
+
+        self.jobs.submit("export", work, "export")
+
+    def diagnose(self, numbers: Sequence[int]) -> str | None:
+        """Queue the diagnosis of these entries; return why not, or None."""
+        try:
+            from analysis.diagnosis import diagnose
+        except ImportError:
+            return "this version carries no diagnosis"
+        chosen = [entry for entry in self._entries(numbers) if entry.shot is not None and entry.shot.motion is not None]
+        if not chosen:
+            return "select at least one analysed shot"
+        models = {entry.settings.model for entry in chosen}
+        if len(models) > 1:
+            return f"the selected shots use different base models ({', '.join(sorted(models))}): select shots of one"
+        motions = [entry.shot.motion for entry in chosen if entry.shot is not None]
+        ids = tuple(entry.number for entry in chosen)
+
+        def work(report: Report, cancelled: Asked) -> Diagnosed:
+            found = diagnose(motions, model=models.pop(), progress=report, cancelled=cancelled)
+            return Diagnosed(found, ids)
+
+        self.jobs.submit("diagnosis", work, "diagnosis")
+        return None
+
+    def set_effect(self, name: str, wanted: bool) -> None:
+        """Add an effect to the model or take it out; every shot of the session is fitted again."""
+        kept = tuple(effect for effect in self.effects if effect != name)
+        self.effects = (*kept, name) if wanted else kept
+        self._submit_refit([entry for entry in self.session.entries if entry.shot is not None])
+
+    # what ended -------------------------------------------------------------------------------------------------
+
+    def poll(self) -> list[Happening]:
+        """Return what ended since the last call."""
+        for job in self.jobs.finished():
+            if job.cancelled:
+                continue
+            if job.problem is not None:
+                self._waiting.append(Happening(Kind.PROBLEM, f"{job.name}: {job.problem}"))
+            elif job.result is not None:
+                self._take(job)
+        happened, self._waiting = self._waiting, []
+        return happened
+
+    def _take(self, job: Job) -> None:
+        result = job.result
+        if isinstance(result, Happening):
+            self._waiting.append(result)
+        elif isinstance(result, Diagnosed):
+            self.diagnosed = result
+            for number in result.numbers:
+                self.session.set_verdict(number, verdict_words(result.diagnosis))
+            self._waiting.append(Happening(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
+        elif isinstance(result, _Opened):
+            entry = self.session.add(result.shot, copy_of=result.copy_of)
+            self._waiting.append(Happening(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
+            if self.effects and result.shot.fit is not None:
+                self._submit_refit([entry])
+        elif isinstance(result, _Filled):
+            for number, shot in result.shots:
+                self.session.fill(number, shot)
+            self._waiting.append(Happening(Kind.CHANGED, "", tuple(number for number, _ in result.shots)))
+
+    # the jobs ---------------------------------------------------------------------------------------------------
+
+    def _entries(self, numbers: Sequence[int]) -> list[Entry]:
+        return [entry for entry in self.session.entries if entry.number in numbers]
+
+    def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
+        def work(report: Report, cancelled: Asked) -> _Opened:
+            return _Opened(read_shot(path, settings, report, cancelled), copy_of)
+
+        self.jobs.submit(f"{path.name}", work, "open")
+
+    def _submit_fill(self, entry: Entry) -> None:
+        path, number, settings = Path(entry.path or ""), entry.number, entry.settings
+
+        def work(report: Report, cancelled: Asked) -> _Filled:
+            return _Filled(((number, read_shot(path, settings, report, cancelled)),))
+
+        self.jobs.submit(entry.name, work, "open")
+
+    def _submit_refit(self, entries: Sequence[Entry]) -> None:
+        effects = self.effects
+
+        def work(report: Report, cancelled: Asked) -> _Filled:
+            done: list[tuple[int, Shot]] = []
+            for place, entry in enumerate(entries):
+                shot = entry.shot
+                if shot is None or shot.motion is None or shot.fit is None:
+                    continue
+                report(f"fitting {entry.name}", place / len(entries))
+                fit = refit(shot, effects, cancelled)
+                if fit is not None:
+                    done.append((entry.number, replace(shot, fit=fit)))
+            return _Filled(tuple(done))
+
+        self.jobs.submit("fit with the new model", work, "refit")
+
+
+@dataclass(frozen=True, slots=True)
+class _Opened:
+    shot: Shot
+    copy_of: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Filled:
+    shots: tuple[tuple[int, Shot], ...]
+
+
+def refit(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Fit | None:
+    """Return the shot's fit with these effects, or None where the data do not carry it."""
+    assert shot.motion is not None
+    try:
+        return fit_shots([shot.motion], model=shot.settings.model, effects=effects, cancelled=cancelled)
+    except AnalysisError:
+        return None
+
+
+def verdict_words(diagnosis: Diagnosis) -> str:
+    """Return a verdict as short as a table cell wants it."""
+    if diagnosis.verdict is Verdict.EFFECT_FOUND:
+        return " + ".join(effect_words(effect.name) for effect in diagnosis.effects)
+    return str(diagnosis.verdict)
+
+
+def raw_of(entry: Entry) -> Recording | None:
+    """Return an entry's raw recording, memory-mapped, or None where there is none to be read."""
+    from instrument.recording_file import RecordingError, read_recording
+
+    if entry.path is None or Path(entry.path).suffix != ".sigmf-meta":
+        return None
+    try:
+        return read_recording(entry.path)
+    except (RecordingError, OSError):
+        return None

@@ -37,6 +37,7 @@ class Colours:
     simulated: str
     residual: str
     band: str  # opaque: half-transparent fills cost frames
+    band_edge: str
     marker: str
     cursor_a: str
     cursor_b: str
@@ -59,6 +60,7 @@ LIGHT = Colours(
     simulated="#d1380f",
     residual="#1b5fa8",
     band="#d5dde8",
+    band_edge="#f2b233",
     marker="#7a8694",
     cursor_a="#7a2bb5",
     cursor_b="#0b7a53",
@@ -95,6 +97,7 @@ DARK = Colours(
     simulated="#ff8a4c",
     residual="#5aa9ff",
     band="#2b3744",
+    band_edge="#ffc533",
     marker="#8793a0",
     cursor_a="#d39bff",
     cursor_b="#5fdcaa",
@@ -137,6 +140,11 @@ DASHES = (
 def thin(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
     """Return the only pen curves may use: one device pixel wide, opaque (a wider zigzag costs seconds a frame)."""
     return pg.mkPen(QColor(colour), width=1, style=dash)
+
+
+def under(colour: str) -> QPen:
+    """Return the pen of a smooth curve that lies under another: two pixels, so that both are seen where they agree."""
+    return pg.mkPen(QColor(colour), width=2)
 
 
 def series_pen(colours: Colours, index: int) -> QPen:
@@ -195,13 +203,13 @@ def style_sheet(colours: Colours) -> str:
     QFrame[card="true"] {{ background: {colours.panel}; border: 1px solid {colours.edge}; border-radius: 6px; }}
     QLabel[faint="true"] {{ color: {colours.faint}; }}
     QLabel[heading="true"] {{ color: {colours.faint}; font-weight: bold; letter-spacing: 1px; }}
-    QPushButton, QToolButton, QComboBox {{ padding: 5px 12px; border: 1px solid {colours.edge}; border-radius: 5px;
+    QPushButton, QToolButton {{ padding: 5px 12px; border: 1px solid {colours.edge}; border-radius: 5px;
         background: {colours.panel}; color: {colours.text}; }}
-    QPushButton:hover, QToolButton:hover, QComboBox:hover {{ border-color: {colours.accent}; }}
-    QPushButton:focus, QToolButton:focus, QComboBox:focus {{ border: 2px solid {colours.accent}; padding: 4px 11px; }}
+    QPushButton:hover, QToolButton:hover {{ border-color: {colours.accent}; }}
+    QPushButton:focus, QToolButton:focus {{ border: 2px solid {colours.accent}; padding: 4px 11px; }}
     QPushButton:pressed, QToolButton:pressed {{ background: {colours.edge}; }}
     QPushButton:checked, QToolButton:checked {{ background: {background}; color: {text}; }}
-    QPushButton:disabled, QToolButton:disabled, QComboBox:disabled {{ color: {colours.marker};
+    QPushButton:disabled, QToolButton:disabled {{ color: {colours.marker};
         background: {colours.window}; }}
     QPushButton[primary="true"] {{ background: {colours.accent}; color: {colours.accent_text}; font-weight: bold;
         border-color: {colours.accent}; }}
@@ -221,8 +229,8 @@ def style_sheet(colours: Colours) -> str:
     QSplitter::handle {{ background: {colours.edge}; }}
     QSplitter::handle:horizontal {{ width: 3px; }}
     QSplitter::handle:vertical {{ height: 3px; }}
-    QProgressBar {{ border: 1px solid {colours.edge}; border-radius: 4px; text-align: center; background: {colours.window};
-        color: {colours.text}; min-height: 1.2em; }}
+    QProgressBar {{ border: 1px solid {colours.edge}; border-radius: 4px; text-align: center;
+        background: {colours.window}; color: {colours.text}; min-height: 1.2em; }}
     QProgressBar::chunk {{ background: {colours.band}; border-radius: 3px; }}
     """
 

@@ -79,6 +79,32 @@ def effect_words(name: str) -> str:
     return EFFECT_WORDS.get(name, name.replace("_", " "))
 
 
+UNIT_ENDINGS = (
+    ("_n_s2_per_m2", "N s²/m²"),
+    ("_n_s_per_m2", "N s/m²"),
+    ("_n_s_per_m", "N s/m"),
+    ("_n_per_m3", "N/m³"),
+    ("_n_per_m", "N/m"),
+    ("_m_per_s2", "m/s²"),
+    ("_m_per_s", "m/s"),
+    ("_m_per_n", "m/N"),
+    ("_kg", "kg"),
+    ("_hz", "Hz"),
+    ("_rad", "rad"),
+    ("_n", "N"),
+    ("_m", "m"),
+    ("_s", "s"),
+)
+
+
+def parameter_words(name: str, value: Quantity) -> str:
+    """Return "coefficient 0.00190 ± 0.00010 N s²/m²" for "coefficient_n_s2_per_m2"."""
+    for ending, unit in UNIT_ENDINGS:
+        if name.endswith(ending):
+            return f"{name.removesuffix(ending).replace('_', ' ')} {value_text(value)} {unit}"
+    return f"{name.replace('_', ' ')} {value_text(value)}"
+
+
 def flag_words(flag: str) -> str:
     """Return what a flag means and what to do, in one line."""
     return FLAG_WORDS.get(flag, flag.replace("_", " "))

@@ -5,18 +5,18 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from app.theme import Colours, Tone, sized
 
+SIGNS = {
+    Tone.NEUTRAL: "■",
+    Tone.WAITING: "◉",
+    Tone.BUSY: "▶",
+    Tone.GOOD: "✓",
+    Tone.WARNING: "!",
+    Tone.BAD: "✗",
+}
+
 
 class Banner(QFrame):
     """A coloured, worded sign.  Nothing in it moves when its words change."""
-
-    SIGNS = {
-        Tone.NEUTRAL: "■",
-        Tone.WAITING: "◉",
-        Tone.BUSY: "▶",
-        Tone.GOOD: "✓",
-        Tone.WARNING: "!",
-        Tone.BAD: "✗",
-    }
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -78,7 +78,7 @@ class Banner(QFrame):
         """Show a state; called at every pull, so it touches only what changed."""
         if tone is not self._tone or not self._sign.text():
             self._tone = tone
-            self._sign.setText(self.SIGNS[tone])
+            self._sign.setText(SIGNS[tone])
             self.dress(self._colours)
         if word != self._word.text() or detail != self._detail.text():
             self._word.setText(word)

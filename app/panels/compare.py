@@ -9,8 +9,8 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSpli
 
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
-from app.plots.curve import SampledCurve
 from app.plots.cursor_readout import CursorReadout
+from app.plots.curve import SampledCurve
 from app.plots.legend import Legend
 from app.plots.shot_times import contact_span_ms, time_zero
 from app.plots.time_plot import AXIS_WIDTH
@@ -41,11 +41,9 @@ def trend_reading(shot: Shot, name: str) -> Reading | None:
     """Return a shot's number by its name in ``TRENDS``."""
     if shot.impact is not None:
         if hasattr(shot.impact, name):
-            reading: Reading = getattr(shot.impact, name)
-            return reading
+            return getattr(shot.impact, name)
         if hasattr(shot.impact.cor_kinetic, name):
-            reading = getattr(shot.impact.cor_kinetic, name)
-            return reading
+            return getattr(shot.impact.cor_kinetic, name)
     if shot.fit is not None and shot.fit.converged:
         return shot.fit.parameters.get(name)
     return None
@@ -102,7 +100,9 @@ class TrendPlot(pg.PlotWidget):
         low, high = (ys - halves).min(), (ys + halves).max()
         reach_y = 0.12 * max(high - low, 1e-4 * abs(ys).max(), 1e-12)
         view = self.getPlotItem().getViewBox()
-        view.setRange(xRange=(xs.min() - reach_x, xs.max() + reach_x), yRange=(low - reach_y, high + reach_y), padding=0)
+        view.setRange(
+            xRange=(xs.min() - reach_x, xs.max() + reach_x), yRange=(low - reach_y, high + reach_y), padding=0
+        )
         if len(y) < 2:
             return "One shot: select several for their spread."
         spread, mean = float(ys.std(ddof=1)), float(ys.mean())
@@ -211,7 +211,9 @@ class ComparePanel(QWidget):
             force.show_samples(start, step, shot.motion.force_n)
         count = len(self._entries)
         if count == 0:
-            self._say.setText("Select shots in the table below (Ctrl or Shift with a click) to lay them over one another.")
+            self._say.setText(
+                "Select shots in the table below (Ctrl or Shift with a click) to lay them over one another."
+            )
         elif count > MOST:
             self._say.setText(f"the last {MOST} of {count} selected shots are overlaid; the trend shows all")
         else:

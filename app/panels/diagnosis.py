@@ -21,7 +21,7 @@ from analysis.shot import Shot
 from app.plots.shot_times import time_zero
 from app.plots.time_stack import TimeStack
 from app.theme import MARKS, Colours, Tone, sized, thin
-from app.wording import DASH, effect_words, number, value_text
+from app.wording import DASH, effect_words, number, parameter_words
 
 TONES = {Verdict.ADEQUATE: Tone.GOOD, Verdict.EFFECT_FOUND: Tone.WARNING, Verdict.UNEXPLAINED: Tone.BAD}
 WORDS = {
@@ -41,7 +41,7 @@ class Bar(QWidget):
         self.setMinimumSize(QSize(60, 12))
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
-    def paintEvent(self, _: QPaintEvent) -> None:  # noqa: N802 (Qt's hook)
+    def paintEvent(self, _: QPaintEvent) -> None:
         """Draw the bar."""
         painter = QPainter(self)
         painter.fillRect(QRectF(0, 1, max(1.0, self._share * self.width()), self.height() - 2), QColor(self._colour))
@@ -85,7 +85,7 @@ class CandidateBars(QScrollArea):
             evidence.setProperty("faint", True)
             hover = "<br>".join(
                 [f"<b>{candidate.name}</b>", candidate.remark]
-                + [f"{key}: {value_text(value)}" for key, value in candidate.parameters.items()]
+                + [parameter_words(key, value) for key, value in candidate.parameters.items()]
             )
             for place, widget in enumerate((name, Bar(abs(candidate.score) / most, colour, inner), score, evidence)):
                 widget.setToolTip(hover)
@@ -159,7 +159,7 @@ class DiagnosisPanel(QWidget):
         right_column.addWidget(self._residual_heading)
         self.stack = TimeStack("Residual before and after", colours, right)
         self._plots = [self.stack.add_plot("before", "nm", 1), self.stack.add_plot("after", "nm", 1)]
-        self._bands = [plot.add_band(colours.band) for plot in self._plots]
+        self._bands = [plot.add_band(colours.band, colours.band_edge) for plot in self._plots]
         self._curves = [plot.add_curve("residual", thin(colours.residual)) for plot in self._plots]
         self.stack.label_time("time from first touch (ms)")
         self.stack.reset_wanted.connect(self.reset)
@@ -227,8 +227,8 @@ class DiagnosisPanel(QWidget):
             self._verdict.setText(f"{MARKS[Tone.NEUTRAL]} not diagnosed")
             self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL]}")
             self._sentence.setText(
-                "Select one or several shots below and press Diagnose: the program looks at what the model leaves over, "
-                "and says which effect the model lacks, if any. Shots at different speeds tell more."
+                "Select one or several shots below and press Diagnose: the program looks at what the model leaves "
+                "over, and says which effect the model lacks, if any. Shots at different speeds tell more."
             )
             self._blind.setText("")
             self._errors.setText("")
@@ -243,7 +243,7 @@ class DiagnosisPanel(QWidget):
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
         self._sentence.setText(diagnosis.sentence)
         for effect in diagnosis.effects:
-            parameters = ", ".join(f"{key} = {value_text(value)}" for key, value in effect.parameters.items())
+            parameters = ", ".join(parameter_words(key, value) for key, value in effect.parameters.items())
             rivals = ", ".join(effect_words(name) for name in effect.indistinguishable_from)
             words = parameters + (f"   cannot be told from: {rivals}" if rivals else "")
             self._effect_row(effect.name, words, effect.name in model_effects)
@@ -319,9 +319,13 @@ class DiagnosisPanel(QWidget):
         assert motion is not None
         zero, words = time_zero(shot)
         self.stack.label_time(words)
-        self._residual_heading.setText(f"RESIDUAL OF DISPLACEMENT, {shot.name}; band: ±2 standard deviations of the noise")
+        self._residual_heading.setText(
+            f"RESIDUAL OF DISPLACEMENT, {shot.name}; band: ±2 standard deviations of the noise"
+        )
         start, step = 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz
-        for fit, curve, band in zip((diagnosis.fit_before, diagnosis.fit_after), self._curves, self._bands, strict=True):
+        for fit, curve, band in zip(
+            (diagnosis.fit_before, diagnosis.fit_after), self._curves, self._bands, strict=True
+        ):
             if shown < len(fit.shots):
                 curve.show_samples(start, step, 1e9 * np.asarray(fit.shots[shown].residual_m))
                 band.show_band(start, step, 2e9 * motion.displacement_std_m)

@@ -1,4 +1,4 @@
-"""LIVE: beat frequency, velocity and force while samples stream, in digits that carry two metres, and the raw signals."""
+"""LIVE: beat frequency, velocity and force while samples stream, in digits that carry two metres; the raw signals."""
 
 from dataclasses import dataclass
 

@@ -56,7 +56,12 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
     (
         "RESTITUTION",
         (
-            Row("quasi-static", _impact("cor_quasi_static"), meaning="Speed out over speed in, |v_f / v_i|.", headline=True),
+            Row(
+                "quasi-static",
+                _impact("cor_quasi_static"),
+                meaning="Speed out over speed in, |v_f / v_i|.",
+                headline=True,
+            ),
             Row("impulse ratio", _impact("cor_impulse"), meaning="Impulse while unloading over impulse while loading."),
             Row("kinetic, peaks", _kinetic("force_peaks"), meaning="T2/T1 of the first bounces between force peaks."),
             Row("kinetic, onsets", _kinetic("onsets"), meaning="T2/T1 between the onsets of contact."),
@@ -78,7 +83,13 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
     (
         "PLATE AND CONTACT",
         (
-            Row("slope of F", _impact("stiffness_slope_n_per_m"), 1.0, "N/m", "Slope of force against deflection; lies about 3 % below k_p."),
+            Row(
+                "slope of F",
+                _impact("stiffness_slope_n_per_m"),
+                1.0,
+                "N/m",
+                "Slope of force against deflection; lies about 3 % below k_p.",
+            ),
             Row("k_p", _parameter("plate_stiffness_n_per_m"), 1.0, "N/m", "Stiffness of the plate, fitted."),
             Row("m_p*", _parameter("plate_mass_kg"), 1e3, "g", "Mass of the plate that moves with its end, fitted."),
             Row("k_N", _parameter("contact_stiffness_n_per_m"), 1.0, "N/m", "Stiffness of the contact, fitted."),
@@ -127,8 +138,10 @@ class NumbersPanel(QScrollArea):
         self.flags.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         column.addWidget(self.flags)
         column.addStretch(1)
+        inner.setProperty("panel", True)
         self.setWidget(inner)
         self.setWidgetResizable(True)
+        self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setAccessibleName("Numbers of the shot")
         self.show_shot(None)
@@ -138,9 +151,9 @@ class NumbersPanel(QScrollArea):
         value = QLabel("–", inner)
         unit = QLabel(row.unit, inner)
         unit.setProperty("faint", True)
-        value.setFont(sized(self.font(), 1.7 if row.headline else 1.12, bold=True))
+        value.setFont(sized(self.font(), 1.45 if row.headline else 1.1, bold=True))
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        value.setMinimumWidth(value.fontMetrics().horizontalAdvance("0.987556 ± 0.000020"))
+        value.setMinimumWidth(value.fontMetrics().horizontalAdvance("0.9875560 ± 0.0000070"))
         value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         value.setAccessibleName(f"{row.name} {row.unit}")
         grid.addWidget(name, line, 0)

@@ -82,17 +82,15 @@ class SessionModel(QAbstractTableModel):
         self.entries = entries
         self.endResetModel()
 
-    def rowCount(self, parent: QModelIndex | None = None) -> int:  # noqa: N802 (Qt's hook)
+    def rowCount(self, parent: QModelIndex | None = None) -> int:
         """Return the number of shots."""
         return 0 if parent is not None and parent.isValid() else len(self.entries)
 
-    def columnCount(self, parent: QModelIndex | None = None) -> int:  # noqa: N802 (Qt's hook)
+    def columnCount(self, parent: QModelIndex | None = None) -> int:
         """Return the number of columns."""
         return 0 if parent is not None and parent.isValid() else len(COLUMNS)
 
-    def headerData(  # noqa: N802 (Qt's hook)
-        self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole
-    ) -> Any:
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return a column's name."""
         if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
             return COLUMNS[section][0]
@@ -144,9 +142,7 @@ class SessionModel(QAbstractTableModel):
             return f"{copy}{entry.path or 'not saved'}\nbandwidth {s.bandwidth_hz:g} Hz, model {s.model}"
         return self._text(entry, column) or None
 
-    def setData(  # noqa: N802 (Qt's hook)
-        self, index: QModelIndex, value: Any, role: int = Qt.ItemDataRole.EditRole
-    ) -> bool:
+    def setData(self, index: QModelIndex, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
         """Pass an edited note on."""
         if role != Qt.ItemDataRole.EditRole or index.column() != NOTE:
             return False
@@ -181,8 +177,16 @@ class SessionTable(QFrame):
         self._buttons: list[QPushButton] = []
         for words, tip, slot in (
             ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)", self._open),
-            ("Export …", "CSV of the selected shots, or of all: a motion file each, and shots.csv  (Ctrl+E)", self._export),
-            ("Re-analyse", "Analyse the selected shots again, as copies, with the present settings  (Ctrl+R)", self._again),
+            (
+                "Export …",
+                "CSV of the selected shots, or of all: a motion file each, and shots.csv  (Ctrl+E)",
+                self._export,
+            ),
+            (
+                "Re-analyse",
+                "Analyse the selected shots again, as copies, with the present settings  (Ctrl+R)",
+                self._again,
+            ),
             ("Remove", "Take the selected shots off the list; the recordings stay on disk  (Del)", self._remove),
             ("Undo", "Take back the last note or removal  (Ctrl+Z)", self._undo),
         ):

@@ -2,7 +2,16 @@
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QButtonGroup,
+    QComboBox,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
 
 from analysis.motion import Motion
 from analysis.quantity import Quantity
@@ -15,12 +24,17 @@ from app.plots.cursor_readout import CursorReadout
 from app.plots.legend import Legend
 from app.plots.shot_times import contact_span_ms, time_zero
 from app.plots.time_stack import TimeStack
-from app.theme import Colours, thin
+from app.theme import Colours, thin, under
 
 VIEWS = (
     ("whole", "Whole shot", "1", "Velocity, force and residual of the whole shot"),
     ("contact", "First contact", "2", "The bounces at first contact (the paper's Fig. 5)"),
-    ("deflection", "F against deflection", "3", "Force against deflection of the plate (Fig. 6); its slope is the stiffness"),
+    (
+        "deflection",
+        "F against deflection",
+        "3",
+        "Force against deflection of the plate (Fig. 6); its slope is the stiffness",
+    ),
     ("gap", "Gap", "4", "Distance between block and plate (Fig. 7); below zero the two overlap"),
     ("raw", "Raw signals", "5", "What the photodiodes and the light switch gave, every sample"),
 )
@@ -46,15 +60,15 @@ class ShotPanel(QWidget):
         self.velocity = self.stack.add_plot("velocity", "m/s", 3)
         self.force = self.stack.add_plot("force", "N", 4)
         self.residual = self.stack.add_plot("residual", "mN", 2)
+        self._simulated = [
+            self.velocity.add_curve("simulated", under(colours.simulated)),
+            self.force.add_curve("simulated", under(colours.simulated)),
+        ]
         self._measured = [
             self.velocity.add_curve("measured", thin(colours.measured)),
             self.force.add_curve("measured", thin(colours.measured)),
         ]
-        self._simulated = [
-            self.velocity.add_curve("simulated", thin(colours.simulated)),
-            self.force.add_curve("simulated", thin(colours.simulated)),
-        ]
-        self._band = self.residual.add_band(colours.band)
+        self._band = self.residual.add_band(colours.band, colours.band_edge)
         self._residual = self.residual.add_curve("measured − simulated", thin(colours.residual))
         self.deflection = DeflectionView(colours, self)
         self.gap = GapView(colours, self)
@@ -150,7 +164,7 @@ class ShotPanel(QWidget):
         for curve in self._measured:
             curve.setPen(thin(colours.measured))
         for curve in self._simulated:
-            curve.setPen(thin(colours.simulated))
+            curve.setPen(under(colours.simulated))
         self._residual.setPen(thin(colours.residual))
         self._label_lines()
 
@@ -159,17 +173,17 @@ class ShotPanel(QWidget):
         if self._view == "raw":
             entries = [("every sample, extremes kept", thin(c.measured))]
         elif self._view == "gap":
-            entries = [("measured", thin(c.measured)), ("simulated", thin(c.simulated))]
+            entries = [("measured", thin(c.measured)), ("simulated", under(c.simulated))]
         elif self._view == "deflection":
             entries = [
                 ("measured", thin(c.measured)),
-                ("simulated", thin(c.simulated)),
+                ("simulated", under(c.simulated)),
                 ("slope", thin(c.residual, Qt.PenStyle.DashLine)),
             ]
         else:
             entries = [
                 ("measured", thin(c.measured)),
-                ("simulated (fitted to this shot)", thin(c.simulated)),
+                ("simulated (fitted to this shot)", under(c.simulated)),
                 ("measured − simulated", thin(c.residual)),
                 ("noise, ±2 standard deviations", c.band),
             ]
@@ -183,7 +197,8 @@ class ShotPanel(QWidget):
             if shot is None:
                 text = "No shot yet. Press ARM (space), then push the block through the light switch."
             else:
-                text = f"{shot.name} could not be analysed.\n\n{shot.problem or ''}\n\nIts raw samples are kept: Raw signals (5)."
+                why = shot.problem or ""
+                text = f"{shot.name} could not be analysed.\n\n{why}\n\nIts raw samples are kept: Raw signals (5)."
             self._empty.setText(text)
             self.set_view(self._view)
             return

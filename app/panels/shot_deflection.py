@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QMenu, QWidget
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from app.plots.time_plot import AXIS_WIDTH
-from app.theme import Colours, thin
+from app.theme import Colours, thin, under
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class DeflectionView(pg.GraphicsLayoutWidget):
         self._measured = pg.PlotCurveItem(connect="finite")
         self._simulated = pg.PlotCurveItem(connect="finite")
         self._slope = pg.PlotCurveItem()
-        for curve in (self._measured, self._simulated, self._slope):
+        for curve in (self._simulated, self._measured, self._slope):
             self.plot.addItem(curve)
         self._bounds = (-0.1, 2.6, -0.1, 0.6)
         self.columns: dict[str, Floats] = {}
@@ -51,7 +51,7 @@ class DeflectionView(pg.GraphicsLayoutWidget):
             self.plot.getAxis(side).setTextPen(pg.mkPen(colours.text))
         self.plot.showGrid(x=True, y=True, alpha=0.18)
         self._measured.setPen(thin(colours.measured))
-        self._simulated.setPen(thin(colours.simulated))
+        self._simulated.setPen(under(colours.simulated))
         self._slope.setPen(thin(colours.residual, Qt.PenStyle.DashLine))
 
     def show_shot(self, shot: Shot) -> None:
@@ -110,7 +110,7 @@ class DeflectionView(pg.GraphicsLayoutWidget):
         menu.addAction("Save the curves as CSV …", self._csv)
         return menu
 
-    def contextMenuEvent(self, event: QContextMenuEvent) -> None:  # noqa: N802 (Qt's hook)
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Open the plot's own menu."""
         self.menu().popup(event.globalPos())
         event.accept()

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QWidget
 from analysis.shot import Shot
 from app.plots.shot_times import contact_span_ms
 from app.plots.time_stack import TimeStack
-from app.theme import Colours, thin
+from app.theme import Colours, thin, under
 
 
 class GapView:
@@ -16,18 +16,18 @@ class GapView:
         self.stack = TimeStack("Gap between block and plate", colours, parent)
         self._gap_plot = self.stack.add_plot("gap", "µm", 3)
         self._force_plot = self.stack.add_plot("force", "N", 2)
-        self._gap = self._gap_plot.add_curve("simulated", thin(colours.simulated))
+        self._gap = self._gap_plot.add_curve("simulated", under(colours.simulated))
+        self._simulated = self._force_plot.add_curve("simulated", under(colours.simulated))
         self._measured = self._force_plot.add_curve("measured", thin(colours.measured))
-        self._simulated = self._force_plot.add_curve("simulated", thin(colours.simulated))
         self._gap_plot.mark_level(0.0, "below: overlap")
         self._span = (-1.0, 8.0)
 
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self.stack.dress(colours)
-        self._gap.setPen(thin(colours.simulated))
+        self._gap.setPen(under(colours.simulated))
         self._measured.setPen(thin(colours.measured))
-        self._simulated.setPen(thin(colours.simulated))
+        self._simulated.setPen(under(colours.simulated))
 
     def show_shot(self, shot: Shot, start: float, step: float) -> None:
         """Show this shot from ``start`` on, ``step`` a sample, in ms."""

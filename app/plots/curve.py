@@ -3,6 +3,7 @@
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QPen
 
 from app.plots.pyramid import Array, Pyramid
@@ -68,7 +69,7 @@ class SampledCurve(pg.PlotCurveItem):
         index = round((x - self._start) / self._step) if np.isfinite(x) else -1
         return float(self._pyramid.values[index]) if 0 <= index < count else float("nan")
 
-    def viewRangeChanged(self, *_: object) -> None:  # noqa: N802 (pyqtgraph's hook)
+    def viewRangeChanged(self, *_: object) -> None:
         """Follow the view."""
         self.redraw()
 
@@ -86,13 +87,22 @@ class SampledCurve(pg.PlotCurveItem):
 
 
 class Band(pg.FillBetweenItem):
-    """A noise band of half width ``half`` about zero, opaque, of at most 600 points."""
+    """A noise band of half width ``half`` about zero, opaque, of at most 600 points; its edges lie over the curves."""
 
-    def __init__(self, colour: str) -> None:
+    def __init__(self, colour: str, edge: str) -> None:
         self._upper = pg.PlotCurveItem()
         self._lower = pg.PlotCurveItem()
         super().__init__(self._upper, self._lower, brush=pg.mkBrush(colour), pen=pg.mkPen(None))
         self.setZValue(-10)
+        self.edges = (self._upper, self._lower)
+        self.dress(colour, edge)
+
+    def dress(self, colour: str, edge: str) -> None:
+        """Set the colours."""
+        self.setBrush(pg.mkBrush(colour))
+        for line in self.edges:
+            line.setPen(pg.mkPen(edge, width=1, style=Qt.PenStyle.DashLine))
+            line.setZValue(10)
         self._half: NDArray[np.float64] = np.empty(0)
 
     def show_band(self, start: float, step: float, half: NDArray[np.float64]) -> None:

@@ -15,7 +15,7 @@ class LineSample(QWidget):
         self._band = band
         self.setFixedSize(QSize(26, 14))
 
-    def paintEvent(self, _: QPaintEvent) -> None:  # noqa: N802 (Qt's hook)
+    def paintEvent(self, _: QPaintEvent) -> None:
         """Draw the sample."""
         painter = QPainter(self)
         if self._band is not None:

@@ -22,14 +22,14 @@ class QuietView(pg.ViewBox):
         super().__init__(enableMenu=False, defaultPadding=0.0)
         self.disableAutoRange()
 
-    def mouseClickEvent(self, event: object) -> None:  # noqa: N802 (pyqtgraph's hook)
+    def mouseClickEvent(self, event: object) -> None:
         """Report a left click in the plot's own units."""
         if event.button() == Qt.MouseButton.LeftButton:  # type: ignore[attr-defined]
             point: QPointF = self.mapSceneToView(event.scenePos())  # type: ignore[attr-defined]
             self.clicked.emit(point.x(), point.y())
             event.accept()  # type: ignore[attr-defined]
 
-    def wheelEvent(self, event: object, axis: int | None = None) -> None:  # noqa: N802 (pyqtgraph's hook)
+    def wheelEvent(self, event: object, axis: int | None = None) -> None:
         """Zoom time with the wheel; with Ctrl, or over the left axis, zoom the value."""
         held = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
         chosen = 1 if (axis == 1 or held) else 0
@@ -37,7 +37,7 @@ class QuietView(pg.ViewBox):
             self.y_taken.emit(True)
         super().wheelEvent(event, axis=chosen)
 
-    def mouseDragEvent(self, event: object, axis: int | None = None) -> None:  # noqa: N802 (pyqtgraph's hook)
+    def mouseDragEvent(self, event: object, axis: int | None = None) -> None:
         """Drag in time; over the left axis, or with Ctrl, drag the value."""
         held = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
         chosen = 1 if (axis == 1 or held) else 0
@@ -77,7 +77,7 @@ class TimePlot(pg.PlotItem):
             axis.setTextPen(pg.mkPen(colours.text))
         self.showGrid(x=True, y=True, alpha=0.18)
         for band in self.bands:
-            band.setBrush(pg.mkBrush(colours.band))
+            band.dress(colours.band, colours.band_edge)
         for mark in self.marks:
             mark.setPen(pg.mkPen(colours.marker, style=Qt.PenStyle.DotLine))
 
@@ -88,10 +88,12 @@ class TimePlot(pg.PlotItem):
         self.sampled.append(curve)
         return curve
 
-    def add_band(self, colour: str) -> Band:
-        """Add an empty noise band behind the curves."""
-        band = Band(colour)
+    def add_band(self, colour: str, edge: str) -> Band:
+        """Add an empty noise band behind the curves, its edges before them."""
+        band = Band(colour, edge)
         self.addItem(band)
+        for line in band.edges:
+            self.addItem(line)
         self.bands.append(band)
         return band
 

@@ -73,7 +73,7 @@ class TimeStack(pg.GraphicsLayoutWidget):
         (left, right), _ = self.plots[0].view.viewRange()
         return float(left), float(right)
 
-    def contextMenuEvent(self, event: QContextMenuEvent) -> None:  # noqa: N802 (Qt's hook)
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Open the plot's own menu."""
         self.menu().popup(event.globalPos())
         event.accept()

@@ -1,4 +1,4 @@
-"""Shots for panel tests, integrated from the paper's two bodies in the plainest way; no measurement pretends to be one."""
+"""Shots for panel tests, integrated from the two bodies in the plainest way; none of it pretends to be measured."""
 
 import numpy as np
 
@@ -33,7 +33,9 @@ def trajectory(speed: float, count: int) -> dict[str, np.ndarray]:
     return dict(zip(("x", "v", "f", "y", "gap"), out, strict=True))
 
 
-def shot(name: str = "shot-1", speed: float = 0.265, seed: int = 1, count: int = 14000, problem: str | None = None) -> Shot:
+def shot(
+    name: str = "shot-1", speed: float = 0.265, seed: int = 1, count: int = 14000, problem: str | None = None
+) -> Shot:
     """Return a whole analysed shot."""
     random = np.random.default_rng(seed)
     course = trajectory(speed, count)

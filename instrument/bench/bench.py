@@ -1,0 +1,100 @@
+"""The rig as a whole: any stretch of the stream of counts, in any order, from one seed."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import Setup
+from instrument.bench.effects import Effects, complete, for_shot
+from instrument.bench.floor import Floor
+from instrument.bench.mechanics import Bodies, Trajectory
+from instrument.bench.optics import Optics, Path, fill, node_times_s
+from instrument.bench.script import Scene, held, next_pause_s, play
+from instrument.bench.sight import lit, shoot
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """Everything about the simulated rig but the moments of its pushes."""
+
+    bodies: Bodies = field(default_factory=Bodies)
+    optics: Optics = field(default_factory=Optics)
+    effects: Effects = field(default_factory=dict)
+    floor_m: float = 3e-10  # rms of the building's vibration
+    velocity_m_per_s: float = 0.265  # towards the plate
+    velocity_spread: float = 0.15  # each push is off by up to this part
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        complete(self.effects)
+        if not 0.02 <= self.velocity_m_per_s <= 1.0 or not 0 <= self.velocity_spread < 1:
+            raise ValueError(f"a push to {self.velocity_m_per_s} m/s: 0.02 to 1 m/s can be simulated")
+
+    @property
+    def setup(self) -> Setup:
+        """Get what is known of the rig to those who record it; nothing of its effects."""
+        return Setup(
+            moving_mass_kg=self.bodies.block_mass_kg,
+            moving_mass_u_kg=1e-6,
+            wavelength_air_m=self.optics.wavelength_m,
+            rest_frequency_hz=None if self.optics.with_reference else self.optics.rest_frequency_hz,
+            digitizer_bits=self.optics.bits,
+        )
+
+
+class Stage:
+    """The stream of a rig: position at any time, counts of any samples; pushes are put on its clock."""
+
+    def __init__(self, rig: Rig, sample_rate_hz: float, first_shot: int = 0) -> None:
+        """Set the stage at ``sample_rate_hz``; its first push is number ``first_shot`` of the seed's sequence."""
+        self._rig = rig
+        self._rate_hz = sample_rate_hz
+        self._optics = lit(rig.optics, rig.effects)
+        self._effects = complete(rig.effects)
+        self._floor = Floor(rig.floor_m, rig.seed)
+        self._shot = first_shot
+        self._scenes: list[Scene] = []
+
+    @property
+    def shots(self) -> int:
+        """Get the number of the next push."""
+        return self._shot
+
+    @property
+    def free_from_s(self) -> float:
+        """Get the time from which the hand has nothing to do."""
+        return self._scenes[-1].end_s if self._scenes else 0.0
+
+    def push(self, time_s: float) -> Scene:
+        """Push the block at ``time_s``, or as soon after as the hand is free; return what will happen."""
+        rig = self._rig
+        random = np.random.default_rng((rig.seed, self._shot, 0x5))
+        speed = rig.velocity_m_per_s * (1 + rig.velocity_spread * float(random.uniform(-1, 1)))
+        effects = for_shot(self._effects, self._shot, rig.seed)
+
+        def collide(velocity: float, distance: float, duration: float) -> Trajectory:
+            return shoot(velocity, effects, rig.bodies, distance, duration)
+
+        scene = play(next_pause_s(max(time_s, self.free_from_s)), -speed, collide, effects)
+        self._shot += 1
+        self._scenes = [*self._scenes[-1:], scene]  # older ones are past: the stream only goes forward
+        return scene
+
+    def path(self, time_s: Floats) -> Path:
+        """Return the path at ascending times of equal spacing (s)."""
+        x, v = held(time_s)
+        block = x.copy()
+        for scene in self._scenes:
+            a, b = np.searchsorted(time_s, (scene.start_s, scene.end_s))
+            if b > a:
+                x[a:b], v[a:b], block[a:b] = scene.at(time_s[a:b])
+        shake_x, shake_v = self._floor.at(float(time_s[0]), float(time_s[1] - time_s[0]), time_s.size)
+        return Path(x + shake_x, v + shake_v, block)
+
+    def fill(self, first_sample: int, out: NDArray[np.int16]) -> tuple[int, ...]:
+        """Fill ``out`` (n, channels) with samples ``first_sample`` on; return how many clipped a channel."""
+        path = self.path(node_times_s(first_sample, out.shape[0], self._rate_hz))
+        return fill(self._optics, path, first_sample, self._rate_hz, self._rig.seed, out)

@@ -1,0 +1,164 @@
+"""From light to int16: the kernel that turns a path into counts, fast enough to keep up with a digitizer.
+
+Noise is a pure function of seed and sample index, so a stream is the same however it is cut into blocks.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+Floats = NDArray[np.float64]
+
+# columns of the parameter array
+(
+    TURNS_PER_SAMPLE,
+    START_TURNS,
+    REFERENCE_A,
+    REFERENCE_OFFSET,
+    REFERENCE_SIGMA,
+    MEASUREMENT_A,
+    MEASUREMENT_OFFSET,
+    MEASUREMENT_SIGMA,
+    LEAK,
+    LEAK_ORDER,
+    LEAK_TURNS,
+    SWITCH_LOW,
+    SWITCH_HIGH,
+    SWITCH_SIGMA,
+    SWITCH_X,
+    SWITCH_WIDTH,
+    LOWEST,
+    HIGHEST,
+) = range(18)
+PARAMETERS = 18
+
+_BITS = 12
+_MASK = np.uint64((1 << _BITS) - 1)
+
+
+def _gauss_table() -> NDArray[np.float32]:
+    quantiles = ndtri((np.arange(1 << _BITS) + 0.5) / (1 << _BITS))
+    return (quantiles / np.sqrt(2.0 * np.mean(quantiles**2))).astype(np.float32)
+
+
+GAUSS = _gauss_table()  # the sum of two independent draws has variance one
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _cos_turns(turns: float) -> float:
+    """Return cos(2 pi turns): Taylor about the nearer half turn, below 2e-8 off, and it vectorises."""
+    half = math.floor(2.0 * turns + 0.5)
+    sign = 1.0 - 4.0 * (0.5 * half - math.floor(0.5 * half))
+    a = 2.0 * math.pi * (turns - 0.5 * half)
+    s = a * a
+    poly = 1.0 - s / 2 * (1.0 - s / 12 * (1.0 - s / 30 * (1.0 - s / 56 * (1.0 - s / 90 * (1.0 - s / 132)))))
+    return float(sign * poly)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_counts(
+    first_sample: int,
+    per_segment: int,
+    path_turns: Floats,
+    path_slope: Floats,
+    rest_turns: Floats,
+    rest_slope: Floats,
+    light: Floats,
+    position_m: Floats,
+    p: Floats,
+    seed: int,
+    gauss: NDArray[np.float32],
+    reference: int,
+    measurement: int,
+    switch: int,
+    out: NDArray[np.int16],
+    clipped: NDArray[np.int64],
+) -> None:
+    """Fill ``out`` (n, channels) with counts of the samples from ``first_sample`` on.
+
+    Node j of the path arrays stands at sample ``first_sample + j * per_segment``; slopes are per segment.
+    ``path_turns`` is 2 x / lambda, taken off the rest beat (block inward: beat above rest); ``rest_turns`` is what
+    the laser adds to a steady rest beat; ``light`` scales the measurement beat; ``reference``, ``measurement``,
+    ``switch`` are columns of ``out``, -1 when not recorded.  ``clipped`` (channels,) is added to.
+    Cost: about 12 ns a sample of three channels.
+    """
+    n = out.shape[0]
+    ref = np.empty(per_segment, np.float32)
+    mea = np.empty(per_segment, np.float32)
+    swi = np.empty(per_segment, np.float32)
+    lowest, highest = np.float32(p[LOWEST]), np.float32(p[HIGHEST])
+    s_ref, s_mea = np.float32(p[REFERENCE_SIGMA]), np.float32(p[MEASUREMENT_SIGMA])
+    s_swi = np.float32(p[SWITCH_SIGMA] * math.sqrt(2.0))
+    a_ref, o_ref = p[REFERENCE_A], p[REFERENCE_OFFSET]
+    o_mea = p[MEASUREMENT_OFFSET]
+    step = p[TURNS_PER_SAMPLE]
+    inverse = 1.0 / per_segment
+    segments = (n + per_segment - 1) // per_segment
+    for j in range(segments):
+        begin = j * per_segment
+        m = min(per_segment, n - begin)
+        # cubic Hermite of both phases, as polynomials in u = i / per_segment
+        d = path_turns[j + 1] - path_turns[j]
+        p0, p1 = path_turns[j] - math.floor(path_turns[j]), path_slope[j]
+        p2 = 3.0 * d - 2.0 * path_slope[j] - path_slope[j + 1]
+        p3 = path_slope[j] + path_slope[j + 1] - 2.0 * d
+        d = rest_turns[j + 1] - rest_turns[j]
+        start = p[START_TURNS] + step * begin + rest_turns[j]
+        r0, r1 = start - math.floor(start), rest_slope[j] + step * per_segment
+        r2 = 3.0 * d - 2.0 * rest_slope[j] - rest_slope[j + 1]
+        r3 = rest_slope[j] + rest_slope[j + 1] - 2.0 * d
+        a0 = p[MEASUREMENT_A] * light[j]
+        a1 = p[MEASUREMENT_A] * (light[j + 1] - light[j])
+        if reference >= 0:
+            for i in range(m):
+                u = i * inverse
+                ref[i] = o_ref + a_ref * _cos_turns(r0 + u * (r1 + u * (r2 + u * r3)))
+        for i in range(m):
+            u = i * inverse
+            turns = r0 - p0 + u * (r1 - p1 + u * (r2 - p2 + u * (r3 - p3)))
+            mea[i] = o_mea + (a0 + a1 * u) * _cos_turns(turns)
+        if p[LEAK] != 0.0:  # light that took the wrong arm: a second beat, harmonic of the path
+            w = p[LEAK_ORDER] - 1.0
+            base = path_turns[j] * w
+            base -= math.floor(base)
+            for i in range(m):
+                u = i * inverse
+                turns = r0 + base + p[LEAK_TURNS] + u * (r1 + w * p1 + u * (r2 + w * p2 + u * (r3 + w * p3)))
+                mea[i] += p[LEAK] * (a0 + a1 * u) * _cos_turns(turns)
+        if switch >= 0:
+            e0 = (position_m[j] - p[SWITCH_X]) / p[SWITCH_WIDTH]
+            e1 = (position_m[j + 1] - p[SWITCH_X]) / p[SWITCH_WIDTH]
+            swing = p[SWITCH_HIGH] - p[SWITCH_LOW]
+            if min(abs(e0), abs(e1)) > 6.0 and (e0 > 0.0) == (e1 > 0.0):
+                level = np.float32(p[SWITCH_LOW] + (swing if e0 < 0.0 else 0.0))
+                for i in range(m):
+                    swi[i] = level
+            else:
+                for i in range(m):
+                    e = e0 + (e1 - e0) * (i * inverse)
+                    swi[i] = p[SWITCH_LOW] + swing * 0.5 * math.erfc(e)
+        for i in range(m):
+            z = np.uint64(seed) + np.uint64(first_sample + begin + i) * np.uint64(0x9E3779B97F4A7C15)
+            z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            z ^= z >> np.uint64(31)
+            if reference >= 0:
+                noise = gauss[z & _MASK] + gauss[(z >> np.uint64(12)) & _MASK]
+                value = ref[i] + s_ref * noise
+                if value < lowest or value > highest:
+                    clipped[reference] += 1
+                    value = min(max(value, lowest), highest)
+                out[begin + i, reference] = np.int16(math.floor(value + np.float32(0.5)))
+            noise = gauss[(z >> np.uint64(24)) & _MASK] + gauss[(z >> np.uint64(36)) & _MASK]
+            value = mea[i] + s_mea * noise
+            if value < lowest or value > highest:
+                clipped[measurement] += 1
+                value = min(max(value, lowest), highest)
+            out[begin + i, measurement] = np.int16(math.floor(value + np.float32(0.5)))
+            if switch >= 0:
+                value = swi[i] + s_swi * gauss[(z >> np.uint64(48)) & _MASK]
+                value = min(max(value, lowest), highest)
+                out[begin + i, switch] = np.int16(math.floor(value + np.float32(0.5)))

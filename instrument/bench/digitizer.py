@@ -1,0 +1,177 @@
+"""The simulated bench behind the contract every digitizer honours, lost samples included."""
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import Setup
+from instrument.bench.bench import Rig, Stage
+from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+
+RATES_HZ = (10e6, 15e6, 20e6, 30e6)
+_CHUNK = 1 << 16
+_LOWEST_HZ, _HIGHEST_HZ = 8e6, 60e6  # below, the beat of a fast block is no longer resolved
+
+
+class BenchDigitizer(Digitizer):
+    """A stream of the simulated rig; the block is pushed some time after each ``arm`` and every few seconds on.
+
+    ``real_time``: samples come as the clock runs and are lost when more than ``memory_s`` of them wait; otherwise as
+    fast as they are asked for.  The counts are a function of the rig's seed, the settings and the number of pushes
+    before, however they are read.  ``push`` may be called from any thread, like ``stop``.
+    """
+
+    def __init__(
+        self,
+        rig: Rig | None = None,
+        *,
+        real_time: bool = True,
+        memory_s: float = 0.5,
+        first_push_s: float = 0.8,
+        push_every_s: float = 3.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Get ready; ``push_every_s`` 0: only ``push`` moves the block."""
+        self._rig = rig or Rig()
+        self._real_time = real_time
+        self._memory_s = memory_s
+        self._first_push_s, self._push_every_s = first_push_s, push_every_s
+        self._clock = clock
+        self._stop = threading.Event()
+        self._stop.set()
+        self._push = threading.Event()
+        self._closed = False
+        self._stage: Stage | None = None
+        self._shots = 0
+        self._rate_hz = 0.0
+        self._started = 0.0
+        self._next_sample = 0
+        self._next_push_s: float | None = None
+        self._chunk = np.empty((_CHUNK, len(self._rig.optics.channels)), np.int16)
+        self._chunk_at = -1
+        self._chunk_clips = False
+        self._rail = int(2 ** (self._rig.optics.bits - 1))
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Get what the bench can do."""
+        optics = self._rig.optics
+        return Capabilities(
+            name="Simulated bench",
+            channels=optics.channels,
+            bits=optics.bits,
+            rates_hz=RATES_HZ,
+            max_samples=None,
+            hardware_trigger=False,
+            real_time=self._real_time,
+        )
+
+    @property
+    def setup(self) -> Setup:
+        """Get what the bench tells of itself."""
+        return self._rig.setup
+
+    def arm(self, settings: CaptureSettings) -> None:
+        """Start the stream at its sample 0, with the block in the hand."""
+        if self._closed:
+            raise DigitizerError("the simulated bench was closed", "select the source again")
+        rate = settings.sample_rate_hz
+        if not _LOWEST_HZ <= rate <= _HIGHEST_HZ:
+            raise DigitizerError(
+                f"the simulated bench cannot sample at {rate / 1e6:g} MS/s",
+                f"choose {_LOWEST_HZ / 1e6:g} to {_HIGHEST_HZ / 1e6:g} MS/s",
+            )
+        if settings.samples < 1 or not 0 <= settings.pre_trigger_samples <= settings.samples:
+            raise DigitizerError("the pre-trigger part does not fit the shot", "choose fewer pre-trigger samples")
+        if self._stage is not None:
+            self._shots = self._stage.shots
+        self._stage = Stage(self._rig, rate, self._shots)
+        self._rate_hz = rate
+        self._next_sample = 0
+        self._chunk_at = -1
+        self._next_push_s = self._first_push_s if self._push_every_s > 0 else None
+        self._push.clear()
+        self._stop.clear()
+        self._started = self._clock()
+
+    def push(self) -> None:
+        """Push the block as soon as the hand is free."""
+        self._push.set()
+
+    def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
+        """Deliver what there is, at most the buffer; in real time never more than the clock allows."""
+        channels = self._chunk.shape[1]
+        if buffer.ndim != 2 or buffer.shape[1] != channels or buffer.dtype != np.int16:
+            raise DigitizerError(f"a buffer of shape {buffer.shape}, {buffer.dtype} for {channels} channels of int16")
+        if self._stage is None:
+            raise DigitizerError("the simulated bench is not armed", "arm it first")
+        wanted, lost = buffer.shape[0], 0
+        if self._stop.is_set():
+            return self._end()
+        if self._real_time:
+            # wait for a good part of what is asked for, so that a small read is not a busy loop
+            deadline = self._clock() + timeout_s
+            least = min(wanted, int(self._rate_hz * 0.01))
+            while self._waiting() < least:
+                left = deadline - self._clock()
+                if left <= 0.0:
+                    break
+                if self._stop.wait(min(left, 0.005)):
+                    return self._end()
+            waiting = self._waiting()
+            memory = int(self._memory_s * self._rate_hz)
+            if waiting > memory:
+                lost = waiting - memory
+                self._next_sample += lost
+                waiting = memory
+            wanted = min(wanted, waiting)
+        return self._deliver(buffer, wanted, lost)
+
+    def stop(self) -> None:
+        """End the stream; a read under way returns."""
+        self._stop.set()
+
+    def close(self) -> None:
+        """Put the bench away."""
+        self.stop()
+        self._closed = True
+
+    def _waiting(self) -> int:
+        return int((self._clock() - self._started) * self._rate_hz) - self._next_sample
+
+    def _end(self) -> Block:
+        return Block(0, clipped=(0,) * self._chunk.shape[1], ended=True)
+
+    def _deliver(self, buffer: NDArray[np.int16], wanted: int, lost: int) -> Block:
+        done = 0
+        clipped = np.zeros(self._chunk.shape[1], np.int64)
+        while done < wanted and not self._stop.is_set():
+            base = self._next_sample - self._next_sample % _CHUNK
+            if base != self._chunk_at:
+                self._make(base)
+            inside = self._next_sample - base
+            n = min(wanted - done, _CHUNK - inside)
+            part = self._chunk[inside : inside + n]
+            buffer[done : done + n] = part
+            if self._chunk_clips:
+                clipped += ((part == -self._rail) | (part == self._rail - 1)).sum(0)
+            done += n
+            self._next_sample += n
+        return Block(done, lost_before=lost, clipped=tuple(int(c) for c in clipped), ended=self._stop.is_set())
+
+    def _make(self, base: int) -> None:
+        stage = self._stage
+        assert stage is not None
+        now_s = base / self._rate_hz
+        ahead_s = now_s + 2 * _CHUNK / self._rate_hz  # a scene starts in a chunk that is still to be made
+        if self._push.is_set() and stage.free_from_s <= now_s:
+            self._push.clear()
+            self._next_push_s = now_s
+        if self._next_push_s is not None and ahead_s >= self._next_push_s:
+            scene = stage.push(max(self._next_push_s, now_s))
+            self._next_push_s = scene.end_s + self._push_every_s if self._push_every_s > 0 else None
+        self._chunk_clips = any(stage.fill(base, self._chunk))
+        self._chunk_at = base

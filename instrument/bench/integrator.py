@@ -1,0 +1,140 @@
+"""Dormand-Prince steps of fixed length; every switch (touch, release, turnaround, reach) is met by bisection."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from instrument.bench.forces import (
+    BLOCK_V,
+    BLOCK_X,
+    D_ADHESION,
+    F_ADHESION,
+    IN_CONTACT,
+    JUMP_MASS,
+    JUMP_X,
+    JUMPED,
+    M_BLOCK,
+    M_HIDDEN,
+    MOVING_RIGHT,
+    STATES,
+    SWITCHES,
+    WITHIN_REACH,
+    gap_m,
+    rates,
+)
+
+Floats = NDArray[np.float64]
+BISECTIONS = 45  # 10 us / 2^45: below a femtosecond
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _step(y: Floats, h: float, p: Floats, on: NDArray[np.int64], k: Floats, work: Floats, new: Floats) -> None:
+    """Advance ``y`` by ``h`` into ``new`` with the switches held: six stages, fifth order (Dormand, Prince 1980)."""
+    rates(y, p, on, k[0])
+    for i in range(STATES):
+        work[i] = y[i] + h * (k[0, i] / 5)
+    rates(work, p, on, k[1])
+    for i in range(STATES):
+        work[i] = y[i] + h * (3 / 40 * k[0, i] + 9 / 40 * k[1, i])
+    rates(work, p, on, k[2])
+    for i in range(STATES):
+        work[i] = y[i] + h * (44 / 45 * k[0, i] - 56 / 15 * k[1, i] + 32 / 9 * k[2, i])
+    rates(work, p, on, k[3])
+    for i in range(STATES):
+        work[i] = y[i] + h * (
+            19372 / 6561 * k[0, i] - 25360 / 2187 * k[1, i] + 64448 / 6561 * k[2, i] - 212 / 729 * k[3, i]
+        )
+    rates(work, p, on, k[4])
+    for i in range(STATES):
+        work[i] = y[i] + h * (
+            9017 / 3168 * k[0, i]
+            - 355 / 33 * k[1, i]
+            + 46732 / 5247 * k[2, i]
+            + 49 / 176 * k[3, i]
+            - 5103 / 18656 * k[4, i]
+        )
+    rates(work, p, on, k[5])
+    for i in range(STATES):
+        new[i] = y[i] + h * (
+            35 / 384 * k[0, i]
+            + 500 / 1113 * k[2, i]
+            + 125 / 192 * k[3, i]
+            - 2187 / 6784 * k[4, i]
+            + 11 / 84 * k[5, i]
+        )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _switches(y: Floats, p: Floats, before: NDArray[np.int64], now: NDArray[np.int64]) -> bool:
+    """Write the switches that belong to ``y`` into ``now``; return whether one differs from ``before``."""
+    gap = gap_m(y)
+    now[IN_CONTACT] = 1 if gap < 0.0 else 0
+    now[MOVING_RIGHT] = 1 if y[BLOCK_V] > 0.0 else 0
+    now[WITHIN_REACH] = 1 if p[F_ADHESION] != 0.0 and gap < p[D_ADHESION] else 0
+    passed = p[JUMP_MASS] != 0.0 and y[BLOCK_V] > 0.0 and y[BLOCK_X] > p[JUMP_X]
+    now[JUMPED] = 1 if passed or before[JUMPED] == 1 else 0
+    different = False
+    for i in range(SWITCHES):
+        different = different or now[i] != before[i]
+    return different
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def integrate(
+    start: Floats,
+    t_start: float,
+    t_end: float,
+    h_contact: float,
+    h_flight: float,
+    p: Floats,
+    out_t: Floats,
+    out_y: Floats,
+    out_on: NDArray[np.int64],
+) -> int:
+    """Integrate from ``t_start`` to ``t_end``; write time, state and switches of every node; return how many.
+
+    A node stands at every step and at every event, where it carries the switches that hold after the event.
+    Returns -1 when the node arrays are too short (events without end).  Cost: about 0.4 us a node.
+    """
+    y = start.copy()
+    new = np.empty(STATES)
+    k = np.empty((6, STATES))
+    work = np.empty(STATES)
+    on = np.zeros(SWITCHES, np.int64)
+    now = np.zeros(SWITCHES, np.int64)
+    _switches(y, p, on, now)
+    on[:] = now
+    t = t_start
+    n = 0
+    out_t[0] = t
+    out_y[0] = y
+    out_on[0] = on
+    while t < t_end:
+        n += 1
+        if n >= out_t.shape[0]:
+            return -1
+        h = h_contact if on[IN_CONTACT] == 1 else h_flight
+        h = min(h, t_end - t)
+        _step(y, h, p, on, k, work, new)
+        if _switches(new, p, on, now):
+            low, high = 0.0, h
+            for _ in range(BISECTIONS):
+                middle = 0.5 * (low + high)
+                _step(y, middle, p, on, k, work, new)
+                if _switches(new, p, on, now):
+                    high = middle
+                else:
+                    low = middle
+            h = high
+            _step(y, h, p, on, k, work, new)
+            _switches(new, p, on, now)
+            if now[JUMPED] == 1 and on[JUMPED] == 0:  # what is picked up was at rest
+                carried = p[M_BLOCK] - p[M_HIDDEN]
+                new[BLOCK_V] *= carried / (carried + p[JUMP_MASS])
+            on[:] = now
+        t = t_end if t + h > t_end - 1e-15 else t + h
+        y[:] = new
+        out_t[n] = t
+        out_y[n] = y
+        out_on[n] = on
+    return n + 1

@@ -1,0 +1,134 @@
+"""Recordings of the simulated rig, with an effect that is told, or one that is drawn and kept back."""
+
+import base64
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import Recording
+from instrument.bench.bench import Rig
+from instrument.bench.effects import BEYOND, CATALOGUE, Effects, complete, draw, for_shot
+from instrument.bench.floor import Floor
+from instrument.bench.optics import Optics, fill, node_times_s
+from instrument.bench.optics import Path as LightPath
+from instrument.bench.sight import lit, seen, shoot
+from instrument.recording_file import write_recording
+
+SAMPLE_RATE_HZ = 10e6
+DURATION_S = 0.06
+BEFORE_TOUCH_S = 0.012
+SLOWEST_M_PER_S, FASTEST_M_PER_S = 0.16, 0.40
+_EPOCH = datetime(2026, 1, 1, 9, 0, 0, tzinfo=UTC)  # recordings of one seed are the same files on any day
+
+
+def simulate(
+    folder: Path | str,
+    shots: int = 3,
+    seed: int = 1,
+    effects: Effects | None = None,
+    undeclared: bool = False,
+    *,
+    optics: Optics | None = None,
+    sample_rate_hz: float = SAMPLE_RATE_HZ,
+    duration_s: float = DURATION_S,
+    speeds_m_per_s: Sequence[float] | None = None,
+) -> list[Path]:
+    """Write ``shots`` recordings of one rig at different speeds into ``folder``; return their metadata files.
+
+    The same seed gives the same counts.  ``undeclared`` draws what is wrong with the rig (or nothing) from the seed
+    and writes it, base64 over JSON, to ``.truth-SEED`` beside them, a name that no search for recordings finds.
+    Raises ValueError on an effect that does not exist, RecordingError where the files cannot be written.
+    """
+    if undeclared and effects:
+        raise ValueError("an undeclared effect is drawn from the seed; no effect can be given beside it")
+    wanted = draw_undeclared(seed) if undeclared else complete(effects or {})
+    rig = Rig(effects=wanted, optics=optics or Optics(), seed=seed)
+    speeds = tuple(speeds_m_per_s) if speeds_m_per_s is not None else speeds_of_set(shots, seed)
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    paths: list[Path] = []
+    truths: list[Effects] = []
+    for index, speed in enumerate(speeds):
+        recording, truth = record_shot(rig, index, speed, sample_rate_hz, duration_s)
+        if not undeclared:
+            recording = replace(recording, note=_told(truth))
+        paths.append(Path(write_recording(recording, place / recording.name)))
+        truths.append(truth)
+    if undeclared:
+        text = json.dumps({"seed": seed, "shots": truths})
+        (place / f".truth-{seed}").write_bytes(base64.b64encode(text.encode()) + b"\n")
+    return paths
+
+
+def read_truth(path: Path | str) -> list[dict[str, dict[str, float]]]:
+    """Return what ``simulate`` kept back: the effects of each shot (for those who score, not for the analysis)."""
+    content = json.loads(base64.b64decode(Path(path).read_bytes()))
+    return list(content["shots"])
+
+
+def speeds_of_set(shots: int, seed: int) -> tuple[float, ...]:
+    """Return the speeds (m/s) of a set: spread over what a hand can do, no two alike."""
+    random = np.random.default_rng((seed, 0xA))
+    if shots == 1:
+        return (float(random.uniform(0.22, 0.32)),)
+    edges = np.linspace(SLOWEST_M_PER_S, FASTEST_M_PER_S, shots)
+    width = (FASTEST_M_PER_S - SLOWEST_M_PER_S) / (shots - 1)
+    return tuple(float(s) for s in edges + random.uniform(-0.15, 0.15, shots) * width)
+
+
+def draw_undeclared(seed: int) -> dict[str, dict[str, float]]:
+    """Return an effect the seed stands for: of the catalogue (60 %), two (10 %), beyond it (15 %) or none."""
+    random = np.random.default_rng((seed, 0xD))
+    fate = random.random()
+    names = list(CATALOGUE)
+    if fate < 0.6:
+        chosen = [str(random.choice(names))]
+    elif fate < 0.7:
+        chosen = [str(name) for name in random.choice(names, 2, replace=False)]
+    elif fate < 0.85:
+        chosen = [str(random.choice(list(BEYOND)))]
+    else:
+        chosen = []
+    return {name: draw(name, random) for name in chosen}
+
+
+def record_shot(
+    rig: Rig, index: int, speed_m_per_s: float, sample_rate_hz: float, duration_s: float
+) -> tuple[Recording, dict[str, dict[str, float]]]:
+    """Return one shot of the rig as a recording, and what was true of it."""
+    effects = for_shot(complete(rig.effects), index, rig.seed)
+    optics = lit(rig.optics, effects)
+    distance = max(speed_m_per_s * BEFORE_TOUCH_S, optics.switch_m + 1e-3)
+    trajectory = shoot(-speed_m_per_s, effects, rig.bodies, distance, duration_s + 1e-4)
+    samples = round(duration_s * sample_rate_hz)
+    time_s = node_times_s(0, samples, sample_rate_hz)
+    x, v = seen(trajectory, effects, time_s)
+    shot_seed = int(np.random.default_rng((rig.seed, index, 0xC)).integers(2**62))
+    shake_x, shake_v = Floor(rig.floor_m, shot_seed).at(0.0, float(time_s[1]), time_s.size)
+    block = trajectory.block_m(time_s)
+    counts: NDArray[np.int16] = np.empty((samples, len(optics.channels)), np.int16)
+    clipped = fill(optics, LightPath(x + shake_x, v + shake_v, block), 0, sample_rate_hz, shot_seed, counts)
+    crossed = np.flatnonzero(block < optics.switch_m)
+    recording = Recording(
+        name=f"shot-{index + 1}",
+        counts=counts,
+        sample_rate_hz=sample_rate_hz,
+        channels=optics.channels,
+        setup=rig.setup,
+        trigger_sample=round(time_s[crossed[0]] * sample_rate_hz) if crossed.size else None,
+        started_at=(_EPOCH + timedelta(seconds=60 * rig.seed % 10**7 + index)).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        flags=("clipped",) if any(clipped) else (),
+    )
+    return recording, effects
+
+
+def _told(effects: Effects) -> str:
+    if not effects:
+        return "simulated; the paper's plate and contact, nothing else"
+    parts = (f"{name} " + ", ".join(f"{k} = {v:.6g}" for k, v in values.items()) for name, values in effects.items())
+    return "simulated with " + "; ".join(parts)

@@ -41,7 +41,8 @@ _MASK = np.uint64((1 << _BITS) - 1)
 
 def _gauss_table() -> NDArray[np.float32]:
     quantiles = ndtri((np.arange(1 << _BITS) + 0.5) / (1 << _BITS))
-    return (quantiles / np.sqrt(2.0 * np.mean(quantiles**2))).astype(np.float32)
+    table: NDArray[np.float32] = (quantiles / np.sqrt(2.0 * np.mean(quantiles**2))).astype(np.float32)
+    return table
 
 
 GAUSS = _gauss_table()  # the sum of two independent draws has variance one

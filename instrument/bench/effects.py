@@ -197,7 +197,7 @@ def draw(name: str, random: np.random.Generator) -> dict[str, float]:
 
 
 def scaled(effects: Effects, strength: float) -> dict[str, dict[str, float]]:
-    """Return ``effects`` with what makes them strong multiplied by ``strength`` (a modal mass of the plate: divided)."""
+    """Return ``effects`` with what makes them strong times ``strength`` (the modal mass of the plate: divided)."""
     result: dict[str, dict[str, float]] = {}
     for name, values in effects.items():
         known = CATALOGUE.get(name) or BEYOND[name]

@@ -61,7 +61,7 @@ class Optics:
     @property
     def volts_per_count(self) -> float:
         """Get the digitizer's step in V."""
-        return 2.0 * self.range_v / 2**self.bits
+        return 2.0 * self.range_v / float(2**self.bits)
 
     @property
     def roles(self) -> tuple[Role, ...]:

@@ -1,0 +1,144 @@
+"""The simulated bench behind the digitizer's contract: pace, loss, stop, pushes, and the same counts every time."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from instrument.bench.bench import Rig
+from instrument.bench.digitizer import BenchDigitizer
+from instrument.bench.optics import Optics
+from instrument.digitizer import CaptureSettings, DigitizerError
+
+RATE = 10e6
+SETTINGS = CaptureSettings(RATE, 600_000, 60_000)
+
+
+class Clock:
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def _read(bench, samples, block=100_000):
+    parts = []
+    while sum(map(len, parts)) < samples:
+        buffer = np.empty((min(block, samples - sum(map(len, parts))), len(bench.capabilities.channels)), np.int16)
+        got = bench.read_into(buffer, 1.0)
+        assert got.lost_before == 0
+        parts.append(buffer[: got.samples].copy())
+    return np.concatenate(parts)
+
+
+def _fast(**more):
+    return BenchDigitizer(real_time=False, first_push_s=0.05, push_every_s=0.2, **more)
+
+
+def test_a_push_crosses_the_switch_and_the_beat_rises():
+    bench = _fast()
+    bench.arm(SETTINGS)
+    counts = _read(bench, 5_000_000)
+    high = counts[:, 2] > 1000
+    first = int(np.argmax(high))
+    assert 0.05 < first / RATE < 0.5
+    assert not high[: first - 100].any()
+    piece = counts[first - 20_000 : first, 1].astype(float)
+    spectrum = np.abs(np.fft.rfft((piece - piece.mean()) * np.hanning(piece.size)))
+    beat = np.argmax(spectrum) * RATE / piece.size
+    shift = beat - Optics().rest_frequency_hz
+    assert 0.22 * 2 / 632.8e-9 < shift < 0.31 * 2 / 632.8e-9  # 0.265 m/s and what a hand is off by
+
+
+def test_however_it_is_read_the_counts_are_the_same():
+    one, other = _fast(), _fast()
+    one.arm(SETTINGS)
+    other.arm(SETTINGS)
+    assert np.array_equal(_read(one, 1_500_000, 64_001), _read(other, 1_500_000, 700_000))
+
+
+def test_each_arm_brings_another_push_and_each_seed_another_sequence():
+    bench, again, other = _fast(), _fast(), _fast(rig=Rig(seed=2))
+    shots = {}
+    for name, source in (("bench", bench), ("again", again), ("other", other)):
+        for arm in range(2):
+            source.arm(SETTINGS)
+            counts = _read(source, 5_000_000)
+            shots[name, arm] = int(np.argmax(counts[:, 2] > 1000))
+    assert shots["bench", 0] == shots["again", 0] and shots["bench", 1] == shots["again", 1]
+    assert len({shots["bench", 0], shots["bench", 1], shots["other", 0]}) == 3
+
+
+def test_real_time_gives_no_more_than_the_clock_allows():
+    clock = Clock()
+    bench = BenchDigitizer(clock=clock)
+    bench.arm(SETTINGS)
+    clock.now += 0.03
+    buffer = np.empty((1_000_000, 3), np.int16)
+    got = bench.read_into(buffer, 0.0)
+    assert got.samples == pytest.approx(0.03 * RATE, abs=1) and got.lost_before == 0
+    assert bench.read_into(buffer, 0.0).samples == 0
+
+
+def test_samples_that_are_not_fetched_in_time_are_lost_and_counted():
+    clock = Clock()
+    bench = BenchDigitizer(clock=clock, memory_s=0.05)
+    bench.arm(SETTINGS)
+    clock.now += 0.2
+    buffer = np.empty((1_000_000, 3), np.int16)
+    got = bench.read_into(buffer, 0.0)
+    assert got.samples == pytest.approx(0.05 * RATE, abs=1)
+    assert got.lost_before == pytest.approx(0.15 * RATE, abs=1)
+    unbroken = BenchDigitizer(real_time=False)
+    unbroken.arm(SETTINGS)
+    end = got.lost_before + got.samples
+    assert np.array_equal(buffer[: got.samples], _read(unbroken, end)[got.lost_before :])
+    clock.now += 0.01
+    assert bench.read_into(buffer, 0.0).lost_before == 0
+
+
+def test_stop_from_another_thread_ends_a_read_that_waits():
+    bench = BenchDigitizer(clock=lambda: 0.0)
+    bench.arm(SETTINGS)
+    buffer = np.empty((1000, 3), np.int16)
+    threading.Timer(0.05, bench.stop).start()
+    before = time.monotonic()
+    got = bench.read_into(buffer, 20.0)
+    assert time.monotonic() - before < 5.0
+    assert got.ended and got.samples == 0
+
+
+def test_push_moves_the_block_when_asked():
+    bench = BenchDigitizer(real_time=False, push_every_s=0.0)
+    bench.arm(SETTINGS)
+    assert not (_read(bench, 1_000_000)[:, 2] > 1000).any()
+    bench.push()
+    assert (_read(bench, 4_000_000)[:, 2] > 1000).any()
+
+
+def test_what_it_cannot_do_is_refused_in_one_line():
+    bench = BenchDigitizer()
+    with pytest.raises(DigitizerError, match="not armed"):
+        bench.read_into(np.empty((10, 3), np.int16), 0.0)
+    with pytest.raises(DigitizerError, match="1 MS/s"):
+        bench.arm(CaptureSettings(1e6, 1000, 0))
+    with pytest.raises(DigitizerError, match="pre-trigger"):
+        bench.arm(CaptureSettings(RATE, 1000, 2000))
+    bench.arm(SETTINGS)
+    with pytest.raises(DigitizerError, match="shape"):
+        bench.read_into(np.empty((10, 2), np.int16), 0.0)
+    bench.close()
+    bench.close()
+    with pytest.raises(DigitizerError, match="closed"):
+        bench.arm(SETTINGS)
+
+
+def test_two_channels_and_eight_bits():
+    bench = _fast(rig=Rig(optics=Optics(bits=8, with_switch=False)))
+    bench.arm(SETTINGS)
+    counts = _read(bench, 200_000)
+    assert counts.shape[1] == 2 and bench.setup.digitizer_bits == 8
+    assert -128 <= counts.min() < -80 and 80 < counts.max() <= 127
+    assert bench.capabilities.bits == 8 and not bench.capabilities.hardware_trigger

@@ -1,0 +1,199 @@
+"""Recordings of the simulated rig: readable, reproducible, with the truth kept apart; effects act the right way."""
+
+import json
+
+import numpy as np
+import pytest
+
+from instrument.bench.effects import BEYOND, CATALOGUE, draw, for_shot, parse, scaled
+from instrument.bench.mechanics import Bodies
+from instrument.bench.optics import Optics
+from instrument.bench.sight import cyclic_m, lit, seen, shoot
+from instrument.bench.simulate import draw_undeclared, read_truth, simulate, speeds_of_set
+from instrument.recording_file import find_recordings, read_recording, verify
+
+SPEED = 0.265
+TIME = np.arange(0.0, 0.06, 1e-5)
+
+
+def _run(text="", speed=SPEED, distance=3e-3):
+    effects = parse(text) if text else {}
+    return shoot(-speed, effects, Bodies(), distance, 0.0601), effects
+
+
+@pytest.fixture(scope="module")
+def base():
+    return _run()[0]
+
+
+def test_a_set_is_written_and_read_back(tmp_path):
+    paths = simulate(tmp_path, 2, 7, {"coulomb_friction": {"force_n": 5e-5}})
+    assert find_recordings([tmp_path]) == paths
+    assert all(verify(path) for path in paths)
+    shots = [read_recording(path) for path in paths]
+    assert [shot.name for shot in shots] == ["shot-1", "shot-2"]
+    for shot, speed in zip(shots, speeds_of_set(2, 7), strict=True):
+        assert shot.samples == 600_000 and shot.flags == ()
+        assert "coulomb_friction force_n = 5e-05" in shot.note
+        level = shot.counts[:, 2].astype(float)
+        crossing = shot.trigger_sample
+        assert level[crossing - 1200 : crossing - 1000].mean() == pytest.approx(100, abs=3)
+        assert level[crossing + 1000 : crossing + 1200].mean() == pytest.approx(1800, abs=3)
+        assert crossing / shot.sample_rate_hz == pytest.approx(0.012 - 0.7e-3 / speed, rel=0.03)
+
+
+def test_one_seed_is_one_set(tmp_path):
+    one, same, other = (simulate(tmp_path / name, 1, seed) for name, seed in (("a", 3), ("b", 3), ("c", 4)))
+    counts = [read_recording(paths[0]).counts for paths in (one, same, other)]
+    assert np.array_equal(counts[0], counts[1]) and not np.array_equal(counts[0], counts[2])
+
+
+def test_what_is_undeclared_is_told_only_in_the_hidden_file(tmp_path):
+    seed = next(s for s in range(100) if len(draw_undeclared(s)) == 1)
+    paths = simulate(tmp_path, 2, seed, undeclared=True)
+    name = next(iter(draw_undeclared(seed)))
+    truth = read_truth(tmp_path / f".truth-{seed}")
+    assert [list(shot) for shot in truth] == [[name], [name]]
+    assert find_recordings([tmp_path]) == paths
+    told = "".join(path.read_text() for path in paths)
+    assert name not in told and not any(key in told for key in truth[0][name] if key != "mass_kg")
+    assert json.loads(paths[0].read_text())["annotations"] == []
+    assert name.encode() not in (tmp_path / f".truth-{seed}").read_bytes()
+
+
+def test_undeclared_draws_all_kinds():
+    drawn = [draw_undeclared(seed) for seed in range(400)]
+    kinds = [len(d) for d in drawn]
+    assert {0, 1, 2} == set(kinds)
+    assert {name for d in drawn for name in d} == set(CATALOGUE) | set(BEYOND)
+    with pytest.raises(ValueError, match="drawn from the seed"):
+        simulate("nowhere", 1, 1, {"tilt": {}}, True)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("colomb_friction:force_n=1", "no effect is called 'colomb_friction'"),
+        ("tilt:angle=1", "no parameter 'angle'; it has angle_rad"),
+        ("tilt:angle_rad=x", "not a number"),
+        ("tilt:angle_rad", "not PARAMETER=VALUE"),
+        ("viscous_drag:coefficient_n_s_per_m=-1", "not possible"),
+        ("cyclic_error:order=1.5", "order"),
+        ("block_mode:frequency_hz=0", "above zero"),
+        ("", "no effect is named"),
+    ],
+)
+def test_a_wrong_effect_is_refused_in_one_line(text, message):
+    with pytest.raises(ValueError, match=message) as refused:
+        parse(text)
+    assert "\n" not in str(refused.value)
+
+
+def test_effects_are_read_as_written():
+    effects = parse("tilt:angle_rad=-2e-4; block_mode:mass_kg=1e-3,frequency_hz=800,damping_ratio=0.01")
+    assert effects["tilt"] == {"angle_rad": -2e-4}
+    assert effects["block_mode"] == {"mass_kg": 1e-3, "frequency_hz": 800.0, "damping_ratio": 0.01}
+
+
+@pytest.mark.parametrize("name", [*CATALOGUE, *BEYOND])
+def test_every_effect_moves_what_is_seen_and_vanishes_with_its_strength(name, base):
+    effects = {name: draw(name, np.random.default_rng(1))}
+    optics = Optics()
+
+    def change(strength):
+        now = scaled(effects, strength)
+        x, _ = seen(shoot(-SPEED, now, Bodies(), 3e-3, 0.0601), now, TIME)
+        x = x + cyclic_m(lit(optics, now), x)
+        return np.sqrt(np.mean((x - base.block_m(TIME)) ** 2))
+
+    full, tenth = change(1.0), change(1e-2)
+    assert full > 1e-11
+    assert tenth < 0.2 * full
+
+
+def test_friction_and_drag_slow_the_block_both_ways(base):
+    for text in (
+        "coulomb_friction:force_n=1e-4",
+        "viscous_drag:coefficient_n_s_per_m=5e-4",
+        "quadratic_drag:coefficient_n_s2_per_m2=2e-3",
+        "bristle_friction:force_n=1e-4",
+    ):
+        run, _ = _run(text)
+        assert abs(run.velocity_in_m_per_s) < SPEED
+        assert run.velocity_out_m_per_s < base.velocity_out_m_per_s
+        last = run.block_velocity_m_per_s(np.array([0.0599]))[0]
+        assert last < run.velocity_out_m_per_s
+
+
+def test_coulomb_friction_takes_force_times_way():
+    run, _ = _run("coulomb_friction:force_n=1e-4")
+    lost = 0.5 * Bodies().block_mass_kg * (SPEED**2 - run.velocity_in_m_per_s**2)
+    assert lost == pytest.approx(1e-4 * 3e-3, rel=1e-6)
+
+
+def test_tilt_pulls_to_one_side(base):
+    run, _ = _run("tilt:angle_rad=1e-3")
+    assert run.velocity_in_m_per_s > -SPEED and run.block_m(np.array([0.06]))[0] > base.block_m(np.array([0.06]))[0]
+    slope = np.polyfit(TIME[:900], run.block_velocity_m_per_s(TIME[:900]), 1)[0]
+    assert slope == pytest.approx(9.80665e-3, rel=1e-4)
+
+
+def test_a_harder_or_lossier_plate_acts_in_contact_alone(base):
+    soft = _run("support_compliance:compliance_m_per_n=1e-4,frequency_hz=1000")[0]
+    hard = _run("cubic_stiffness:coefficient_n_per_m3=1e6")[0]
+    lossy = _run("plate_damping:coefficient_n_s_per_m=2e-3")[0]
+    before = base.touch_time_s > TIME
+    for run in (soft, hard, lossy):
+        assert np.abs(run.block_m(TIME[before]) - base.block_m(TIME[before])).max() < 1e-15
+    assert soft.block_m(TIME).min() < base.block_m(TIME).min() < hard.block_m(TIME).min()
+    assert lossy.velocity_out_m_per_s < base.velocity_out_m_per_s
+
+
+def test_hidden_mass_rings_after_the_first_touch_at_its_own_frequency():
+    run, _ = _run("block_mode:mass_kg=5e-4,frequency_hz=1000,damping_ratio=0.002")
+    after = TIME[run.release_time_s + 1e-3 < TIME]
+    v = run.block_velocity_m_per_s(after)
+    v = v - np.polyval(np.polyfit(after, v, 1), after)
+    frequency = np.fft.rfftfreq(1 << 16, 1e-5)
+    line = frequency[np.argmax(np.abs(np.fft.rfft(v * np.hanning(v.size), 1 << 16)))]
+    free = 1000 * np.sqrt(17.85e-3 / (17.85e-3 - 5e-4))  # both masses move
+    assert line == pytest.approx(free, rel=5e-3)
+
+
+def test_adhesion_holds_the_block_back_and_is_paid_back_on_the_way_in():
+    run, _ = _run("adhesion:force_n=5e-3,range_m=1e-4")
+    late = run.block_velocity_m_per_s(np.array([run.release_time_s + 5e-3]))[0]
+    assert late < run.velocity_out_m_per_s
+    assert abs(run.velocity_in_m_per_s) > SPEED
+
+
+def test_what_only_the_optics_see_leaves_the_block_alone(base):
+    drift = parse("sensor_drift:ramp_m_per_s2=1e-3")
+    x, v = seen(base, drift, TIME)
+    assert v - base.block_velocity_m_per_s(TIME) == pytest.approx(1e-3 * TIME, abs=1e-12)
+    lag = parse("demodulation_lag:time_s=1e-5")
+    x, _ = seen(base, lag, TIME)
+    flight = (TIME > 1e-3) & (base.touch_time_s > TIME)
+    assert x[flight] - base.block_m(TIME[flight]) == pytest.approx(SPEED * 1e-5, rel=1e-6)  # it lags behind
+    shake = parse("frame_vibration:amplitude_m_per_s=1e-4,frequency_hz=100,phase_rad=1.0")
+    x, v = seen(base, shake, TIME)
+    extra = v - base.block_velocity_m_per_s(TIME)
+    assert extra == pytest.approx(1e-4 * np.sin(2 * np.pi * 100 * TIME + 1.0), abs=1e-12)
+    assert np.gradient(x - base.block_m(TIME), 1e-5)[1:-1] == pytest.approx(extra[1:-1], abs=1e-8)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_cyclic_error_repeats_with_the_way(order):
+    optics = lit(Optics(), parse(f"cyclic_error:amplitude_m=2e-9,order={order}"))
+    x = np.linspace(0.0, 2 * optics.wavelength_m, 4001)
+    error = cyclic_m(optics, x)
+    assert np.abs(error).max() == pytest.approx(2e-9, rel=1e-2)
+    period = 1000 // order  # half a wavelength over the order
+    assert error[period:] == pytest.approx(error[:-period], abs=1e-13)
+
+
+def test_what_differs_from_shot_to_shot_does():
+    effects = parse("plate_motion:velocity_m_per_s=1e-3,displacement_m=1e-6;tilt:angle_rad=1e-4")
+    first, second, again = (for_shot(effects, shot, 5) for shot in (0, 1, 1))
+    assert first == effects and second == again
+    assert second["plate_motion"] != first["plate_motion"] and second["tilt"] == first["tilt"]

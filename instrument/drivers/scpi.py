@@ -1,0 +1,301 @@
+"""Deep-memory oscilloscopes over SCPI: one shot on a hardware trigger, then its memory in chunks."""
+
+import math
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import Channel, Role, Setup
+from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.drivers.scpi_dialects import Dialect, Scaling, Timing, dialect_of
+from instrument.drivers.scpi_transport import Cancelled, ScpiTransport
+
+POLL_S = 0.02
+ARMING_S = 0.5  # for so long a "stopped" may still be that of the shot before
+RATE_TOLERANCE = 1e-3
+EXTERNAL = "external"
+
+_ROLES: Mapping[int, Role] = {1: Role.REFERENCE, 2: Role.MEASUREMENT}
+
+
+@dataclass(frozen=True, slots=True)
+class HardwareTrigger:
+    """What starts a shot: ``source`` a channel, "external", or None for what is set on the instrument."""
+
+    source: int | str | None = None
+    slope: str = "rising"
+    level_v: float | None = None  # None: as set on the instrument
+
+
+class ScpiOscilloscope(Digitizer):
+    """An oscilloscope of the dialect table over any transport.
+
+    ``roles`` says what its channels carry.  Ranges, coupling and, with ``trigger`` None, the trigger are taken as set
+    on the instrument.  The scales are known after the shot: read ``capabilities`` again when it has ended.
+    """
+
+    def __init__(
+        self,
+        link: ScpiTransport,
+        roles: Mapping[int, Role] = _ROLES,
+        trigger: HardwareTrigger | None = None,
+        *,
+        setup: Setup | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if Role.MEASUREMENT not in roles.values() or len(set(roles.values())) != len(roles):
+            raise DigitizerError("one channel of the oscilloscope, and only one, must carry the measuring beat")
+        self._link = link
+        self._clock = clock
+        self._roles = dict(sorted(roles.items()))
+        self._trigger = trigger or HardwareTrigger()
+        self._cancel = threading.Event()
+        self._lock = threading.Lock()
+        self._worker: threading.Thread | None = None
+        self._blocks: queue.SimpleQueue[_Piece | DigitizerError | None] = queue.SimpleQueue()
+        self._piece: _Piece | None = None
+        self._fetched = 0
+        self._wanted = 0
+        self._armed = False
+        try:
+            identity = link.query("*IDN?")
+            self._dialect = dialect_of(identity)
+            for command in self._dialect.begin:
+                link.write(command)
+        except DigitizerError:
+            link.close()
+            raise
+        model = identity.split(",")[1].strip() if identity.count(",") else ""
+        self._name = f"{self._dialect.name.split()[0]} {model}".strip()
+        self._setup = setup or Setup(moving_mass_kg=math.nan, digitizer_bits=self._dialect.bits)
+        self._scales = {n: Scaling(1.0, 0.0) for n in self._roles}
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Get what the instrument can do; scales are those of the last shot."""
+        return Capabilities(
+            name=self._name,
+            channels=tuple(
+                Channel(role, self._scales[n].volts_per_count, self._scales[n].offset_v)
+                for n, role in self._roles.items()
+            ),
+            bits=self._dialect.bits,
+            rates_hz=(),
+            max_samples=self._dialect.max_samples,
+            hardware_trigger=True,
+            real_time=False,
+        )
+
+    @property
+    def setup(self) -> Setup:
+        """Get the setup given; where none was, all but the bits is unknown (the mass NaN)."""
+        return self._setup
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Get how many samples a channel have been fetched, of how many; (0, 0) while waiting for the trigger."""
+        return self._fetched, self._wanted
+
+    def default_settings(self) -> CaptureSettings:
+        """Return what is set on the instrument: taking it as it is."""
+        timing = self._dialect.set_now(self._link.query, next(iter(self._roles)))
+        return CaptureSettings(timing.sample_rate_hz, timing.samples, timing.trigger_sample or 0)
+
+    def arm(self, settings: CaptureSettings) -> None:
+        """Set time base and memory where they are not as asked, and wait for the trigger.  Raises DigitizerError."""
+        self.stop()
+        if not 0 <= settings.pre_trigger_samples < settings.samples <= self._dialect.max_samples:
+            raise DigitizerError(
+                f"{self._name} cannot take {settings.samples} samples with {settings.pre_trigger_samples} before the "
+                f"trigger",
+                f"at most {self._dialect.max_samples}",
+            )
+        self._set_time(settings)
+        self._set_trigger()
+        for command in self._dialect.single:
+            self._link.write(command)
+        self._cancel.clear()
+        self._blocks = queue.SimpleQueue()
+        self._piece = None
+        self._fetched = self._wanted = 0
+        self._armed = True
+        self._worker = threading.Thread(target=self._work, args=(settings, self._blocks), name="scpi", daemon=True)
+        self._worker.start()
+
+    def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
+        """Fill ``buffer`` with what was fetched; nothing comes before the trigger."""
+        if self._piece is None:
+            if not self._armed:
+                return Block(0, ended=True)
+            try:
+                item = self._blocks.get(timeout=max(timeout_s, 1e-3))
+            except queue.Empty:
+                return Block(0)
+            if item is None or isinstance(item, DigitizerError):
+                self._armed = False
+                if item is not None:
+                    raise item
+                return Block(0, ended=True)
+            self._piece = item
+        piece = self._piece
+        count = min(piece.counts.shape[0], buffer.shape[0])
+        buffer[:count] = piece.counts[:count]
+        clipped: tuple[int, ...] = ()
+        if self._dialect.bits == 8:
+            rails = (buffer[:count] == -128) | (buffer[:count] == 127)
+            clipped = tuple(int(n) for n in np.count_nonzero(rails, axis=0))
+        at = piece.trigger_sample
+        last = count == piece.counts.shape[0]
+        block = Block(
+            count,
+            clipped=clipped,
+            ended=last and piece.last,
+            trigger_sample=at if at is not None and 0 <= at < count else None,
+        )
+        self._piece = None if last else _Piece(piece.counts[count:], None if at is None else at - count, piece.last)
+        self._armed = self._armed and not block.ended
+        return block
+
+    def stop(self) -> None:
+        """Give up waiting or fetching; from any thread."""
+        self._cancel.set()
+        with self._lock:
+            worker, self._worker = self._worker, None
+            if worker is not None:
+                worker.join(timeout=15.0)
+
+    def close(self) -> None:
+        """Stop and let go of the instrument."""
+        self.stop()
+        self._link.close()
+
+    def _set_time(self, settings: CaptureSettings) -> None:
+        words, link = self._dialect, self._link
+        now = self.default_settings()
+        if now == settings:
+            return
+        length_s = settings.samples / settings.sample_rate_hz
+        per_division = length_s / words.divisions
+        if words.depths:
+            per_division = _one_two_five(per_division)
+            needed = settings.sample_rate_hz * per_division * words.divisions
+            depth = min(words.depths, key=lambda candidate: abs(math.log(candidate / needed)))
+            link.write(words.set_depth.format(samples=depth, short=_short(depth)))
+        link.write(words.set_time_per_division.format(seconds=per_division))
+        record_s = per_division * words.divisions
+        before_s = settings.pre_trigger_samples / settings.sample_rate_hz + (record_s - length_s) / 2
+        link.write(words.set_trigger_delay.format(seconds=record_s / 2 - before_s))
+        now = self.default_settings()
+        if abs(now.sample_rate_hz / settings.sample_rate_hz - 1) > RATE_TOLERANCE:
+            raise DigitizerError(
+                f"{self._name} takes {now.sample_rate_hz:g} samples/s at this length, not {settings.sample_rate_hz:g}",
+                f"ask for {now.sample_rate_hz:g}, or set time base and memory depth on the instrument",
+            )
+
+    def _set_trigger(self) -> None:
+        words, trigger = self._dialect, self._trigger
+        if trigger.source is None:
+            return
+        external = trigger.source == EXTERNAL
+        commands = list(words.trigger_external if external else words.trigger_channel)
+        commands.append(words.slope[trigger.slope])
+        if trigger.level_v is not None:
+            commands.append(words.level)
+        for command in commands:
+            source = "EX" if external else f"C{trigger.source}"
+            self._link.write(command.format(n=trigger.source, source=source, volts=trigger.level_v))
+
+    def _work(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
+        """Wait for the trigger and fetch, in a thread of its own so that ``read_into`` keeps its time."""
+        try:
+            self._wait_for_shot()
+            self._fetch(settings, out)
+        except Cancelled:
+            try:
+                self._link.write(self._dialect.stop)
+            except DigitizerError as error:
+                out.put(error)
+            out.put(None)
+        except DigitizerError as error:
+            out.put(error)
+
+    def _wait_for_shot(self) -> None:
+        armed_s = self._clock()
+        seen_waiting = False
+        while True:
+            if self._cancel.wait(POLL_S):
+                raise Cancelled
+            done = self._dialect.is_done(self._link.query(self._dialect.status))
+            seen_waiting = seen_waiting or not done
+            if done and (seen_waiting or self._clock() - armed_s > ARMING_S):
+                return
+
+    def _fetch(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
+        words, ask = self._dialect, self._link.query
+        timing: Timing | None = None
+        for n in self._roles:
+            for command in words.select:
+                self._link.write(command.format(n=n))
+            self._scales[n] = words.scaling(ask, n)
+            timing = words.timing(ask, n) if timing is None else timing
+        assert timing is not None
+        if abs(timing.sample_rate_hz / settings.sample_rate_hz - 1) > RATE_TOLERANCE:
+            raise DigitizerError(
+                f"{self._name} took {timing.sample_rate_hz:g} samples/s, not {settings.sample_rate_hz:g}", "re-arm"
+            )
+        first = max(0, (timing.trigger_sample or 0) - settings.pre_trigger_samples)
+        end = min(timing.samples, first + settings.samples)
+        self._wanted = end - first
+        step = words.points_a_read or self._wanted
+        for at in range(first, end, step):
+            count = min(step, end - at)
+            counts = np.empty((count, len(self._roles)), np.int16)
+            for column, n in enumerate(self._roles):
+                counts[:, column] = self._points(n, at, count, timing)
+            self._fetched += count
+            trigger = None if timing.trigger_sample is None else timing.trigger_sample - at
+            out.put(_Piece(counts, trigger, at + count == end))
+
+    def _points(self, n: int, at: int, count: int, timing: Timing) -> NDArray[np.int16]:
+        words = self._dialect
+        whole = words.points_a_read is None
+        for command in words.select:
+            self._link.write(command.format(n=n))
+        fetch = [f.format(n=n, a=at + 1, b=at + count, count=count, skip=at) for f in words.fetch]
+        for command in fetch[:-1]:
+            self._link.write(command)
+        points = timing.samples if whole else count
+        block = self._link.query_block(fetch[-1], points * words.bytes_per_sample, self._cancel.is_set)
+        decoded = words.decode(block)
+        decoded = decoded[at:] if whole else decoded
+        if decoded.size < count:
+            raise DigitizerError(f"{self._name} sent {decoded.size} of {count} samples of channel {n}", "re-arm")
+        return decoded[:count]
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """Fetched counts (int16, shape (n, channels)) and where in them the trigger is (may lie outside)."""
+
+    counts: NDArray[np.int16]
+    trigger_sample: int | None
+    last: bool
+
+
+def _one_two_five(value: float) -> float:
+    """Return the smallest of 1, 2, 5 times a power of ten that is not below ``value``."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(m * power for m in (1, 2, 5, 10) if m * power >= value * (1 - 1e-9))
+
+
+def _short(samples: int) -> str:
+    """Return a memory depth as Siglent writes it: 7K, 70K, 700K, 7M."""
+    return f"{samples // 1_000_000}M" if samples >= 1_000_000 else f"{samples // 1000}K"
+
+
+__all__ = ["EXTERNAL", "Dialect", "HardwareTrigger", "ScpiOscilloscope"]

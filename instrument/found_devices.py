@@ -1,0 +1,102 @@
+"""What is plugged into this computer, whether this user may use it, and what to do where not."""
+
+import os
+import sys
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from instrument.digitizer import DigitizerError
+
+_NI_VENDOR = "0x1093"
+_PCI = Path("/sys/bus/pci/devices")
+_USB_NODES = Path("/dev/bus/usb")
+
+
+@dataclass(frozen=True, slots=True)
+class FoundDevice:
+    """A device on a bus; ``source`` opens it, ``problem`` is empty where nothing stands in the way."""
+
+    source: str
+    name: str
+    where: str
+    problem: str = ""
+    remedy: str = ""
+
+
+def udev_rule_path() -> Path:
+    """Return where the udev rule shipped with Levimass lies."""
+    return Path(str(resources.files("resources") / "udev" / "70-levimass.rules"))
+
+
+def udev_instructions() -> str:
+    """Return the lines that install the udev rule, to be shown and copied."""
+    return (
+        f"sudo cp '{udev_rule_path()}' /etc/udev/rules.d/\n"
+        "sudo udevadm control --reload\n"
+        "sudo udevadm trigger\n"
+        "then unplug the device and plug it in again"
+    )
+
+
+def found_devices(backend: Any = None) -> tuple[FoundDevice, ...]:
+    """Return the digitizers plugged in, opening none.  Raises DigitizerError where the USB library is missing."""
+    return (*_usb_devices(backend), *_ni_cards(_PCI))
+
+
+def _usb_devices(backend: Any) -> list[FoundDevice]:
+    from instrument.drivers import hantek6022_firmware as firmware
+    from instrument.drivers import usb_bus, usbtmc
+
+    found = []
+    for device in usb_bus.find_devices((*firmware.COLD_IDS, *firmware.WARM_IDS), backend):
+        problem, remedy = _permission(device)
+        if not problem and (device.idVendor, device.idProduct) in firmware.COLD_IDS:
+            try:
+                firmware.find_firmware(device.idProduct)
+            except DigitizerError as error:
+                problem, remedy = error.what, error.remedy
+        found.append(FoundDevice("hantek6022", "Hantek 6022", _where(device), problem, remedy))
+    for device in usbtmc.find_instruments(backend):
+        identity = usb_bus.identify(device)
+        name = f"{usbtmc.VENDORS[device.idVendor]} oscilloscope"
+        found.append(FoundDevice(f"scpi:usb:{identity}", name, _where(device), *_permission(device)))
+    return found
+
+
+def _where(device: Any) -> str:
+    return f"USB bus {device.bus}, device {device.address}, {device.idVendor:04x}:{device.idProduct:04x}"
+
+
+def _permission(device: Any) -> tuple[str, str]:
+    """Return problem and remedy of opening ``device``; both empty where it may be opened or the bus does not tell."""
+    from instrument.drivers.usb_bus import PERMISSION_REMEDY, is_permitted
+
+    node = _USB_NODES / f"{device.bus or 0:03d}" / f"{device.address or 0:03d}"
+    if sys.platform.startswith("linux") and node.exists():
+        permitted = os.access(node, os.R_OK | os.W_OK)
+    else:
+        permitted = is_permitted(device) is not False
+    return ("", "") if permitted else ("no permission to open it", PERMISSION_REMEDY)
+
+
+def _ni_cards(pci: Path) -> list[FoundDevice]:
+    """Return National Instruments' PCI cards where Linux lists them; which of them digitize only the runtime knows."""
+    from instrument.drivers.niscope_card import load_package
+
+    found = []
+    for entry in sorted(pci.glob("*/vendor")):
+        try:
+            vendor = entry.read_text().strip().lower()
+        except OSError:
+            continue
+        if vendor == _NI_VENDOR:
+            problem = remedy = ""
+            try:
+                load_package()
+            except DigitizerError as error:
+                problem, remedy = error.what, error.remedy
+            name = "National Instruments card (its name is in NI MAX or nilsdev)"
+            found.append(FoundDevice("niscope:Dev1", name, f"PCI {entry.parent.name}", problem, remedy))
+    return found

@@ -1,0 +1,182 @@
+"""From the text of ``--source`` to a digitizer.
+
+``bench`` · ``replay:PATH`` · ``hantek6022`` · ``scpi:ADDRESS`` · ``niscope:RESOURCE``, the last three with options
+after a question mark, for example ``hantek6022?roles=switch,measurement&gains=1,5`` or
+``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling&level=1.2``.
+"""
+
+import importlib
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from analysis.recording import Role, Setup
+from instrument.digitizer import Digitizer, DigitizerError
+from instrument.found_devices import FoundDevice, found_devices
+
+__all__ = ["SOURCES", "FoundDevice", "found_devices", "open_source"]
+
+SOURCES = ("bench", "replay:PATH", "hantek6022", "scpi:ADDRESS", "niscope:RESOURCE")
+_REMEDY = "use one of " + ", ".join(SOURCES)
+
+_USB_ADDRESS = re.compile(r"usb(?::([0-9a-f]{4}):([0-9a-f]{4}))?", re.IGNORECASE)
+_HOST_ADDRESS = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9][A-Za-z0-9._-]*)(?::(\d{1,5}))?")
+
+
+def open_source(text: str, *, setup: Setup | None = None) -> Digitizer:
+    """Open the digitizer that ``text`` names.  ``setup`` is the rig as the operator gave it, handed to real devices.
+
+    Raises DigitizerError, in one line, for an unknown source, a wrong option or a device that cannot be opened.
+    """
+    kind, colon, rest = text.strip().partition(":")
+    if "?" in kind:
+        kind, _, rest = text.strip().partition("?")
+        rest = "?" + rest
+    opener = _OPENERS.get(kind.lower())
+    if opener is None or (kind.lower() in ("replay", "scpi", "niscope") and not (colon and rest)):
+        raise DigitizerError(f"unknown source {text[:80]!r}", _REMEDY)
+    if kind.lower() in ("bench", "hantek6022") and rest and not rest.startswith("?"):
+        raise DigitizerError(f"source {kind} takes no address, but got {rest[:80]!r}", _REMEDY)
+    return opener(rest, setup)
+
+
+def _bench(rest: str, setup: Setup | None) -> Digitizer:
+    if rest:
+        raise DigitizerError(f"source bench takes no options, but got {rest[:80]!r}", _REMEDY)
+    bench: Digitizer = _imported("instrument.bench.digitizer").BenchDigitizer()
+    return bench
+
+
+def _replay(rest: str, setup: Setup | None) -> Digitizer:
+    path = Path(rest)
+    if not path.exists():
+        raise DigitizerError(f"nothing to replay at {rest}", "name a recording, or a folder that holds some")
+    replay: Digitizer = _imported("instrument.replay").ReplayDigitizer([path])
+    return replay
+
+
+def _hantek6022(rest: str, setup: Setup | None) -> Digitizer:
+    from instrument.drivers.hantek6022 import Hantek6022
+
+    options = _options(rest.removeprefix("?"), "hantek6022", ("roles", "gains", "firmware"))
+    firmware = options.get("firmware")
+    return Hantek6022(
+        _roles(options.get("roles", "reference,measurement")),
+        tuple(_integer(gain, "gain") for gain in options.get("gains", "2,2").split(",")),
+        firmware=Path(firmware) if firmware else None,
+        setup=setup,
+    )
+
+
+def _scpi(rest: str, setup: Setup | None) -> Digitizer:
+    from instrument.drivers.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
+
+    address, _, given = rest.partition("?")
+    options = _options(given, "scpi", ("channels", "roles", "trigger", "slope", "level"))
+    channels = [_integer(n, "channel") for n in options.get("channels", "1,2").split(",")]
+    roles = _assigned(channels, options)
+    source: int | str | None = options.get("trigger")
+    if isinstance(source, str) and source != EXTERNAL:
+        source = _integer(source, "trigger")
+    level = options.get("level")
+    trigger = HardwareTrigger(source, _slope(options), None if level is None else _number(level, "level"))
+    return ScpiOscilloscope(open_link(address), roles, trigger, setup=setup)
+
+
+def open_link(address: str) -> Any:
+    """Open the SCPI link that ``address`` names: ``usb[:VVVV:PPPP]``, ``HOST[:PORT]`` or a VISA resource name."""
+    if usb_address := _USB_ADDRESS.fullmatch(address):
+        from instrument.drivers.usbtmc import UsbtmcTransport, find_instruments
+
+        wanted = tuple(int(part, 16) for part in usb_address.groups() if part)
+        devices = [d for d in find_instruments() if not wanted or (d.idVendor, d.idProduct) == wanted]
+        if not devices:
+            raise DigitizerError(f"no oscilloscope at {address}", "plug it in, and set its USB device port to USBTMC")
+        return UsbtmcTransport(devices[0])
+    if "::" in address and not address.startswith("["):
+        from instrument.drivers.scpi_visa import VisaTransport
+
+        return VisaTransport(address)
+    if host := _HOST_ADDRESS.fullmatch(address):
+        from instrument.drivers.scpi_socket import SocketTransport
+
+        port = int(host[2]) if host[2] else None
+        if port is None or 0 < port < 65536:
+            return SocketTransport(host[1].strip("[]"), port)
+    raise DigitizerError(
+        f"{address[:80]!r} is no address of an oscilloscope", "give HOST, HOST:PORT, usb or a VISA resource name"
+    )
+
+
+def _niscope(rest: str, setup: Setup | None) -> Digitizer:
+    from instrument.drivers.niscope_card import CardTrigger, NiscopeCard
+
+    resource, _, given = rest.partition("?")
+    options = _options(given, "niscope", ("channels", "roles", "trigger", "slope", "level", "range"))
+    channels = [str(_integer(n, "channel")) for n in options.get("channels", "0,1").split(",")]
+    trigger = CardTrigger(options.get("trigger", "2"), _number(options.get("level", "1"), "level"), _slope(options))
+    range_v = _number(options.get("range", "2"), "range")
+    return NiscopeCard(resource, _assigned(channels, options), trigger, range_v=range_v, setup=setup)
+
+
+_OPENERS: Mapping[str, Callable[[str, Setup | None], Digitizer]] = {
+    "bench": _bench,
+    "replay": _replay,
+    "hantek6022": _hantek6022,
+    "scpi": _scpi,
+    "niscope": _niscope,
+}
+
+
+def _imported(module: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise DigitizerError(f"this source needs {error.name}, which is not installed", "reinstall Levimass") from error
+
+
+def _options(given: str, source: str, known: tuple[str, ...]) -> dict[str, str]:
+    options = {}
+    for item in filter(None, given.split("&")):
+        name, equals, value = item.partition("=")
+        if name not in known or not equals or not value:
+            raise DigitizerError(f"source {source}: {item[:60]!r} is no option", f"known are {', '.join(known)}")
+        options[name] = unquote(value)
+    return options
+
+
+def _roles(text: str) -> tuple[Role, ...]:
+    try:
+        return tuple(Role(name.strip()) for name in text.split(","))
+    except ValueError as error:
+        known = ", ".join(Role)
+        raise DigitizerError(f"roles={text[:60]} names an unknown role", f"known are {known}") from error
+
+
+def _assigned(channels: list[Any], options: Mapping[str, str]) -> dict[Any, Role]:
+    default = ",".join(("reference", "measurement", "switch")[: len(channels)]) if len(channels) > 1 else "measurement"
+    roles = _roles(options.get("roles", default))
+    if len(roles) != len(channels) or len(set(channels)) != len(channels):
+        raise DigitizerError("channels and roles must name each channel once and be equally many")
+    return dict(zip(channels, roles, strict=True))
+
+
+def _slope(options: Mapping[str, str]) -> str:
+    slope = options.get("slope", "rising")
+    if slope not in ("rising", "falling"):
+        raise DigitizerError(f"slope={slope[:40]} is neither rising nor falling")
+    return slope
+
+
+def _integer(text: str, what: str) -> int:
+    if not re.fullmatch(r"\d{1,4}", text.strip()):
+        raise DigitizerError(f"{text[:40]!r} is no {what} number")
+    return int(text)
+
+
+def _number(text: str, what: str) -> float:
+    if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?", text.strip()):
+        raise DigitizerError(f"{text[:40]!r} is no {what} in V")
+    return float(text)

@@ -1,0 +1,109 @@
+"""What the doctor finds, on buses and disks made for it."""
+
+import re
+from collections import namedtuple
+from pathlib import Path
+
+import pytest
+
+from instrument import doctor, found_devices
+from instrument.digitizer import DigitizerError
+from instrument.doctor import Grade, examine
+from instrument.drivers import hantek6022_firmware, usb_bus
+from tests.instrument.drivers.scripted_usb import Plugged, ScriptedUsb
+
+TMC = {"interface_class": (0xFE, 3, 1), "endpoints": ((0x82, 2), (0x03, 2))}
+
+
+@pytest.fixture(autouse=True)
+def _not_this_computers_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(found_devices, "_USB_NODES", Path("/nonexistent"))
+    monkeypatch.setattr(found_devices, "_PCI", Path("/nonexistent"))
+
+
+def test_found_devices_say_what_stands_in_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hantek6022_firmware, "FOLDERS", ())
+    bus = ScriptedUsb(
+        [
+            Plugged(0x04B4, 0x6022, address=1),
+            Plugged(0x1D50, 0x608E, address=2, forbidden=True),
+            Plugged(0x1AB1, 0x04CE, address=3, **TMC),
+            Plugged(0x1AB1, 0x0999, address=4),  # Rigol's, but not for test and measurement
+            Plugged(0x1234, 0x5678, address=5),
+        ]
+    )
+    cold, barred, rigol = found_devices.found_devices(bus)
+    assert "fx2lafw-hantek-6022be.fw" in cold.problem
+    assert "apt install sigrok-firmware-fx2lafw" in cold.remedy
+    assert barred.problem == "no permission to open it"
+    assert "udev" in barred.remedy
+    assert (rigol.source, rigol.problem) == ("scpi:usb:1ab1:04ce", "")
+    assert bus.opened == 0
+
+
+def test_ni_cards_are_named_with_what_they_lack(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name, vendor in (("0000:01:00.0", "0x1093"), ("0000:02:00.0", "0x8086")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "vendor").write_text(vendor + "\n")
+    monkeypatch.setattr(found_devices, "_PCI", tmp_path)
+    monkeypatch.setitem(__import__("sys").modules, "niscope", None)
+    (card,) = found_devices.found_devices(ScriptedUsb([]))
+    assert card.where == "PCI 0000:01:00.0"
+    assert "levimass[niscope]" in card.remedy
+
+
+def test_every_check_is_one_line(tmp_path: Path) -> None:
+    checks = examine(tmp_path / "not" / "yet", ScriptedUsb([Plugged(0x1D50, 0x608E, forbidden=True)]))
+    names = {check.name for check in checks}
+    assert {"Python", "numpy", "USB library", "device", "Hantek firmware", "niscope", "disk"} <= names
+    assert all(check.line and "\n" not in check.line for check in checks)
+    assert [c.grade for c in checks if c.name == "device"] == [Grade.FAIL]
+
+
+def test_a_missing_usb_library_is_a_warning_with_its_remedy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def missing() -> None:
+        raise DigitizerError("the USB library libusb-1.0 was not found", usb_bus.LIBRARY_REMEDY)
+
+    monkeypatch.setattr(usb_bus, "find_backend", missing)
+    found = {check.name: check for check in examine(tmp_path)}
+    assert found["USB library"].grade is Grade.WARN
+    assert "apt install libusb-1.0-0" in found["USB library"].line
+    assert found["devices"].grade is Grade.WARN
+
+
+@pytest.mark.parametrize(("free", "grade"), [(50 << 30, "ok"), (1 << 30, "warn"), (100 << 20, "fail")])
+def test_disk_room_is_graded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, free: int, grade: str) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda place: usage(1 << 40, 0, free))
+    assert next(c for c in examine(tmp_path, ScriptedUsb([])) if c.name == "disk").grade == grade
+
+
+def test_the_doctor_survives_a_part_that_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def broken(backend: object) -> None:
+        raise RuntimeError("sysfs\nis odd")
+
+    monkeypatch.setattr(doctor, "_devices", broken)
+    devices = next(c for c in examine(tmp_path, ScriptedUsb([])) if c.name == "devices")
+    assert (devices.grade, devices.line) == (Grade.FAIL, "could not be examined: sysfs is odd")
+
+
+def test_the_udev_rule_covers_every_device_the_drivers_know() -> None:
+    rule = found_devices.udev_rule_path().read_text()
+    for vendor, product in (*hantek6022_firmware.COLD_IDS, *hantek6022_firmware.WARM_IDS):
+        assert re.search(f'"{vendor:04x}".*"{product:04x}".*uaccess', rule)
+    from instrument.drivers.usbtmc import VENDORS
+
+    for vendor in VENDORS:
+        assert re.search(f'"{vendor:04x}", TAG\\+="uaccess"', rule)
+    assert str(found_devices.udev_rule_path()) in found_devices.udev_instructions()
+
+
+def test_permission_is_read_from_the_device_node(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "001").mkdir()
+    (tmp_path / "001" / "007").touch()
+    monkeypatch.setattr(found_devices, "_USB_NODES", tmp_path)
+    asked = []
+    monkeypatch.setattr(found_devices.os, "access", lambda node, mode: asked.append(node))
+    (device,) = found_devices.found_devices(ScriptedUsb([Plugged(0x1D50, 0x608E, address=7, forbidden=True)]))
+    assert device.problem == "no permission to open it"
+    assert asked == [tmp_path / "001" / "007"]

@@ -1,0 +1,50 @@
+"""The text of --source: what it opens, and the one line where it opens nothing."""
+
+import re
+
+import pytest
+
+from instrument.digitizer import DigitizerError
+from instrument.drivers import usb_bus
+from instrument.sources import open_source
+from tests.instrument.drivers.scripted_usb import In, Plugged, ScriptedUsb
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "unknown source ''"),
+        ("oscilloscope", "unknown source 'oscilloscope': use one of bench, replay:PATH, hantek6022"),
+        ("scpi", "unknown source"),
+        ("replay:", "unknown source"),
+        ("replay:/no/such/folder", "nothing to replay at /no/such/folder"),
+        ("bench?speed=3", "takes no options"),
+        ("hantek6022:3", "takes no address"),
+        ("hantek6022?gains=3,3", "input gain must be one of 1, 2, 5, 10"),
+        ("hantek6022?gains=x", "'x' is no gain number"),
+        ("hantek6022?roles=switch,reference", "must carry the measuring beat"),
+        ("hantek6022?roles=pd0,pd1", "names an unknown role: known are reference, measurement, switch"),
+        ("hantek6022?colour=red", "'colour=red' is no option: known are roles, gains, firmware"),
+        ("scpi:not an address", "is no address of an oscilloscope"),
+        ("scpi:host:99999", "is no address of an oscilloscope"),
+        ("scpi:host?channels=1,1", "must name each channel once"),
+        ("scpi:host?slope=up", "neither rising nor falling"),
+        ("scpi:host?level=1e999999", "is no level in V"),
+        ("niscope:Dev1?trigger=2&range=wide", "is no range in V"),
+    ],
+)
+def test_a_wrong_source_is_one_clear_line(text: str, line: str) -> None:
+    with pytest.raises(DigitizerError, match=re.escape(line)) as caught:
+        open_source(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_roles_gains_and_firmware_reach_the_hantek(monkeypatch: pytest.MonkeyPatch) -> None:
+    bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [In(0xA2, 8, 80, b"")])
+    monkeypatch.setattr(usb_bus, "find_backend", lambda: bus)
+    digitizer = open_source("hantek6022?roles=switch,measurement&gains=1,10&firmware=/a:b")
+    switch, beat = digitizer.capabilities.channels
+    assert (switch.role, beat.role) == ("switch", "measurement")
+    assert switch.volts_per_count == pytest.approx(10 * beat.volts_per_count)
+    digitizer.close()
+    bus.finish()

@@ -1,0 +1,142 @@
+"""Levenberg-Marquardt over a sum of squares whose derivatives are exact, with bounds that keep signs physical."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.model.parameters import Floats
+
+
+class Infeasible(ArithmeticError):
+    """The parameters give no trajectory; the search turns back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Square:
+    """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and sample count."""
+
+    chi2: float
+    curvature: Floats
+    gradient: Floats
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class Minimum:
+    """Where a search ended; ``converged``: the next step would move no parameter by 1e-3 standard deviations."""
+
+    parameters: Floats
+    square: Square
+    converged: bool
+    evaluations: int
+    at_bound: tuple[int, ...] = ()
+
+
+Function = Callable[[Floats], Square]
+
+
+def minimise(
+    function: Function,
+    start: Floats,
+    *,
+    lower: Floats | None = None,
+    upper: Floats | None = None,
+    evaluations: int = 60,
+    tolerance: float = 1e-6,
+    cancelled: Callable[[], bool] | None = None,
+) -> Minimum:
+    """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
+
+    A fall of 1e-6 is a move of 1e-3 standard deviations.  The function may raise Infeasible anywhere but at the start.
+    """
+    low = np.full(start.size, -np.inf) if lower is None else lower
+    high = np.full(start.size, np.inf) if upper is None else upper
+    here = np.clip(start, low, high)
+    square = function(here)
+    damping = 1e-6  # the base model has directions a million times softer than others: begin near Gauss-Newton
+    used = 1
+    while used < evaluations:
+        if cancelled is not None and cancelled():
+            break
+        free = _free(here, square.gradient, low, high)
+        if not free.any():
+            return Minimum(here, square, True, used, tuple(int(i) for i in np.flatnonzero(~free)))
+        newton = _step(square, free, 0.0)
+        if newton is not None:
+            fall = float(-newton @ square.gradient)
+            inside = np.all((here + newton >= low) & (here + newton <= high))
+            if inside and 0 <= fall < tolerance * max(1.0, square.chi2 / square.samples):
+                held = tuple(int(i) for i in np.flatnonzero(~free))
+                return Minimum(here, square, True, used, held)
+        step = _step(square, free, damping)
+        if step is None:
+            damping = max(10 * damping, 1e-8)
+            if damping > 1e12:
+                break
+            continue
+        there = np.clip(here + step, low, high)
+        moved = there - here
+        expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
+        try:
+            trial = function(there)
+            fell = square.chi2 - trial.chi2
+        except Infeasible:
+            fell = -np.inf
+        used += 1
+        if fell > 0 and expected > 0:
+            here, square = there, trial
+            ratio = fell / expected
+            damping *= 0.01 if ratio > 0.7 else (0.2 if ratio > 0.3 else 4.0)
+            damping = max(damping, 1e-14)
+        else:
+            # Rounding hides falls below 1e-12 of chi^2: a rejected step of that size is the end of the road.
+            if 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
+                return Minimum(here, square, True, used)
+            damping = max(10 * damping, 1e-9)
+            if damping > 1e12:
+                break
+    return Minimum(here, square, False, used)
+
+
+def _free(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarray:
+    """Return which parameters may move: not those that a bound holds against the pull of the gradient."""
+    held = ((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0))
+    return np.asarray(~held)
+
+
+def _step(square: Square, free: np.ndarray, damping: float) -> Floats | None:
+    """Return the damped Gauss-Newton step (zero where not ``free``), or None where it is not determined."""
+    index = np.flatnonzero(free)
+    curvature = square.curvature[np.ix_(index, index)]
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    scaled = curvature / np.outer(scale, scale) + damping * np.eye(index.size)
+    try:
+        factor = np.linalg.cholesky(scaled)
+    except np.linalg.LinAlgError:
+        return None
+    right = -square.gradient[index] / scale
+    solution = np.linalg.solve(factor.T, np.linalg.solve(factor, right)) / scale
+    if not np.all(np.isfinite(solution)):
+        return None
+    out = np.zeros(free.size)
+    out[index] = solution
+    return out
+
+
+def covariance(square: Square, free: np.ndarray | None = None) -> Floats | None:
+    """Return (J^T J)^-1, shape (p, p), zero rows where not ``free``; None where it is singular to rounding."""
+    p = square.gradient.size
+    index = np.arange(p) if free is None else np.flatnonzero(free)
+    curvature = square.curvature[np.ix_(index, index)]
+    scale = np.sqrt(np.diag(curvature))
+    if not np.all(scale > 0):
+        return None
+    scaled = curvature / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(scaled)
+    if values[0] < 1e-13 * values[-1]:
+        return None
+    inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
+    out = np.zeros((p, p))
+    out[np.ix_(index, index)] = inverse
+    return out

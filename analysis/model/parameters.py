@@ -1,0 +1,116 @@
+"""What the paper's model needs to know, in SI units, and the variants of its contact law."""
+
+import math
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Variant(IntEnum):
+    """The contact law: what the dashpot may do while the two bodies part."""
+
+    PAPER = 0  # Eq. 4, 9: damping both ways, tension allowed until the overlap is gone
+    CLAMPED = 1  # Eq. 10 as printed: no damping while the bodies part
+    NO_TENSION = 2  # contact never pulls: release where the force reaches zero
+
+    @classmethod
+    def named(cls, name: str) -> "Variant":
+        """Return the variant called ``name``; ValueError names the ones there are."""
+        try:
+            return cls[name.upper()]
+        except KeyError:
+            raise ValueError(f"no contact law {name!r}; there are paper, clamped, no_tension") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """A block meeting a spring plate (PHYSICS.md section 3); time zero is the first touch, right is positive.
+
+    ``plate_mass_kg`` infinite locks the plate: the one-body contact of a motion record.
+    ``plate_displacement_m`` and ``plate_velocity_m_per_s`` are those of the plate at first touch.
+    """
+
+    block_mass_kg: float
+    velocity_in_m_per_s: float
+    plate_stiffness_n_per_m: float
+    plate_mass_kg: float
+    contact_stiffness_n_per_m: float
+    contact_damping_n_s_per_m: float
+    plate_displacement_m: float = 0.0
+    plate_velocity_m_per_s: float = 0.0
+    variant: Variant = Variant.PAPER
+
+    def __post_init__(self) -> None:
+        for name in ("block_mass_kg", "plate_mass_kg", "contact_stiffness_n_per_m"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive, not {getattr(self, name)!r}")
+        for name in ("plate_stiffness_n_per_m", "contact_damping_n_s_per_m"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} must not be negative, it is {getattr(self, name)!r}")
+        if not self.velocity_in_m_per_s < self.plate_velocity_m_per_s:
+            raise ValueError("velocity_in_m_per_s must carry the block towards the plate (below the plate's velocity)")
+
+    @property
+    def vector(self) -> Floats:
+        """Get the parameters as the kernels take them (order of ``kernel_order``), shape (8,)."""
+        return np.array(
+            [
+                self.plate_stiffness_n_per_m,
+                self.plate_mass_kg,
+                self.contact_stiffness_n_per_m,
+                self.contact_damping_n_s_per_m,
+                self.velocity_in_m_per_s,
+                self.plate_displacement_m,
+                self.plate_velocity_m_per_s,
+                self.block_mass_kg,
+            ]
+        )
+
+    def with_vector(self, vector: Floats) -> "Collision":
+        """Return the collision whose ``vector`` this is."""
+        k_p, m_p, k_n, gamma_n, v_i, y_0, u_0, m_b = (float(value) for value in vector)
+        return Collision(m_b, v_i, k_p, m_p, k_n, gamma_n, y_0, u_0, self.variant)
+
+    def at_speed(self, velocity_in_m_per_s: float) -> "Collision":
+        """Return the same rig met at another velocity."""
+        return replace(self, velocity_in_m_per_s=velocity_in_m_per_s)
+
+    @property
+    def contact_time_estimate_s(self) -> float:
+        """Get the half period of block and plate on the plate's spring (on the contact's where the plate is locked)."""
+        if math.isinf(self.plate_mass_kg):
+            return math.pi * math.sqrt(self.block_mass_kg / self.contact_stiffness_n_per_m)
+        series = 1 / (1 / max(self.plate_stiffness_n_per_m, 1e-9) + 1 / self.contact_stiffness_n_per_m)
+        return math.pi * math.sqrt((self.block_mass_kg + self.plate_mass_kg) / series)
+
+    @property
+    def fastest_rate_rad_per_s(self) -> float:
+        """Get the fastest angular frequency or decay rate of any phase."""
+        inverse = 1 / self.block_mass_kg + 1 / self.plate_mass_kg
+        plate = self.plate_stiffness_n_per_m / self.plate_mass_kg
+        return max(math.sqrt(self.contact_stiffness_n_per_m * inverse + plate), self.contact_damping_n_s_per_m * inverse)
+
+
+kernel_order = (
+    "plate_stiffness_n_per_m",
+    "plate_mass_kg",
+    "contact_stiffness_n_per_m",
+    "contact_damping_n_s_per_m",
+    "velocity_in_m_per_s",
+    "plate_displacement_m",
+    "plate_velocity_m_per_s",
+    "block_mass_kg",
+)
+
+PAPER = Collision(
+    block_mass_kg=17.85e-3,
+    velocity_in_m_per_s=-0.265,
+    plate_stiffness_n_per_m=221.4,
+    plate_mass_kg=1.984e-4,
+    contact_stiffness_n_per_m=1e4,
+    contact_damping_n_s_per_m=0.4,
+)

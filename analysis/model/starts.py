@@ -1,0 +1,126 @@
+"""Where a shot begins and ends, read from its displacement alone, and first guesses for the fit."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.parameters import Floats
+from analysis.shot import AnalysisError
+
+
+class NoCollision(AnalysisError):
+    """Why a displacement shows no collision, in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A collision as the displacement alone tells it; times on the motion's own clock.
+
+    ``quiet_in`` and ``quiet_out`` are the sample ranges of undisturbed flight.
+    """
+
+    touch_time_s: float
+    touch_position_m: float
+    velocity_in_m_per_s: float
+    turnaround_time_s: float
+    rate_rad_per_s: float  # of the half-sine that the contact resembles
+    release_time_s: float
+    noise_std_m: float  # white part, from third differences
+    quiet_in: slice
+    quiet_out: slice
+
+    @property
+    def contact_time_s(self) -> float:
+        """Get the half period of the smooth contact."""
+        return math.pi / self.rate_rad_per_s
+
+
+def read(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]) -> Course:
+    """Read the course of one collision; the block comes from the right.  NoCollision says why there is none."""
+    good = np.flatnonzero(valid & np.isfinite(displacement_m))
+    if good.size < 50:
+        raise NoCollision("fewer than 50 valid displacement samples")
+    first, last = int(good[0]), int(good[-1]) + 1
+    t = time_s[first:last]
+    d = np.interp(t, time_s[good], displacement_m[good])
+    n = t.size
+    dt = (t[-1] - t[0]) / (n - 1)
+    sigma = float(1.4826 * np.median(np.abs(np.diff(d, 3))) / math.sqrt(20.0))
+    turn = int(np.argmin(d))
+    if turn < 20 or turn > n - 10:
+        raise NoCollision("no turnaround inside the record: the block does not come in and leave again")
+    velocity, line = _flight(t, d, max(8, turn // 12))
+    if not velocity < 0 or (d[0] - d[turn]) < 20 * sigma:
+        raise NoCollision("no block moving towards the plate before the turnaround")
+    # A half-sine reaches its depth (pi/2 - 1)/omega after the undisturbed flight would have.
+    late = t[turn] - (d[turn] - line) / velocity
+    rate = (math.pi / 2 - 1) / max(late, 2 * dt)
+    for _ in range(2):
+        touch = _onset(t, d, sigma, rate, velocity, turn, dt)
+        before = int(np.searchsorted(t, touch - 2 * dt))
+        if before < 8:
+            raise NoCollision("the record begins in contact: no flight before the first touch")
+        velocity, line = _flight(t, d, before)
+        if not velocity < 0:
+            raise NoCollision("no block moving towards the plate before the turnaround")
+        position = line + velocity * touch
+        depth = position - d[turn]
+        rate = abs(velocity) / max(depth, 5 * sigma)
+    release = min(touch + math.pi / rate, t[-1])
+    margin = math.ceil(0.15 * math.pi / rate / dt) + 4
+    end_in = int(np.searchsorted(t, touch)) - 3
+    start_out = int(np.searchsorted(t, release)) + margin
+    return Course(
+        touch_time_s=float(touch),
+        touch_position_m=float(position),
+        velocity_in_m_per_s=float(velocity),
+        turnaround_time_s=float(t[turn]),
+        rate_rad_per_s=float(rate),
+        release_time_s=float(release),
+        noise_std_m=sigma,
+        quiet_in=slice(first, first + max(end_in, 0)),
+        quiet_out=slice(min(first + start_out, last), last),
+    )
+
+
+def _flight(t: Floats, d: Floats, count: int) -> tuple[float, float]:
+    """Return slope and intercept at t = 0 of the line through the first ``count`` samples."""
+    middle = float(np.mean(t[:count]))
+    slope = float(np.polyfit(t[:count] - middle, d[:count], 1)[0])
+    return slope, float(np.mean(d[:count])) - slope * middle
+
+
+def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, turn: int, dt: float) -> float:
+    """Return the time at which the acceleration first rises out of the noise for good."""
+    peak = abs(velocity) * rate
+    span = max(1, int(0.004 / rate / dt))
+    # Wide enough that a twentieth of the peak acceleration stands five sigma out of the second difference's noise.
+    while math.sqrt(6.0) * sigma / (span * dt) ** 2 > 0.01 * peak and span < turn // 4:
+        span += max(1, span // 4)
+    second = (d[2 * span : turn + 1] - 2 * d[span : turn + 1 - span] + d[: turn + 1 - 2 * span]) / (span * dt) ** 2
+    centre = t[span : turn + 1 - span]
+    late = t[turn] - 2.2 * (math.pi / 2) / rate
+    loud = (second > 0.05 * peak) & (centre > late)
+    if not loud.any():
+        return float(t[turn] - 0.5 * math.pi / rate)
+    index = int(np.argmax(loud))
+    # The second difference feels the touch one span ahead; it reaches its mark part of the way into it.
+    return float(min(centre[index] + 0.6 * span * dt, t[turn]))
+
+
+def quiet_stretches(course: Course, displacement_m: Floats, valid: NDArray[np.bool_]) -> list[Floats]:
+    """Return the longest gapless stretch of each quiet flight, in m."""
+    found = []
+    for part in (course.quiet_in, course.quiet_out):
+        good = valid[part] & np.isfinite(displacement_m[part])
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+        if edges.size == 0:
+            continue
+        lengths = edges[1::2] - edges[::2]
+        best = int(np.argmax(lengths))
+        found.append(np.asarray(displacement_m[part][edges[2 * best] : edges[2 * best + 1]]))
+    return found
+
+

@@ -92,7 +92,8 @@ class Collision:
         """Get the fastest angular frequency or decay rate of any phase."""
         inverse = 1 / self.block_mass_kg + 1 / self.plate_mass_kg
         plate = self.plate_stiffness_n_per_m / self.plate_mass_kg
-        return max(math.sqrt(self.contact_stiffness_n_per_m * inverse + plate), self.contact_damping_n_s_per_m * inverse)
+        swinging = math.sqrt(self.contact_stiffness_n_per_m * inverse + plate)
+        return max(swinging, self.contact_damping_n_s_per_m * inverse)
 
 
 kernel_order = (

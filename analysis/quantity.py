@@ -17,12 +17,17 @@ class Quantity:
         """Render value ± standard uncertainty, both rounded to two digits of the uncertainty."""
         if not (math.isfinite(self.std) and self.std > 0 and math.isfinite(self.value)):
             return f"{self.value:.6g}"
+        largest = max(abs(self.value), self.std)
+        if 1e-3 <= largest < 1e6:
+            return self._rounded()
+        exponent = math.floor(math.log10(largest))
+        factor = 10.0**-exponent
+        return f"({Quantity(self.value * factor, self.std * factor)._rounded()})e{exponent:+d}"
+
+    def _rounded(self) -> str:
         decimals = 1 - math.floor(math.log10(self.std))
-        if decimals < 0:
-            return f"{round(self.value, decimals):.0f} ± {round(self.std, decimals):.0f}"
-        if decimals > 9:
-            return f"{self.value:.{12}g} ± {self.std:.2g}"
-        return f"{self.value:.{decimals}f} ± {self.std:.{decimals}f}"
+        digits = max(decimals, 0)
+        return f"{round(self.value, decimals):.{digits}f} ± {round(self.std, decimals):.{digits}f}"
 
     def scaled(self, factor: float) -> "Quantity":
         """Return the same reading in another unit."""

@@ -1,6 +1,7 @@
 """CSV for other programs: units in the header, "." and ",", whatever the screen's language is."""
 
 import csv
+import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
-from app.files import written_whole
+from instrument.recording_writer import write_text_beside
 
 MOTION_COLUMNS = (
     "time_s",
@@ -38,7 +39,7 @@ FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m
 
 
 def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
-    """Write one motion file a shot and ``shots.csv``; return the paths.  Raises OSError."""
+    """Write one motion file a shot and ``shots.csv``; return the paths.  Raises OSError or RecordingError."""
     folder.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []
     taken: set[str] = {"shots.csv"}
@@ -62,10 +63,9 @@ def write_motion(shot: Shot, path: Path) -> None:
         modelled = (overlay.displacement_m, overlay.velocity_m_per_s, overlay.force_n, overlay.gap_m)
         columns |= dict(zip(MODEL_COLUMNS, modelled, strict=True))
     table = np.stack(list(columns.values()), axis=1)
-    with written_whole(path) as file:
-        file.write(",".join(columns) + "\n")
-        for row in table.tolist():
-            file.write(",".join("" if value != value else repr(value) for value in row) + "\n")
+    lines = [",".join(columns)]
+    lines += [",".join("" if value != value else repr(value) for value in row) for row in table.tolist()]
+    write_text_beside(path, "\n".join(lines) + "\n", sync=True)
 
 
 def write_shots(shots: Sequence[Shot], files: Sequence[str], path: Path) -> None:
@@ -76,11 +76,11 @@ def write_shots(shots: Sequence[Shot], files: Sequence[str], path: Path) -> None
     for kind in ("force_peaks", "onsets", "flights", "contact"):
         header += _pair(f"cor_kinetic_{kind}", "1")
     header += [f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")] + ["reduced_chi2"]
-    with written_whole(path) as file:
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(header)
-        for shot, motion_file in zip(shots, files, strict=True):
-            rows.writerow(_row(shot, motion_file))
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(header)
+    rows.writerows(_row(shot, motion_file) for shot, motion_file in zip(shots, files, strict=True))
+    write_text_beside(path, text.getvalue(), sync=True)
 
 
 def _pair(name: str, unit: str) -> list[str]:

@@ -14,7 +14,6 @@ def recording_stem(path: Path | str) -> Path:
     return Path(text)
 
 
-
 def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
     """Return one path a shot: a ``.sigmf-meta`` for a recording, a ``.csv`` for a motion record.
 

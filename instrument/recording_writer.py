@@ -100,9 +100,7 @@ class RecordingWriter:
             os.fsync(self._file.fileno())
             self._file.close()
         if not interrupted:
-            self._metadata = replace(
-                self._metadata, sha512=self._hash.hexdigest(), declared_samples=self.samples
-            )
+            self._metadata = replace(self._metadata, sha512=self._hash.hexdigest(), declared_samples=self.samples)
         self._write_metadata(sync=True)
         return self.meta_path
 

@@ -41,9 +41,15 @@ def _path(speed: float, drag: float) -> tuple[Floats, Floats]:
 
 def motion_of(rig: Rig, seed: int = 1) -> Motion:
     """Return the motion a perfect demodulator would give of this rig, with white noise."""
-    times, states = _path(rig.speed_m_per_s, rig.drag_n_s_per_m)
     time = np.arange(0.0, rig.duration_s, 1.0 / rig.rate_hz)
-    tau = time - rig.touch_s
+    x = position_m(rig, time) + np.random.default_rng(seed).normal(0.0, rig.noise_m, time.size)
+    return motion_from(time, x, rig)
+
+
+def position_m(rig: Rig, time_s: Floats) -> Floats:
+    """Return where the block is at any times of the shot, without noise."""
+    times, states = _path(rig.speed_m_per_s, rig.drag_n_s_per_m)
+    tau = time_s - rig.touch_s
     decay = rig.drag_n_s_per_m / MASS_KG
 
     def flight(start_m: float, speed: float, u: Floats) -> Floats:
@@ -52,8 +58,7 @@ def motion_of(rig: Rig, seed: int = 1) -> Motion:
     x = np.where(tau < 0.0, flight(0.0, -rig.speed_m_per_s, np.minimum(tau, 0.0)), np.interp(tau, times, states[0]))
     late = tau > times[-1]
     x[late] = flight(states[0][-1], states[1][-1], tau[late] - times[-1])
-    x += np.random.default_rng(seed).normal(0.0, rig.noise_m, x.size)
-    return motion_from(time, x, rig)
+    return x
 
 
 def motion_from(time_s: Floats, displacement_m: Floats, rig: Rig) -> Motion:

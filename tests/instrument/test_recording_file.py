@@ -156,9 +156,7 @@ def test_a_beat_at_the_rails_is_flagged(shot: Recording, tmp_path: Path) -> None
         ({"core_dataset": "/etc/passwd"}, "core:dataset"),
     ],
 )
-def test_refusals_name_file_and_key(
-    shot: Recording, tmp_path: Path, changes: dict[str, object], named: str
-) -> None:
+def test_refusals_name_file_and_key(shot: Recording, tmp_path: Path, changes: dict[str, object], named: str) -> None:
     meta = write_recording(shot, tmp_path / "s")
     edit(meta, **changes)
     line = refusal(meta)
@@ -252,12 +250,32 @@ JSON = st.recursive(
     max_leaves=12,
 )
 KEYS = st.sampled_from(
-    ["core:datatype", "core:num_channels", "core:sample_rate", "core:version", "core:sha512", "core:extensions",
-     "core:dataset", "lmm:channels", "lmm:setup", "lmm:trigger_sample", "lmm:samples", "core:trailing_bytes"]
+    [
+        "core:datatype",
+        "core:num_channels",
+        "core:sample_rate",
+        "core:version",
+        "core:sha512",
+        "core:extensions",
+        "core:dataset",
+        "lmm:channels",
+        "lmm:setup",
+        "lmm:trigger_sample",
+        "lmm:samples",
+        "core:trailing_bytes",
+    ]
 )
 SETUP_KEYS = st.sampled_from(
-    ["moving_mass_kg", "moving_mass_u_kg", "wavelength_vacuum_m", "wavelength_air_m", "air", "plate",
-     "rest_frequency_hz", "digitizer_bits"]
+    [
+        "moving_mass_kg",
+        "moving_mass_u_kg",
+        "wavelength_vacuum_m",
+        "wavelength_air_m",
+        "air",
+        "plate",
+        "rest_frequency_hz",
+        "digitizer_bits",
+    ]
 )
 
 

@@ -94,9 +94,7 @@ def test_reset_forgets() -> None:
     assert switch.toggles == 0 and switch.first_step(stream()) == first
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"low_counts": 1.0}, {"low_counts": 5.0, "high_counts": 5.0}, {"swing_counts": 0.0}]
-)
+@pytest.mark.parametrize("wrong", [{"low_counts": 1.0}, {"low_counts": 5.0, "high_counts": 5.0}, {"swing_counts": 0.0}])
 def test_settings_that_make_no_sense_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="light switch"):
         TriggerSettings(**wrong)

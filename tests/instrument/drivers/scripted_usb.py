@@ -177,9 +177,7 @@ class ScriptedUsb(usb.backend.IBackend):
             data[: len(answer)] = type(data)("B", answer)
             return len(answer)
         content = bytes(data)
-        answer = self._next(
-            Out, request_type=request_type, request=request, value=value, index=index, content=content
-        )
+        answer = self._next(Out, request_type=request_type, request=request, value=value, index=index, content=content)
         return len(content) if answer is None else int(answer)
 
     def bulk_write(self, handle: Plugged, endpoint: int, interface: int, data: Any, timeout: int) -> int:

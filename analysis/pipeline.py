@@ -1,0 +1,129 @@
+"""Run one shot through the whole road: demodulate, read, fit; stop where it breaks and say why."""
+
+import time
+from collections.abc import Callable
+
+from analysis.fit import Fit
+from analysis.impact import Impact
+from analysis.model.fitting import fit_shots
+from analysis.motion import Motion
+from analysis.reading.read import NoImpact, read_impact
+from analysis.recording import Recording, Setup
+from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
+from analysis.signal.demodulate import demodulate
+
+Cancel = Callable[[], bool]
+
+
+def analyse(
+    recording: Recording,
+    settings: AnalysisSettings | None = None,
+    *,
+    load_seconds: float = 0.0,
+    progress: Progress | None = None,
+    cancelled: Cancel | None = None,
+) -> Shot:
+    """Analyse a raw recording.  Raises Cancelled; every other failure is the shot's ``problem``."""
+    settings = settings or AnalysisSettings()
+    seconds = {"load": load_seconds}
+    started = time.perf_counter()
+    motion: Motion | None = None
+    problem: str | None = None
+    try:
+        motion = demodulate(recording, settings, progress, cancelled)
+    except AnalysisError as error:
+        problem = str(error)
+    seconds["demodulate"] = time.perf_counter() - started
+    shot = Shot(
+        name=recording.name,
+        path=recording.path,
+        settings=settings,
+        setup=recording.setup,
+        sample_rate_hz=recording.sample_rate_hz,
+        samples=recording.samples,
+        trigger_time_s=recording.trigger_time_s,
+        motion=motion,
+        impact=None,
+        fit=None,
+        flags=_merged(recording.flags, motion.flags if motion else ()),
+        problem=problem,
+        started_at=recording.started_at,
+        note=recording.note,
+        seconds=seconds,
+    )
+    return shot if motion is None else complete(shot, progress=progress, cancelled=cancelled)
+
+
+def analyse_motion(
+    motion: Motion,
+    settings: AnalysisSettings,
+    *,
+    name: str,
+    path: str | None = None,
+    setup: Setup | None = None,
+    load_seconds: float = 0.0,
+    progress: Progress | None = None,
+    cancelled: Cancel | None = None,
+) -> Shot:
+    """Analyse a motion that another instrument demodulated; what needs the optics stays unseen."""
+    shot = Shot(
+        name=name,
+        path=path,
+        settings=settings,
+        setup=setup,
+        sample_rate_hz=motion.sample_rate_hz,
+        samples=int(motion.time_s.size),
+        trigger_time_s=motion.trigger_time_s,
+        motion=motion,
+        impact=None,
+        fit=None,
+        flags=motion.flags,
+        seconds={"load": load_seconds, "demodulate": 0.0},
+    )
+    return complete(shot, progress=progress, cancelled=cancelled)
+
+
+def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Cancel | None = None) -> Shot:
+    """Return the shot with impact and fit read from its motion."""
+    from dataclasses import replace
+
+    assert shot.motion is not None
+    seconds = dict(shot.seconds)
+    impact: Impact | None = None
+    fit: Fit | None = None
+    problem = shot.problem
+    flags = shot.flags
+    driven = shot.settings.model == "driven"  # a slider under a known force strikes nothing
+    _tell(progress, cancelled, "reading the impact", 0.5)
+    started = time.perf_counter()
+    if not driven:
+        try:
+            impact = read_impact(shot.motion)
+            flags = _merged(flags, impact.flags)
+        except NoImpact as error:
+            problem = str(error)
+    seconds["impact"] = time.perf_counter() - started
+    seconds["fit"] = 0.0
+    if shot.settings.fit and (impact is not None or driven):
+        _tell(progress, cancelled, "fitting the model", 0.6)
+        started = time.perf_counter()
+        try:
+            fit = fit_shots([shot.motion], model=shot.settings.model, cancelled=cancelled)
+            flags = _merged(flags, fit.flags, () if fit.converged else ("fit_not_converged",))
+        except AnalysisError as error:
+            flags = _merged(flags, ("fit_failed",))
+            problem = problem or (str(error) if driven else None)
+        seconds["fit"] = time.perf_counter() - started
+    _tell(progress, cancelled, "done", 1.0)
+    return replace(shot, impact=impact, fit=fit, problem=problem, flags=flags, seconds=seconds)
+
+
+def _tell(progress: Progress | None, cancelled: Cancel | None, what: str, fraction: float) -> None:
+    if cancelled is not None and cancelled():
+        raise Cancelled
+    if progress is not None:
+        progress(what, fraction)
+
+
+def _merged(*groups: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(flag for group in groups for flag in group))

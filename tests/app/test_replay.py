@@ -1,0 +1,180 @@
+"""``levimass --replay`` as a script uses it: good shots analysed, bad ones named in one line, never a traceback."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.cli import main
+from instrument.recording_writer import write_recording
+from tests.analysis.collision import Rig
+from tests.beats import recording_of
+
+# the issue's figures for the recording "paper": value and how far the replay may lie from it
+PAPER = {
+    "velocity_in_m_per_s": (-0.265000, 3e-6),
+    "velocity_out_m_per_s": (0.261702, 3e-6),
+    "cor_quasi_static": (0.987556, 2e-5),
+    "force_peak_n": (0.5119, 0.004),
+    "force_fwhm_s": (19.1e-3, 0.2e-3),
+    "contact_time_s": (28.71e-3, 0.1e-3),
+    "stiffness_slope_n_per_m": (214.3, 1.5),
+    "deflection_max_m": (2.3885e-3, 5e-6),
+}
+FITTED = {
+    "plate_stiffness_n_per_m": (221.4, 0.002),
+    "plate_mass_kg": (1.984e-4, 0.01),
+    "contact_stiffness_n_per_m": (1e4, 0.02),
+    "contact_damping_n_s_per_m": (0.4, 0.02),
+}
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the stem of a sound recording."""
+    stem = tmp_path_factory.mktemp("good") / "shot-1"
+    write_recording(recording_of(Rig()), stem)
+    return stem
+
+
+def _meta(stem: Path) -> Path:
+    return stem.with_name(stem.name + ".sigmf-meta")
+
+
+def _data(stem: Path) -> Path:
+    return stem.with_name(stem.name + ".sigmf-data")
+
+
+def _copy(good: Path, folder: Path) -> Path:
+    stem = folder / "bad"
+    _meta(stem).write_bytes(_meta(good).read_bytes())
+    _data(stem).write_bytes(_data(good).read_bytes())
+    return stem
+
+
+def _replay(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, dict[str, Any], str]:
+    status = main([str(a) for a in ("--replay", *arguments, "--json", "-")])
+    printed = capsys.readouterr()
+    return status, json.loads(printed.out), printed.err
+
+
+def test_a_sound_shot(good: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    status, result, complaints = _replay(capsys, _meta(good), "--export", tmp_path, "--no-diagnose")
+    assert (status, complaints) == (0, "")
+    (shot,) = result["shots"]
+    assert result["schema"] == "levimass.result/1"
+    assert result["diagnosis"] is None
+    assert shot["status"] == "ok"
+    for name, (value, within) in PAPER.items():
+        assert shot[name]["value"] == pytest.approx(value, abs=within), name
+        assert shot[name]["std"] > 0.0
+    with open(tmp_path / "shots.csv", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["cor_quasi_static"]) == shot["cor_quasi_static"]["value"]
+    table = np.genfromtxt(tmp_path / row["motion_file"], delimiter=",", names=True)
+    assert np.max(table["force_n"]) == pytest.approx(0.512, abs=0.01)
+    assert np.sqrt(np.nanmean((table["displacement_m"] - table["model_displacement_m"]) ** 2)) < 1e-9
+
+
+def _edited(change: Callable[[dict[str, Any]], None]) -> Callable[[Path], None]:
+    def spoil(stem: Path) -> None:
+        metadata = json.loads(_meta(stem).read_text())
+        change(metadata)
+        _meta(stem).write_text(json.dumps(metadata))
+
+    return spoil
+
+
+def _resampled(make: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
+    def spoil(stem: Path) -> None:
+        counts = np.fromfile(_data(stem), "<i2").reshape(-1, 3)
+        make(counts).astype("<i2").tofile(_data(stem))
+
+    return spoil
+
+
+def _noise(counts: np.ndarray) -> np.ndarray:
+    return np.random.default_rng(0).normal(0.0, 50.0, counts.shape)
+
+
+def _saturated(counts: np.ndarray) -> np.ndarray:
+    return np.where(counts > 0, 2047, -2048)
+
+
+def _flat(counts: np.ndarray) -> np.ndarray:
+    return np.full_like(counts, 3)
+
+
+BAD: dict[str, Callable[[Path], Any]] = {
+    "no JSON": lambda stem: _meta(stem).write_text("not json {"),
+    "not an object": lambda stem: _meta(stem).write_text("[1, 2]"),
+    "wrong type": _edited(lambda m: m["global"].update({"core:sample_rate": "fast"})),
+    "zero rate": _edited(lambda m: m["global"].update({"core:sample_rate": 0})),
+    "huge rate": _edited(lambda m: m["global"].update({"core:sample_rate": 1e300})),
+    "channels missing": _edited(lambda m: m["global"].pop("lmm:channels")),
+    "no measurement": _edited(lambda m: m["global"]["lmm:channels"][1].update({"role": "switch"})),
+    "mass missing": _edited(lambda m: m["global"]["lmm:setup"].pop("moving_mass_kg")),
+    "negative mass": _edited(lambda m: m["global"]["lmm:setup"].update({"moving_mass_kg": -1})),
+    "data missing": lambda stem: _data(stem).unlink(),
+    "data empty": lambda stem: _data(stem).write_bytes(b""),
+    "flat": _resampled(_flat),
+    "noise only": _resampled(_noise),
+    "saturated": _resampled(_saturated),
+    "short": _resampled(lambda counts: counts[:500]),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_bad_input_is_one_line(kind: str, good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stem = _copy(good, tmp_path)
+    BAD[kind](stem)
+    status, result, complaints = _replay(capsys, _meta(stem), _meta(good), "--no-diagnose")
+    assert status == 1
+    assert len(complaints.strip().splitlines()) == 1
+    assert "bad" in complaints
+    bad, sound = result["shots"]
+    assert bad["status"] == "failed"
+    assert bad["problem"]
+    assert "\n" not in bad["problem"]
+    assert sound["status"] == "ok"
+
+
+def test_a_truncated_recording_is_analysed_and_flagged(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stem = _copy(good, tmp_path)
+    _data(stem).write_bytes(_data(stem).read_bytes()[: 6 * 500_000 + 1])
+    _, result, _ = _replay(capsys, _meta(stem), "--no-diagnose")
+    (shot,) = result["shots"]
+    assert shot["status"] == "ok"
+    assert "truncated" in shot["flags"]
+    assert shot["velocity_out_m_per_s"]["value"] == pytest.approx(0.261702, abs=3e-6)
+
+
+def test_a_path_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, result, complaints = _replay(capsys, tmp_path / "nothing")
+    assert status == 1
+    assert len(complaints.strip().splitlines()) == 1
+    assert result["shots"][0]["status"] == "failed"
+
+
+def test_a_result_that_cannot_be_written(good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status = main(["--replay", str(_meta(good)), "--no-diagnose", "--json", str(tmp_path / "no" / "such" / "out.json")])
+    assert status == 1
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_the_recording_paper(recordings: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, result, _ = _replay(capsys, recordings / "paper", "--no-diagnose")
+    assert status == 0
+    (shot,) = result["shots"]
+    for name, (value, within) in PAPER.items():
+        assert shot[name]["value"] == pytest.approx(value, abs=within), name
+    assert shot["cor_impulse"]["value"] == pytest.approx(shot["cor_quasi_static"]["value"], abs=5e-4)
+    assert shot["cor_kinetic"]["force_peaks"]["value"] == pytest.approx(0.563, abs=0.012)
+    for name, (value, share) in FITTED.items():
+        assert shot["fit"]["parameters"][name]["value"] == pytest.approx(value, rel=share), name

@@ -1,0 +1,53 @@
+"""``make run``: the window on the simulated bench, or, where no window can open, one simulated shot in the terminal."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from app.cli import window
+
+QT_LIBRARIES = "libegl1 libgl1 libxkbcommon0 libdbus-1-3 libfontconfig1 libxcb-cursor0"
+
+
+def main() -> int:
+    """Open the window where there is a display; run one shot headless where there is none."""
+    problem = why_no_window()
+    if problem is None:
+        return window([])
+    print(f"levimass: no window here ({problem}); one simulated shot without it:\n", file=sys.stderr)
+    return headless_shot()
+
+
+def why_no_window() -> str | None:
+    """Return why Qt cannot open a window on this machine, or None."""
+    platform = os.environ.get("QT_QPA_PLATFORM", "")
+    unix = os.name == "posix" and sys.platform != "darwin"
+    if unix and not platform and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return "no display"
+    if importlib.util.find_spec("PySide6") is None:
+        return "PySide6 is not installed"
+    # Qt ends the process when its platform cannot start: let another process try first
+    probe = [sys.executable, "-c", "from PySide6.QtWidgets import QApplication; QApplication([])"]
+    tried = subprocess.run(probe, capture_output=True, text=True, timeout=60, check=False)
+    if tried.returncode == 0:
+        return None
+    lines = [line for line in tried.stderr.strip().splitlines() if line.strip()]
+    cause = lines[-1].strip() if lines else f"status {tried.returncode}"
+    return f"Qt does not start: {cause}; on Debian: apt install {QT_LIBRARIES}"
+
+
+def headless_shot() -> int:
+    """Simulate one shot, analyse it and print its numbers."""
+    from app.replay import replay
+    from app.simulate import simulate
+
+    with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
+        status = simulate(Path(folder), shots=1, seed=1, effect=None, undeclared=False)
+        return status or replay([Path(folder)], json_to=None, export_to=None, diagnose=False, model=None)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -11,7 +11,9 @@ Floats = NDArray[np.float64]
 
 FORCE_SIGMAS = 6.0  # a contact must stand this far above the force noise
 FORCE_FRACTION = 0.03  # ... and this far above nothing, as a fraction of the peak
+REVERSAL_SIGMAS = 4.0  # ... and a reversal this far off both flights
 LONGEST_FLIGHT_S = 0.040  # of flight taken on each side: longer adds drift, not knowledge
+FEWEST_SAMPLES = 400  # ... but a slow record needs this many
 SHORTEST_CURVED_S = 0.003  # a shorter flight carries a straight line only
 
 
@@ -61,6 +63,7 @@ def find_contact(motion: Motion) -> ContactSpan | None:
     """Return the span under force, or None where the record shows no impact.
 
     The noise of the force is taken from the record's own quiet part (median absolute value), never below the stated.
+    Where it hides the force, the contact is looked for in the displacement instead: a reversal between two flights.
     """
     force = motion.force_n
     seen = np.isfinite(force)
@@ -73,12 +76,35 @@ def find_contact(motion: Motion) -> ContactSpan | None:
     std = max(stated, 1.4826 * float(np.median(quiet)) if quiet.size > 16 else stated)
     threshold = max(FORCE_SIGMAS * std, FORCE_FRACTION * peak)
     if peak < 2.0 * threshold:
-        return None
+        return _find_reversal(motion, threshold, std)
     above = seen & (np.abs(np.where(seen, force, 0.0)) > threshold)
     sustained = np.flatnonzero(above & np.roll(above, 1))
     if sustained.size == 0:
-        return None
+        return _find_reversal(motion, threshold, std)
     return ContactSpan(int(sustained[0]) - 1, int(sustained[-1]), threshold, std)
+
+
+def _find_reversal(motion: Motion, threshold_n: float, force_std_n: float) -> ContactSpan | None:
+    """Return the span in which the displacement has left the incoming flight and not yet joined the outgoing one."""
+    x = motion.displacement_m
+    seen = np.flatnonzero(motion.valid & np.isfinite(x))
+    if seen.size < 64:
+        return None
+    turn = int(seen[int(x[seen].argmin())])
+    guard = max(4, (int(seen[-1]) - int(seen[0])) // 20)
+    edges = []
+    for first, last, towards in ((seen[0], turn - guard, 1), (turn + guard, seen[-1], -1)):
+        flight = fit_flight(motion, int(first), int(last), nearest=turn)
+        if flight is None or flight.last - flight.first < 16:
+            return None
+        speed, speed_std = flight.velocity(float(motion.time_s[turn]))
+        if speed * towards >= 0.0 or abs(speed) < 20.0 * speed_std:
+            return None  # it does not fly towards the turning point, or hardly
+        path = np.arange(turn - towards * guard, turn + towards, towards)
+        away = np.abs(x[path] - flight.position_m(motion.time_s[path])) > REVERSAL_SIGMAS * flight.noise_std_m
+        back = np.flatnonzero(~away)  # the last sample that still lies on the flight
+        edges.append(int(path[back[-1]]) if back.size else int(path[0]))
+    return ContactSpan(edges[0], edges[1], threshold_n, force_std_n)
 
 
 def fit_flight(motion: Motion, first: int, last: int, *, nearest: int) -> Flight | None:
@@ -87,7 +113,7 @@ def fit_flight(motion: Motion, first: int, last: int, *, nearest: int) -> Flight
     Quadratic where the flight is long enough, so that drag and tilt do not bend the velocity at its end; straight
     where it is short.  None when fewer than 4 valid samples are left.
     """
-    longest = round(LONGEST_FLIGHT_S * motion.sample_rate_hz)
+    longest = max(round(LONGEST_FLIGHT_S * motion.sample_rate_hz), FEWEST_SAMPLES)
     if nearest >= last:
         first = max(first, last - longest)
     else:

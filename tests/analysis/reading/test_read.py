@@ -119,3 +119,21 @@ def test_a_hole_in_the_contact_is_said_not_bridged(motion: Motion) -> None:
     impact = read_impact(motion_from(motion.time_s.copy(), x, RIG))
     assert seen(impact.cor_quasi_static).value == pytest.approx(0.987556, abs=2e-5)
     assert isinstance(impact.cor_impulse, NotSeen)
+
+
+def test_a_contact_below_the_force_noise_is_found_by_its_reversal() -> None:
+    """A motion capture at 500 Hz: its second derivative drowns a contact that its displacement shows plainly."""
+    rig = Rig(rate_hz=500.0, bandwidth_hz=100.0, noise_m=40e-6)
+    time = np.arange(0.0, 4.0, 1.0 / rig.rate_hz)
+    duration, speed = 0.05, 0.16
+    u = time - 2.0
+    x = np.where(
+        u < 0.0, -speed * u, np.where(u < duration, -speed * duration / np.pi * np.sin(np.pi * u / duration), 0)
+    )
+    x = np.where(u >= duration, speed * (u - duration), x) + np.random.default_rng(3).normal(
+        0.0, rig.noise_m, time.size
+    )
+    impact = read_impact(motion_from(time, x, rig))
+    assert abs(seen(impact.velocity_in_m_per_s).value + speed) < 4.0 * seen(impact.velocity_in_m_per_s).std
+    assert abs(seen(impact.cor_quasi_static).value - 1.0) < 4.0 * seen(impact.cor_quasi_static).std
+    assert seen(impact.contact_time_s).value == pytest.approx(duration, abs=4e-3)

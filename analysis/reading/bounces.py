@@ -19,6 +19,7 @@ STRAIGHT_SIGMAS = 4.0  # rms about a flight's line, in units of the record's whi
 SHORTEST_FLIGHT = 5  # samples
 LONG_FLIGHT = 24  # samples, after trimming
 LINE_TRIM = 0.12  # of a long flight, left out at each end of its line: the contact may begin before it shows
+EDGE_REACH_SAMPLES = 40  # of contact beyond a long flight: it is followed while its force keeps its sign
 EDGE_SAMPLES = 10  # of contact on either side of a short flight that show where it begins and ends
 PEAK_DEGREES = (7, 6, 5, 4)  # of the polynomial through the displacement about a force peak
 PEAK_REACH = 1.3  # how far beyond the peak it goes, in units of the rise before it
@@ -130,7 +131,9 @@ def _flight_edges(motion: Motion, first: int, last: int, std_m: float) -> tuple[
         if line is None:
             return None
         line = replace(line, noise_std_m=std_m)
-        release, onset = edge_of_flight(motion, line, last=False), edge_of_flight(motion, line, last=True)
+        reach = trim + EDGE_REACH_SAMPLES
+        release = edge_of_flight(motion, line, until=line.first - reach)
+        onset = edge_of_flight(motion, line, until=line.last + reach)
         return None if release is None or onset is None else (release, onset)
     low, high = max(first - EDGE_SAMPLES, 0), min(last + EDGE_SAMPLES + 1, motion.time_s.size)
     time = motion.time_s[low:high]

@@ -13,7 +13,8 @@ Floats = NDArray[np.float64]
 
 CLEAR_SIGMAS = 6.0  # a departure from flight that is no noise
 SHAPED_SIGMAS = 200.0  # a departure whose shape is known to a per cent: followed so far, no farther
-LONGEST_REACH_S = 1.0e-3
+LONGEST_REACH_S = 1.0e-3  # of flight before the edge, for the line the force departs from
+SLOW_RECORD_SAMPLES = 64  # ... or so many samples of a record at a few hundred Hz
 TRIALS = 96
 FLIGHT_TRIALS = 28  # a side, for the two edges of a short flight together
 
@@ -26,22 +27,22 @@ class Edge:
     std_s: float
 
 
-def edge_of_flight(motion: Motion, flight: Flight, *, last: bool) -> Edge | None:
-    """Return the contact's edge after (``last``) or before a flight, by the flight's own noise.
+def edge_of_flight(motion: Motion, flight: Flight, *, until: int) -> Edge | None:
+    """Return the contact's edge after or before a flight: the one on the side of sample ``until``.
 
     A force ``a + b u`` at the time ``u`` beyond the edge makes the departure from flight ``(a/2) u^2 + (b/6) u^3``
     (times 1/m); the edge is the instant that leaves the least squares over the samples up to a departure of
     SHAPED_SIGMAS.  The force grows away from the edge (b >= 0), and a contact begins with a push (a >= 0; a release
     may end in tension): without that a flight could be mistaken for a contact of no force.
-    None where the record shows no clear departure.
+    Nothing beyond ``until`` is looked at.  None where the record shows no clear departure.
     """
     std = max(flight.noise_std_m, 1e-15)
     step = 1.0 / motion.sample_rate_hz
-    longest = round(LONGEST_REACH_S / step) + 64
-    inner = max(flight.last - longest, flight.first) if last else min(flight.first + longest, flight.last)
-    outer = flight.last + longest if last else flight.first - longest
-    outer = min(max(outer, 0), motion.time_s.size - 1)
-    window = np.arange(inner, outer + 1) if last else np.arange(inner, outer - 1, -1)
+    last = until > flight.last
+    until = min(max(until, 0), motion.time_s.size - 1)
+    free = max(round(LONGEST_REACH_S / step), SLOW_RECORD_SAMPLES)
+    inner = max(flight.last - free, flight.first) if last else min(flight.first + free, flight.last)
+    window = np.arange(inner, until + 1) if last else np.arange(inner, until - 1, -1)
     window = window[motion.valid[window]]
     departure = motion.displacement_m[window] - flight.position_m(motion.time_s[window])
     clear = _first_run(np.abs(departure) > CLEAR_SIGMAS * std)

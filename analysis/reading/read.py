@@ -11,6 +11,7 @@ from analysis.reading.edges import Edge, edge_of_flight
 from analysis.reading.flights import ContactSpan, Flight, find_contact, fit_flight
 
 RELEASE_GUARD = 0.04  # of the contact, kept clear before the outgoing flight is first fitted
+EDGE_REACH = 0.4  # of the contact, into which its force is followed from its edge at most
 AGREEMENT_SIGMAS = 3.0  # quasi-static COR and impulse ratio must agree within this
 
 
@@ -76,6 +77,8 @@ def _side(motion: Motion, span: ContactSpan, *, incoming: bool) -> tuple[Flight 
     guard = max(3, round(1.0 / motion.bandwidth_hz * motion.sample_rate_hz))
     if not incoming:  # the force fades out: it drops below its threshold well before the release
         guard += round(RELEASE_GUARD * (span.last - span.first))
+    reach = round(EDGE_REACH * (span.last - span.first))
+    until = span.first + reach if incoming else span.last - reach
     edge_sample = span.first if incoming else span.last
     edge: Edge | None = None
     flight: Flight | None = None
@@ -86,7 +89,7 @@ def _side(motion: Motion, span: ContactSpan, *, incoming: bool) -> tuple[Flight 
             flight = fit_flight(motion, edge_sample + guard, motion.time_s.size - 1, nearest=edge_sample)
         if flight is None:
             return None, None
-        edge = edge_of_flight(motion, flight, last=incoming) or _coarse(motion, edge_sample)
+        edge = edge_of_flight(motion, flight, until=until) or _coarse(motion, edge_sample)
         edge_sample = int(np.searchsorted(motion.time_s, edge.time_s))
         guard = max(3, round(1.0 / motion.bandwidth_hz * motion.sample_rate_hz))
     return flight, edge

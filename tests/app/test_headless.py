@@ -1,0 +1,49 @@
+"""The modes without a screen: they run, say one line where they cannot, and never create a Qt application."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+
+
+def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--simulate", str(tmp_path), "--shots", "2", "--seed", "3"]) == 0
+    assert len(capsys.readouterr().out.split()) == 2
+    assert main(["--replay", str(tmp_path), "--no-diagnose"]) == 0
+    assert "COR quasi-static" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("effect", ["nonsense:x=1", "tilt:nonsense=1", "tilt:angle_rad=steep", "tilt"])
+def test_an_effect_that_does_not_exist(effect: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status = main(["--simulate", str(tmp_path), "--effect", effect])
+    said = capsys.readouterr().err.strip().splitlines()
+    if effect == "tilt":  # a name alone asks for the effect at its usual strength
+        assert status in (0, 2)
+    else:
+        assert status == 2
+        assert len(said) == 1
+
+
+def test_doctor(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--doctor"]) in (0, 1)
+    lines = capsys.readouterr().out.strip().splitlines()
+    assert all(line.split()[0] in ("ok", "warn", "fail") for line in lines)
+    for name in ("Python", "window", "disk"):
+        assert any(f"{name}:" in line for line in lines), name
+
+
+def test_no_qt_without_a_window(tmp_path: Path) -> None:
+    """RECORDING.md: the other modes need no screen; Qt is not even imported."""
+    code = (
+        "import sys\n"
+        "from app.cli import main\n"
+        f"assert main(['--simulate', {str(tmp_path)!r}, '--shots', '1']) == 0\n"
+        f"assert main(['--replay', {str(tmp_path)!r}, '--no-diagnose']) == 0\n"
+        "assert not any(name.startswith(('PySide6', 'pyqtgraph')) for name in sys.modules)\n"
+    )
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

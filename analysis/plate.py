@@ -6,6 +6,7 @@ the whole plate moving in its static shape, over half the square of the load poi
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any
@@ -66,7 +67,7 @@ def compliance_times_modulus_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> flo
     ValueError for a plate that cannot be (no length, an arm wider than its disc).
     """
     _check(plate)
-    return float(_compliance(_numbers(plate, EXACT), disc))
+    return float(compliance_of(_numbers(plate, EXACT), disc))
 
 
 def stiffness_n_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
@@ -97,7 +98,7 @@ def youngs_modulus_pa(
     """Return E from a measured k_p in N/m and the plate's geometry (its own modulus is not used)."""
     _check(plate)
     numbers = _numbers(plate, tolerance or PlateTolerance())
-    return _quantity(_number(stiffness) * _compliance(numbers, disc), f"k_p and geometry, disc {disc}")
+    return _quantity(_number(stiffness) * compliance_of(numbers, disc), f"k_p and geometry, disc {disc}")
 
 
 def report(plate: Plate, tolerance: PlateTolerance | None = None) -> PlateReport:
@@ -110,9 +111,9 @@ def report(plate: Plate, tolerance: PlateTolerance | None = None) -> PlateReport
         mass_kg=_quantity(whole, "volume times density"),
         effective_mass_kg=_quantity(effective, "Rayleigh, static shape"),
         effective_mass_ratio=_quantity(effective / whole, "Rayleigh, static shape"),
-        stiffness_n_per_m=_quantity(modulus / _compliance(n, Disc.RIGID), "arm bends, disc rigid"),
-        stiffness_disc_bending_n_per_m=_quantity(modulus / _compliance(n, Disc.BENDING), "arm and disc bend"),
-        stiffness_neck_bending_n_per_m=_quantity(modulus / _compliance(n, Disc.BENDING_NECK), "arm, neck, disc bend"),
+        stiffness_n_per_m=_quantity(modulus / compliance_of(n, Disc.RIGID), "arm bends, disc rigid"),
+        stiffness_disc_bending_n_per_m=_quantity(modulus / compliance_of(n, Disc.BENDING), "arm and disc bend"),
+        stiffness_neck_bending_n_per_m=_quantity(modulus / compliance_of(n, Disc.BENDING_NECK), "arm, neck, disc bend"),
         coefficient_c=_quantity(_coefficient(n), "l^3 / (L^3 - (L - l)^3)"),
     )
 
@@ -143,8 +144,13 @@ def stiffness_from_slope(
     """
     mass = _number(block_mass)
     s = _number(slope) * mass / block_mass.value
-    k_p = s / (1 - s / _number(contact_stiffness)) + _number(plate_mass) * s / mass
+    k_p = corrected_slope(s, _number(plate_mass), _number(contact_stiffness), mass)
     return _quantity(k_p, "slope, corrected for the plate's inertia and the contact in series")
+
+
+def corrected_slope(slope: Number, plate_mass: Number, contact_stiffness: Number, block_mass: Number) -> Number:
+    """Return k_p of a slope dF/dy, both in N/m; plain floats or numbers with uncertainty."""
+    return slope / (1 - slope / contact_stiffness) + plate_mass * slope / block_mass
 
 
 def _check(plate: Plate) -> None:
@@ -160,13 +166,14 @@ def _numbers(plate: Plate, tolerance: PlateTolerance) -> dict[str, Number]:
     return {f.name: _number(Quantity(getattr(plate, f.name), getattr(tolerance, f.name))) for f in fields(plate)}
 
 
-def _reach(n: dict[str, Number]) -> tuple[Number, Number, Number]:
+def _reach(n: Mapping[str, Number]) -> tuple[Number, Number, Number]:
     """Return arm length, distance of the load, disc radius."""
     radius = n["disc_diameter_m"] / 2
     return n["arm_length_m"], n["arm_length_m"] + radius, radius
 
 
-def _compliance(n: dict[str, Number], disc: Disc) -> Number:
+def compliance_of(n: Mapping[str, Number], disc: Disc = Disc.RIGID) -> Number:
+    """Return E / k_p in 1/m from a plate's fields by name; plain floats or numbers with uncertainty."""
     length, load, radius = _reach(n)
     width, cubed = n["arm_width_m"], n["thickness_m"] ** 3
     arm = 4 * (load**3 - (load - length) ** 3) / (width * cubed)
@@ -183,12 +190,12 @@ def _compliance(n: dict[str, Number], disc: Disc) -> Number:
     return arm + bending
 
 
-def _coefficient(n: dict[str, Number]) -> Number:
+def _coefficient(n: Mapping[str, Number]) -> Number:
     length, load, _ = _reach(n)
     return length**3 / (load**3 - (load - length) ** 3)
 
 
-def _masses(n: dict[str, Number]) -> tuple[Number, Number]:
+def _masses(n: Mapping[str, Number]) -> tuple[Number, Number]:
     """Return (whole mass, Rayleigh's effective mass)."""
     length, load, radius = _reach(n)
     sheet = n["density_kg_m3"] * n["thickness_m"]

@@ -207,9 +207,10 @@ class NiscopeCard(Digitizer):
             step_s = float(infos[0].x_increment)
             if not math.isfinite(step_s) or step_s <= 0:
                 raise DigitizerError(f"{self._resource} tells a sample every {step_s:g} s", "re-arm")
-            if not all(math.isfinite(value) for scale in self._scales for value in scale):
+            scales = [*self._scales, (float(infos[0].relative_initial_x), 0.0)]
+            if not all(math.isfinite(value) for scale in scales for value in scale):
                 raise DigitizerError(f"{self._resource} tells no scale for its counts", "re-arm")
-            out.put((counts, settings.pre_trigger_samples))
+            out.put((counts, round(-float(infos[0].relative_initial_x) / step_s)))
         except DigitizerError as error:
             out.put(error)
         except Exception as error:  # as above

@@ -1,0 +1,134 @@
+"""Sets of displacement records for blind statistics: thousands of shots without making a single count.
+
+What is drawn is a ``Truth``; what the analysis may see is a tuple of ``Record``.  Nothing in a record tells of the
+truth but the motion itself.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import DEFAULT_WAVELENGTH_AIR_M
+from instrument.bench.effects import Effects, complete, draw, for_shot, force_slots
+from instrument.bench.mechanics import Bodies, Trajectory, collide
+from instrument.bench.noise import Noise
+from instrument.bench.optics import Optics
+from instrument.bench.sight import cyclic_m, lit, seen
+
+Floats = NDArray[np.float64]
+
+RATE_HZ = 100e3
+DURATION_S = 0.06
+BEFORE_TOUCH_S = 0.012
+_STEP_S, _FLIGHT_STEP_S = 8e-6, 2e-5  # below 0.1 pm off at the ends of a shot
+_NONE: Mapping[str, float] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One shot as demodulated: times (s) and displacement (m) of shape (n,), and the optics' white noise (m)."""
+
+    time_s: Floats
+    displacement_m: Floats
+    noise_m: float
+    moving_mass_kg: float
+    wavelength_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What a set was made of; ``effects`` as of the first shot, see ``for_shot`` for the others."""
+
+    bodies: Bodies
+    effects: Effects
+    speeds_m_per_s: tuple[float, ...]
+    noise: Noise
+    seed: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Get the names of the effects."""
+        return tuple(self.effects)
+
+    def of_shot(self, shot: int) -> dict[str, dict[str, float]]:
+        """Return the effects of one shot."""
+        return for_shot(self.effects, shot, self.seed)
+
+
+def drawn(names: Sequence[str], seed: int, noise: Noise | None = None, shots: int = 3) -> Truth:
+    """Draw a rig with the effects called ``names``: bodies near the paper's, speeds a hand would give."""
+    random = np.random.default_rng((seed, 0xB))
+    paper = Bodies()
+    bodies = replace(
+        paper,
+        plate_mass_kg=paper.plate_mass_kg * float(random.uniform(0.85, 1.15)),
+        plate_stiffness_n_per_m=paper.plate_stiffness_n_per_m * float(random.uniform(0.9, 1.1)),
+        contact_stiffness_n_per_m=paper.contact_stiffness_n_per_m * float(random.uniform(0.7, 1.4)),
+        contact_damping_n_s_per_m=paper.contact_damping_n_s_per_m * float(random.uniform(0.7, 1.4)),
+    )
+    speeds = np.linspace(0.17, 0.41, shots) if shots > 1 else np.array([0.265])
+    speeds = speeds + random.uniform(-0.02, 0.02, shots)
+    effects = {name: draw(name, random) for name in names}
+    return Truth(bodies, effects, tuple(float(s) for s in speeds), noise or Noise(), seed)
+
+
+def run(truth: Truth, shot: int, bodies: Bodies | None = None, speed_m_per_s: float | None = None) -> Trajectory:
+    """Let one shot of ``truth`` happen, with other bodies or another speed where given."""
+    effects = truth.of_shot(shot)
+    speed = truth.speeds_m_per_s[shot] if speed_m_per_s is None else speed_m_per_s
+    motion = effects.get("plate_motion", _NONE)
+    return collide(
+        -speed,
+        bodies=bodies or truth.bodies,
+        extra=force_slots(effects),
+        distance_m=truth.speeds_m_per_s[shot] * BEFORE_TOUCH_S,
+        duration_s=DURATION_S,
+        plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
+        step_s=_STEP_S,
+        flight_step_s=_FLIGHT_STEP_S,
+    )
+
+
+def times_s() -> Floats:
+    """Return the times of a record's samples."""
+    return np.arange(round(DURATION_S * RATE_HZ)) / RATE_HZ
+
+
+def clean_m(
+    truth: Truth,
+    shot: int,
+    bodies: Bodies | None = None,
+    speed_m_per_s: float | None = None,
+    time_s: Floats | None = None,
+) -> Floats:
+    """Return what the optics would show of one shot without noise, in m at ``time_s`` (default ``times_s()``)."""
+    effects = truth.of_shot(shot)
+    time_s = times_s() if time_s is None else time_s
+    trajectory = run(truth, shot, bodies, speed_m_per_s)
+    x, v = seen(trajectory, effects, time_s)
+    optics = lit(Optics(wavelength_m=DEFAULT_WAVELENGTH_AIR_M), effects)
+    if optics.leak_m != 0.0:
+        x = x + _passed(optics, v) * cyclic_m(optics, x)
+    return x
+
+
+def records(truth: Truth) -> tuple[Record, ...]:
+    """Return the shots of a set, with noise.  Cost: about 3 ms a shot."""
+    truth = replace(truth, effects=complete(truth.effects))
+    random = np.random.default_rng((truth.seed, 0x17))
+    result = []
+    for shot in range(len(truth.speeds_m_per_s)):
+        x = clean_m(truth, shot)
+        x = x - x[0] + truth.noise.draw(x.size, RATE_HZ, random)
+        mass = truth.bodies.block_mass_kg
+        result.append(Record(times_s(), x, truth.noise.white_m, mass, DEFAULT_WAVELENGTH_AIR_M))
+    return tuple(result)
+
+
+def _passed(optics: Optics, velocity_m_per_s: Floats) -> Floats:
+    """Return how much of the cyclic error's chirp a demodulator lets through to a record: all of it below 40 kHz."""
+    line_hz = 2 * np.abs(velocity_m_per_s) / optics.wavelength_m * optics.leak_order
+    u = np.clip((line_hz / RATE_HZ - 0.4) / 0.1, 0.0, 1.0)
+    return 0.5 * (1 + np.cos(np.pi * u))

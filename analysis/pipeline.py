@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from analysis.fit import Fit
 from analysis.impact import Impact
+from analysis.kinetic_contact import with_contact_cor
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.reading.read import NoImpact, read_impact
@@ -114,6 +115,8 @@ def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Cancel 
             flags = _merged(flags, ("fit_failed",))
             problem = problem or (str(error) if driven else None)
         seconds["fit"] = time.perf_counter() - started
+    if impact is not None and fit is not None:
+        impact = with_contact_cor(impact, fit, shot.motion.moving_mass_kg)
     _tell(progress, cancelled, "done", 1.0)
     return replace(shot, impact=impact, fit=fit, problem=problem, flags=flags, seconds=seconds)
 

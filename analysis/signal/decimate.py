@@ -16,7 +16,7 @@ _KERNEL: dict[str, Any] = {
     "cache": True,
     "nogil": True,
     "error_model": "numpy",
-    "fastmath": {"contract", "reassoc", "nsz"},
+    "fastmath": {"contract", "reassoc", "nsz", "nnan"},
 }
 
 
@@ -59,12 +59,14 @@ def _describe(
         mean[k] = total / factor
         least[k] = low
         start = k * factor + (length - 4 * part) // 2
+        p0, p1 = phase[start : start + part], phase[start + part : start + 2 * part]
+        p2, p3 = phase[start + 2 * part : start + 3 * part], phase[start + 3 * part : start + 4 * part]
         m0, m1, m2, m3 = 0.0, 0.0, 0.0, 0.0
         for i in range(part):
-            m0 += phase[start + i]
-            m1 += phase[start + part + i]
-            m2 += phase[start + 2 * part + i]
-            m3 += phase[start + 3 * part + i]
+            m0 += p0[i]
+            m1 += p1[i]
+            m2 += p2[i]
+            m3 += p3[i]
         third = (m3 - 3 * m2 + 3 * m1 - m0) / part
         rough[k] = third * third / 20
 
@@ -82,7 +84,7 @@ def filtered(phase: Floats, taps: Floats, factor: int = 1) -> Floats:
 @lru_cache(maxsize=32)
 def noise_ratio(tuning: Tuning, factor: int) -> float:
     """Return std of a decimated phase / sqrt(mean roughness), both made of white noise on the counts."""
-    window = tuning.window
+    window = tuning.full_window
     part = max(1, factor // 4)
     third = np.repeat([1.0, -3.0, 3.0, -1.0], part) / (part * np.sqrt(20.0))
 

@@ -11,16 +11,13 @@ from analysis.quantity import Quantity, Reading
 from analysis.recording import Recording, Role
 from analysis.shot import AnalysisError, AnalysisSettings, Progress
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
+from analysis.signal.plan import plans
 from analysis.signal.rest import Rest, smooth
-from analysis.signal.survey import Survey, survey
+from analysis.signal.survey import survey
 from analysis.signal.track import Grid, Track, Wanted, read_tracks
-from analysis.signal.tuning import Tuning, tune
 
 Floats = NDArray[np.float64]
-SPAN_MARGIN_HZ = 60e3  # beyond the frequencies seen in the survey, plus a tenth of their span
 DROP_OUT_SHARE = 0.4  # of the typical amplitude: below it there is no phase to speak of
-_GRID_HZ = 20e3
-_LONGEST_BRIDGE = 0.5  # of a derivative filter's half length, in samples
 _UNSTEADY_SIGMA = 3.0
 
 
@@ -49,24 +46,21 @@ def demodulate(
     seen_reference = None
     if reference_column is not None:
         seen_reference = survey(recording.counts[:, reference_column], rate, bits, "reference channel")
-    low, high = _span(seen)
-    for _ in range(3):
-        tuning, step = _tune(rate, low, high, settings.motion_rate_hz)
-        wanted = [Wanted(tuning, column, seen)]
+    best: tuple[int, Grid, list[Track]] | None = None
+    for plan in plans(seen, seen_reference, recording, settings):
+        grid = Grid.of(recording, plan.step)
+        wanted = [Wanted(plan.tuning, plan.guide, column, seen)]
         if seen_reference is not None and reference_column is not None:
-            tuning_reference = tuning
-            if settings.rest == "smoothed":
-                tuning_reference = _tune_rest(rate, *_span(seen_reference), step)
-            elif not low <= seen_reference.low_hz <= seen_reference.high_hz <= high:
-                low, high = min(low, _span(seen_reference)[0]), max(high, _span(seen_reference)[1])
-                continue
-            wanted.append(Wanted(tuning_reference, reference_column, seen_reference))
-        grid = Grid.of(recording, step)
+            assert plan.rest_tuning is not None and plan.rest_guide is not None
+            wanted.append(Wanted(plan.rest_tuning, plan.rest_guide, reference_column, seen_reference))
         tracks = read_tracks(recording, wanted, grid, progress, cancelled)
-        wandered = _wandered(tracks[0], grid)
-        if wandered is None:
+        missed = _missed(tracks[0], grid)
+        if best is None or missed < best[0]:
+            best = (missed, grid, tracks)
+        if missed == 0:
             break
-        low, high = min(low, wandered[0]), max(high, wandered[1])
+    assert best is not None
+    _, grid, tracks = best
     return _motion(recording, settings, wavelength_m, grid, tracks)
 
 
@@ -95,43 +89,12 @@ def _check(recording: Recording, settings: AnalysisSettings) -> None:
         )
 
 
-def _span(seen: Survey) -> tuple[float, float]:
-    margin = SPAN_MARGIN_HZ + 0.1 * (seen.high_hz - seen.low_hz)
-    return seen.low_hz - margin, seen.high_hz + margin
-
-
-def _rounded(rate_hz: float, low_hz: float, high_hz: float) -> tuple[float, float]:
-    low = _GRID_HZ * np.floor(low_hz / _GRID_HZ)
-    high = _GRID_HZ * np.ceil(high_hz / _GRID_HZ)
-    return float(max(low, 1.0)), float(min(high, 0.5 * rate_hz - 1.0))
-
-
-def _tune(rate_hz: float, low_hz: float, high_hz: float, motion_rate_hz: float) -> tuple[Tuning, int]:
-    band = _rounded(rate_hz, low_hz, high_hz)
-    tuning = tune(rate_hz, *band, 3.0 * motion_rate_hz)
-    whole = round(rate_hz / motion_rate_hz)
-    if whole % tuning.decimation:
-        exact = tune(rate_hz, *band, 3.0 * motion_rate_hz, whole)  # hits the asked motion rate
-        if 2 * exact.decimation > tuning.decimation:
-            tuning = exact
-    factor = max(2, round(tuning.phase_rate_hz / motion_rate_hz))
-    return tuning, tuning.decimation * factor
-
-
-def _tune_rest(rate_hz: float, low_hz: float, high_hz: float, step: int) -> Tuning:
-    return tune(rate_hz, *_rounded(rate_hz, low_hz, high_hz), 2.0 * rate_hz / step, step)
-
-
-def _wandered(track: Track, grid: Grid) -> tuple[float, float] | None:
-    """Return the frequencies actually met, with a margin, where they left the band the beat was read through."""
-    frequency = track.tuning.oscillator_hz + np.diff(track.phase_cycles) * grid.rate_hz
-    frequency = frequency[np.isfinite(frequency)]
-    if frequency.size == 0:
-        return None
-    low, high = np.quantile(frequency, [0.0005, 0.9995])
-    if low >= track.tuning.low_hz and high <= track.tuning.high_hz:
-        return None
-    return float(low) - SPAN_MARGIN_HZ, float(high) + SPAN_MARGIN_HZ
+def _missed(track: Track, grid: Grid) -> int:
+    """Return how many motion samples show a beat that faded or left the band it was read through."""
+    typical = np.nanmedian(track.amplitude_counts)
+    faded = np.count_nonzero(track.least_amplitude < DROP_OUT_SHARE * typical)
+    outside = np.count_nonzero(np.abs(track.offset_hz(grid)) > track.wanted.tuning.half_width_hz)
+    return int(faded + outside)
 
 
 def _motion(
@@ -142,10 +105,10 @@ def _motion(
     if known.sum() < 3:
         raise AnalysisError("too short: no stretch without lost samples is long enough for the filters")
     count = int(np.flatnonzero(known)[-1]) + 1
-    time_s = grid.time_s(track.tuning)[:count]
+    time_s = grid.time_s(track.wanted.tuning)[:count]
     flags = list(recording.flags)
 
-    moving = track.phase_cycles[:count] + track.tuning.oscillator_hz * time_s
+    moving = track.phase_cycles[:count] + track.oscillator_hz * time_s
     rest_cycles, rest_std, rest = _rest(recording, settings, grid, tracks, time_s, flags)
     displacement = -0.5 * wavelength_m * (moving - rest_cycles)
     std = 0.5 * wavelength_m * np.hypot(track.std_cycles[:count], rest_std)
@@ -164,7 +127,7 @@ def _motion(
     mass = recording.setup.moving_mass_kg
     for array in (displacement, velocity, acceleration, std):
         array[~valid] = np.nan
-    if max(t.survey.clipped_fraction for t in tracks) > 1e-4:
+    if max(t.wanted.survey.clipped_fraction for t in tracks) > 1e-4:
         flags.append("clipped")
     return Motion(
         time_s=time_s,
@@ -200,15 +163,15 @@ def _rest(
         assert given is not None
         return given * time_s, 0.0, Quantity(given, 0.0, "given")
     track = tracks[1]
-    own_time = grid.time_s(track.tuning)
+    own_time = grid.time_s(track.wanted.tuning)
     known = np.isfinite(track.phase_cycles)
     std = float(np.nanmedian(track.std_cycles))
-    rest: Rest = smooth(own_time, track.phase_cycles, std, track.tuning.oscillator_hz)
+    rest: Rest = smooth(own_time, track.phase_cycles, std, track.oscillator_hz)
     if rest.degree > 1:
         flags.append("rest_drift")
     if rest.unsteady_cycles > _UNSTEADY_SIGMA * std:
         flags.append("rest_unsteady")
-    oscillator = track.tuning.oscillator_hz
+    oscillator = track.oscillator_hz
     if settings.rest == "instantaneous" and known.any():
         count = time_s.size
         return track.phase_cycles[:count] + oscillator * own_time[:count], track.std_cycles[:count], rest.frequency_hz
@@ -223,8 +186,8 @@ def _quality(recording: Recording, role: Role, track: Track, grid: Grid) -> Beat
     quiet = slice(start, min(stop, start + max(16, (stop - start) // 32)))
     slope = np.polyfit(np.arange(quiet.stop - quiet.start), track.phase_cycles[quiet], 1)[0]
     return BeatQuality(
-        frequency_hz=float(track.tuning.oscillator_hz + slope * grid.rate_hz),
-        amplitude_v=track.survey.amplitude_counts * abs(recording.channels[column].volts_per_count),
-        snr_db=track.survey.snr_db,
-        clipped_fraction=track.survey.clipped_fraction,
+        frequency_hz=float(track.oscillator_hz + slope * grid.rate_hz),
+        amplitude_v=track.wanted.survey.amplitude_counts * abs(recording.channels[column].volts_per_count),
+        snr_db=track.wanted.survey.snr_db,
+        clipped_fraction=track.wanted.survey.clipped_fraction,
     )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from analysis.air import wavelength_in_air_m
 from analysis.recording import Setup
 from analysis.shot import AnalysisError
-from analysis.signal.beat import BeatReader
+from analysis.signal.beat import BeatReader, fixed_guide
 from analysis.signal.decimate import PhaseDecimator, filtered
 from analysis.signal.filters import derivative_filters
 from analysis.signal.survey import survey
@@ -19,6 +19,7 @@ LOOK_S = 2e-3  # of the stream, read before a beat is tuned to
 REST_MEMORY_S = 0.2  # the rest frequency shown is a running mean over about this long
 MAX_DOPPLER_HZ = 1.3e6
 _REST_HALF_WIDTH_HZ = 80e3
+_MIN_PHASE_RATE_HZ = 100e3
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,24 +111,25 @@ class LiveDemodulator:
         bits = self._setup.digitizer_bits
         beat = survey(seen[:, measurement], self._rate, bits, "measurement channel")
         rest_hz = self._setup.rest_frequency_hz
-        tunings: list[tuple[int, Tuning, float]] = []
+        tunings: list[tuple[int, Tuning, float, float]] = []
         if reference is not None:
             rest = survey(seen[:, reference], self._rate, bits, "reference channel")
             rest_hz = 0.5 * (rest.low_hz + rest.high_hz)
-            low, high = rest_hz - _REST_HALF_WIDTH_HZ, rest_hz + _REST_HALF_WIDTH_HZ
-            tunings.append((reference, tune(self._rate, low, high, 3 * self._wanted_rate), rest.offset_counts))
+            tuning = tune(self._rate, rest_hz, rest_hz, _REST_HALF_WIDTH_HZ, _MIN_PHASE_RATE_HZ)
+            tunings.append((reference, tuning, rest_hz, rest.offset_counts))
         assert rest_hz is not None
         reach = min(MAX_DOPPLER_HZ, 0.75 * rest_hz, 0.75 * (0.5 * self._rate - rest_hz))
         while True:
             low, high = min(beat.low_hz - 5e3, rest_hz - reach), max(beat.high_hz + 5e3, rest_hz + reach)
+            centre, half_width = 0.5 * (low + high), 0.5 * (high - low)
             try:
-                tuning = tune(self._rate, low, high, 3 * self._wanted_rate)
+                tuning = tune(self._rate, centre, centre, half_width, _MIN_PHASE_RATE_HZ)
                 break
             except AnalysisError:
                 if reach < 0.1 * rest_hz:
                     raise
                 reach *= 0.85
-        tunings.insert(0, (measurement, tuning, beat.offset_counts))
+        tunings.insert(0, (measurement, tuning, centre, beat.offset_counts))
         self._lines = [_Line(*t, self._wanted_rate, self._bandwidth) for t in tunings]
 
     def _restart(self, sample: int) -> None:
@@ -175,16 +177,19 @@ class LiveDemodulator:
 class _Line:
     """One beat of the stream: phase, decimated, then its derivatives."""
 
-    def __init__(self, column: int, tuning: Tuning, offset: float, rate_hz: float, bandwidth_hz: float) -> None:
+    def __init__(
+        self, column: int, tuning: Tuning, centre_hz: float, offset: float, rate_hz: float, bandwidth_hz: float
+    ) -> None:
         self._column = column
         self._tuning = tuning
+        self._guide = fixed_guide(tuning, centre_hz)
         self._offset = offset
         self._factor = max(2, round(tuning.phase_rate_hz / rate_hz))
         self.rate_hz = tuning.phase_rate_hz / self._factor
         self._filters = derivative_filters(self.rate_hz, min(bandwidth_hz, 0.35 * self.rate_hz))
 
     def restart(self, sample: int) -> None:
-        self._reader = BeatReader(self._tuning, self._column, self._offset, sample)
+        self._reader = BeatReader(self._tuning, self._guide, self._column, self._offset, sample)
         self._decimator = PhaseDecimator(self._factor, self._reader.index)
         self._first = self._decimator.index  # of the oldest phase kept
         self._phase = np.empty(0)
@@ -199,7 +204,7 @@ class _Line:
         ready = self._phase.size - 2 * half
         if ready <= 0:
             return np.empty((4, 0))
-        frequency = self._tuning.oscillator_hz + filtered(self._phase, self._filters.velocity)
+        frequency = self._reader.oscillator_hz + filtered(self._phase, self._filters.velocity)
         slope = filtered(self._phase, self._filters.acceleration)
         amplitude = self._amplitude[half : half + ready].copy()
         index = self._first + half + np.arange(ready) + 6

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from analysis.shot import AnalysisError
 
 STRETCH_S = 40e-6
-MIN_CYCLES_SPAN_HZ = 40e3
-_MOST_STRETCHES = 160
+SPACING_S = 1e-3
+_MOST_STRETCHES = 2000
 _SEEN = 13.0  # peak over mean noise, as power: one noise bin in 400,000 is as high
 
 
@@ -25,6 +25,7 @@ class Survey:
     amplitude_counts: float
     snr_db: float  # A^2 / (2 sigma^2) over the whole band
     sample: NDArray[np.int64]
+    stretch: int  # samples a stretch
     frequency_hz: NDArray[np.float64]
     seen: NDArray[np.bool_]
     clipped_fraction: float
@@ -50,55 +51,61 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
     length = int(2 ** np.clip(np.round(np.log2(STRETCH_S * sample_rate_hz)), 8, 12))
     if counts.size < length:
         raise AnalysisError(f"{what}: {counts.size} samples are too short to find a beat in (at least {length})")
-    stretches = min(_MOST_STRETCHES, max(1, counts.size // length))
+    stretches = int(np.clip(counts.size / (SPACING_S * sample_rate_hz), 40, _MOST_STRETCHES))
+    stretches = min(stretches, max(1, counts.size // length))
     sample = np.linspace(0, counts.size - length, stretches).astype(np.int64)
     raw = np.stack([counts[s : s + length] for s in sample])
     low, high = int(raw.min()), int(raw.max())
     if high - low < 2:
         raise AnalysisError(f"{what}: the channel is flat at {low} counts: no light, or not connected")
     rail = 1 << (bits - 1)
-    at_rail = (raw >= rail - 1) | (raw <= -rail)
-    pinned = (raw[:, 1:] == raw[:, :-1]) & ((raw[:, 1:] == high) | (raw[:, 1:] == low))
-    clipped = max(float(at_rail.mean()), _excess_pinning(pinned, raw, low, high))
+    clipped = 0.0
+    if high >= rail - 1 or low <= -rail:
+        clipped = float(((raw >= rail - 1) | (raw <= -rail)).mean())
+    clipped = max(clipped, _excess_pinning(raw, low, high))
     if clipped > 0.5:
         raise AnalysisError(f"{what}: saturated: {100 * clipped:.0f} % of the samples are at the rail")
 
     offset = float(raw.mean())
     window = np.hanning(length + 1)[:-1].astype(np.float32)
     spectrum = scipy.fft.rfft((raw - np.float32(offset)) * window, axis=1)
-    power = (spectrum.real**2 + spectrum.imag**2).astype(np.float64)
+    power = spectrum.real**2 + spectrum.imag**2
     power[:, :4] = 0.0
     power[:, -2:] = 0.0
     peak = np.argmax(power, axis=1)
     rows = np.arange(stretches)
-    noise = np.median(power[:, 4:-2], axis=1) / np.log(2.0)
+    noise = np.median(power[:, 5:-2:3], axis=1).astype(np.float64) / np.log(2.0)
     seen = power[rows, peak] > _SEEN * np.maximum(noise, 1e-12)
     if not seen.any() or seen.mean() < 0.2:
         raise AnalysisError(f"{what}: no beat found, only noise ({high - low} counts from peak to peak)")
     frequency = (peak + _peak_offset(power, rows, peak)) * sample_rate_hz / length
     near = np.clip(peak[:, None] + np.arange(-2, 3), 0, power.shape[1] - 1)
-    beat = power[rows[:, None], near].sum(axis=1) - 5 * noise
+    beat = power[rows[:, None], near].astype(np.float64).sum(axis=1) - 5 * noise
     scale = np.sum(window.astype(np.float64) ** 2)
     amplitude = np.sqrt(np.maximum(4 * beat[seen] / (scale * length), 0.0))
     variance = np.median(noise[seen]) / scale  # of one sample
     typical = float(np.median(amplitude))
     snr = 0.5 * typical**2 / max(variance, 1 / 12 * 1e-3)
-    return Survey(offset, typical, float(10 * np.log10(max(snr, 1e-9))), sample, frequency, seen, clipped, low, high)
+    return Survey(
+        offset, typical, float(10 * np.log10(max(snr, 1e-9))), sample, length, frequency, seen, clipped, low, high
+    )
 
 
-def _excess_pinning(pinned: NDArray[np.bool_], raw: NDArray[np.int16], low: int, high: int) -> float:
+def _excess_pinning(raw: NDArray[np.int16], low: int, high: int) -> float:
     """Return the fraction of samples cut off at a level of their own, below the digitizer's rail.
 
     A sine spends little time at its extremes: runs of equal counts there beyond what rounding gives are clipping.
     """
-    extreme = float(((raw == high) | (raw == low)).mean())
-    span = max(high - low, 1)
-    expected = 4 * np.sqrt(2.0 / span) / np.pi  # share of a sine's time within a count of its extremes, twice over
-    return extreme if extreme > expected + 0.01 and float(pinned.mean()) > 0.01 else 0.0
+    extreme = (raw == high) | (raw == low)
+    share = float(extreme.mean())
+    expected = 4 * np.sqrt(2.0 / max(high - low, 1)) / np.pi  # of a sine within a count of its extremes, twice over
+    if share <= expected + 0.01:
+        return 0.0
+    return share if float((extreme[:, 1:] & extreme[:, :-1]).mean()) > 0.01 else 0.0
 
 
-def _peak_offset(power: NDArray[np.float64], rows: NDArray[np.int64], peak: NDArray[np.int64]) -> NDArray[np.float64]:
+def _peak_offset(power: NDArray[np.float32], rows: NDArray[np.int64], peak: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the peak's distance in bins from the highest bin: a parabola through the logarithms of three bins."""
-    left, mid, right = (np.log(np.maximum(power[rows, peak + k], 1e-30)) for k in (-1, 0, 1))
+    left, mid, right = (np.log(np.maximum(power[rows, peak + k].astype(np.float64), 1e-30)) for k in (-1, 0, 1))
     bend = left - 2 * mid + right
     return np.clip(np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, -1.0), 0.0), -0.5, 0.5)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from analysis.recording import Recording
 from analysis.shot import AnalysisError, Cancelled, Progress
-from analysis.signal.beat import BeatReader
+from analysis.signal.beat import BATCH, BeatReader, Guide
 from analysis.signal.decimate import PhaseDecimator, noise_ratio
 from analysis.signal.survey import Survey
-from analysis.signal.tuning import Tuning
+from analysis.signal.tuning import PHASE_STEPS, Tuning
 
 Floats = NDArray[np.float64]
 BLOCK_SAMPLES = 1 << 17
@@ -27,6 +27,7 @@ class Wanted:
     """One beat to read."""
 
     tuning: Tuning
+    guide: Guide
     column: int
     survey: Survey
 
@@ -39,8 +40,17 @@ class Track:
     std_cycles: Floats
     amplitude_counts: Floats
     least_amplitude: Floats
-    tuning: Tuning
-    survey: Survey
+    oscillator_hz: float
+    wanted: Wanted
+
+    def offset_hz(self, grid: "Grid") -> Floats:
+        """Return how far the beat lay from the oscillator it was read with, shape (n - 1,), NaN where not known."""
+        tuning, guide = self.wanted.tuning, self.wanted.guide
+        factor = grid.step // tuning.decimation
+        batch = ((np.arange(self.phase_cycles.size - 1) + 6) * factor + factor // 2) // BATCH
+        steps = guide.steps[guide.batch[np.minimum(batch, guide.batch.size - 1)]]
+        oscillator = steps * (tuning.sample_rate_hz / (tuning.decimation * PHASE_STEPS))
+        return np.asarray(self.oscillator_hz + np.diff(self.phase_cycles) * grid.rate_hz - oscillator)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +147,7 @@ def _read(recording: Recording, wanted: Wanted, grid: Grid, advance: Callable[[i
         description[:, first:last] = about[:, : last - first]
 
     for start, stop, true_start in grid.pieces:
-        reader = BeatReader(tuning, wanted.column, wanted.survey.offset_counts, true_start)
+        reader = BeatReader(tuning, wanted.guide, wanted.column, wanted.survey.offset_counts, true_start)
         decimator = PhaseDecimator(factor, reader.index)
         for block in range(start, stop, BLOCK_SAMPLES):
             end = min(stop, block + BLOCK_SAMPLES)
@@ -145,7 +155,7 @@ def _read(recording: Recording, wanted: Wanted, grid: Grid, advance: Callable[[i
             advance(end - block)
         store(*decimator.feed(*reader.finish()[1:]))
     std = np.sqrt(local_variance(description[2])) * noise_ratio(tuning, factor)
-    return Track(phase, std, np.sqrt(description[0]), np.sqrt(description[1]), tuning, wanted.survey)
+    return Track(phase, std, 2 * np.sqrt(description[0]), 2 * np.sqrt(description[1]), reader.oscillator_hz, wanted)
 
 
 def local_variance(rough: Floats) -> Floats:

@@ -11,37 +11,36 @@ from analysis.shot import AnalysisError
 
 PHASE_STEPS = 65536  # the local oscillator advances by whole 1/65536 cycles a decimated sample: exact in integers
 IMAGE_REJECTION_DB = 90.0
-ALIAS_LIMIT = 0.015  # noise power folded onto the beat by decimation, relative to its own
+ALIAS_LIMIT = 0.012  # noise power folded onto the beat by decimation, relative to its own
+HALVING_LIMIT = 0.13  # of the sample rate: below it halving the rate first folds less than 1 % of noise
 _MAX_TAPS = 4096
-_MAX_DECIMATION = 40
 _GRID = 4096
+_SHARES = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+_KAISERS = (8.6, 9.8)
+_CUTS = (0.0, 0.5, 0.8, 1.1, 1.5, 2.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tuning:
-    """A complex band-pass and decimator for one beat.
+    """A complex band-pass and decimator for one beat, with an oscillator that can be set from batch to batch.
 
-    ``taps`` is complex, shape (decimation, taps // decimation) and float32 in effect: tap p + q * decimation of the
-    window, mixed with the local oscillator, sits at [p, q].  ``delay_samples`` from a window's first sample to its
-    centre.
+    ``window`` is the real low-pass, shape (length,), at the sample rate or (``halved``) at half of it, after
+    neighbouring samples were weighted 1 3 3 1.  It serves oscillators between ``low_hz`` and ``high_hz`` and beats
+    within ``half_width_hz`` of them.
     """
 
     sample_rate_hz: float
-    decimation: int
-    oscillator_steps: int  # cycles a decimated sample, in 1 / PHASE_STEPS
+    decimation: int  # samples of the recording a phase
+    halved: bool
     low_hz: float
     high_hz: float
-    taps: NDArray[np.complex128]
+    half_width_hz: float
+    window: NDArray[np.float64]
 
     @property
     def length(self) -> int:
-        """Get the number of taps."""
-        return int(self.taps.size)
-
-    @property
-    def oscillator_hz(self) -> float:
-        """Get the frequency of the local oscillator in Hz."""
-        return self.oscillator_steps * self.sample_rate_hz / (self.decimation * PHASE_STEPS)
+        """Get the number of samples of the recording that one phase is read from."""
+        return int(2 * self.window.size + 2 if self.halved else self.window.size)
 
     @property
     def phase_rate_hz(self) -> float:
@@ -49,64 +48,99 @@ class Tuning:
         return self.sample_rate_hz / self.decimation
 
     @property
-    def window(self) -> NDArray[np.float64]:
-        """Get the real window before mixing, shape (length,)."""
-        flat = self.taps.T.reshape(-1)
-        position = np.arange(flat.size) - self.delay_samples
-        return np.asarray((flat * np.exp(2j * np.pi * self.oscillator_hz / self.sample_rate_hz * position)).real)
-
-    @property
     def delay_samples(self) -> float:
         """Get the distance from the first sample of a window to its centre."""
         return 0.5 * (self.length - 1)
 
+    @property
+    def full_window(self) -> NDArray[np.float64]:
+        """Get the low-pass at the recording's own rate, shape (length,): the halving included."""
+        if not self.halved:
+            return self.window
+        spread = np.zeros(2 * self.window.size - 1)
+        spread[::2] = self.window
+        return np.asarray(np.convolve(spread, [1.0, 3.0, 3.0, 1.0]), np.float64)
+
+    @property
+    def effective_samples(self) -> float:
+        """Get how many samples' worth of noise one phase averages: its variance is 1 / (SNR effective_samples)."""
+        window = self.full_window
+        return float(window.sum() ** 2 / np.sum(window**2))
+
+    def steps(self, frequency_hz: float) -> int:
+        """Return the oscillator nearest to a frequency, in 1 / PHASE_STEPS cycles a decimated sample."""
+        return round(frequency_hz * self.decimation * PHASE_STEPS / self.sample_rate_hz)
+
+    def oscillator_hz(self, steps: int) -> float:
+        """Return the frequency of an oscillator given in steps."""
+        return steps * self.sample_rate_hz / (self.decimation * PHASE_STEPS)
+
+    def taps(self, steps: NDArray[np.int64]) -> NDArray[np.complex128]:
+        """Return the window mixed with oscillators, shape (oscillators, decimation at the filter's rate, share).
+
+        The oscillator's phase is zero at the window's centre, so the angle read is that of the beat there whatever
+        the oscillator.
+        """
+        rows = self.decimation // 2 if self.halved else self.decimation
+        position = np.arange(self.window.size) - 0.5 * (self.window.size - 1)
+        mixed = self.window * np.exp((-2j * np.pi / (PHASE_STEPS * rows)) * steps[:, None] * position)
+        return np.ascontiguousarray(mixed.reshape(steps.size, -1, rows).transpose(0, 2, 1))
+
 
 @lru_cache(maxsize=64)
-def tune(sample_rate_hz: float, low_hz: float, high_hz: float, min_phase_rate_hz: float, divides: int = 0) -> Tuning:
-    """Return the cheapest band-pass that reads a beat wandering between ``low_hz`` and ``high_hz``.
+def tune(
+    sample_rate_hz: float,
+    low_hz: float,
+    high_hz: float,
+    half_width_hz: float,
+    min_phase_rate_hz: float,
+    divides: int = 0,
+) -> Tuning:
+    """Return the cheapest band-pass for oscillators from ``low_hz`` to ``high_hz`` and beats ``half_width_hz`` off.
 
     The image of a real beat at f lies at -f; it and its folds are held ``IMAGE_REJECTION_DB`` below the beat, and
     decimation folds no more than ``ALIAS_LIMIT`` of noise onto it; the decimation divides ``divides`` (0: any does).
     Raises AnalysisError where no window of up to 4096 taps can do so, because the beat comes too near zero or the
     Nyquist frequency.
     """
-    if not 0 < low_hz <= high_hz < sample_rate_hz / 2:
+    lowest, highest = low_hz - half_width_hz, high_hz + half_width_hz
+    if not 0 < lowest <= highest < sample_rate_hz / 2:
         raise AnalysisError(
-            f"beat between {low_hz / 1e6:.4g} and {high_hz / 1e6:.4g} MHz leaves the digitizer's band "
+            f"beat between {lowest / 1e6:.4g} and {highest / 1e6:.4g} MHz leaves the digitizer's band "
             f"of 0 to {sample_rate_hz / 2e6:.4g} MHz"
         )
-    centre = 0.5 * (low_hz + high_hz)
-    half_width = 0.5 * (high_hz - low_hz)
-    image_edge = min(2 * centre - half_width, sample_rate_hz - 2 * centre - half_width)
-    fastest = min(_MAX_DECIMATION, max(1, int(sample_rate_hz / max(min_phase_rate_hz, 2.4 * half_width))))
-    best: tuple[float, int, int, NDArray[np.float64]] | None = None
+    fastest = max(1, int(sample_rate_hz / max(min_phase_rate_hz, 2.4 * half_width_hz)))
+    may_halve = highest <= HALVING_LIMIT * sample_rate_hz
+    best: tuple[float, int, bool, NDArray[np.float64]] | None = None
     for decimation in range(fastest, 0, -1):
         if divides % decimation:
             continue
-        for share in (6, 12, 18, 24, 36, 48, 66, 96, 132):
+        halved = may_halve and decimation % 2 == 0
+        halving = 2 if halved else 1
+        rate = sample_rate_hz / halving
+        image_edge = min(2 * low_hz, rate - 2 * high_hz) - half_width_hz
+        for share in _SHARES:
             if share * decimation > _MAX_TAPS:
                 break
-            cost = share + 20.0 / decimation
+            cost = (share + 4.0) / halving + 20.0 / decimation
             if best is not None and cost >= best[0]:
                 break
-            window = _window(sample_rate_hz, decimation, share, half_width, image_edge)
+            window = _window(rate, decimation // halving, share, half_width_hz, image_edge)
             if window is not None:
-                best = (cost, decimation, share, window)
+                best = (cost, decimation, halved, window)
                 break
+        if best is not None and best[0] <= 0.55 * (_SHARES[0] + 4.0) + 20.0 / decimation:
+            break
     if best is None:
-        edge = "zero" if 2 * centre < sample_rate_hz / 2 else f"the Nyquist frequency of {sample_rate_hz / 2e6:g} MHz"
+        middle = 0.5 * (low_hz + high_hz)
+        edge = "zero" if 4 * middle < sample_rate_hz else f"the Nyquist frequency of {sample_rate_hz / 2e6:g} MHz"
         raise AnalysisError(
-            f"beat between {low_hz / 1e6:.4g} and {high_hz / 1e6:.4g} MHz comes too near {edge}: "
+            f"beat between {lowest / 1e6:.4g} and {highest / 1e6:.4g} MHz comes too near {edge}: "
             "its mirror image cannot be told from it"
         )
-    _, decimation, share, window = best
-    steps = round(centre * decimation * PHASE_STEPS / sample_rate_hz)
-    oscillator = steps / (decimation * PHASE_STEPS)
-    position = np.arange(window.size) - 0.5 * (window.size - 1)
-    taps = window * np.exp(-2j * np.pi * oscillator * position)
-    table = np.ascontiguousarray(taps.reshape(share, decimation).T)
-    table.flags.writeable = False
-    return Tuning(sample_rate_hz, decimation, steps, low_hz, high_hz, table)
+    _, decimation, halved, window = best
+    window.flags.writeable = False
+    return Tuning(sample_rate_hz, decimation, halved, low_hz, high_hz, half_width_hz, window)
 
 
 def _window(
@@ -117,15 +151,13 @@ def _window(
         return None
     grid = max(_GRID, 8 * length)
     frequency = np.arange(grid // 2 + 1) * (rate_hz / grid)
-    for kaiser in (8.6, 9.6, 11.0):
+    n = np.arange(length) - 0.5 * (length - 1)
+    for kaiser in _KAISERS:
         main_lobe = rate_hz / length * np.sqrt(1 + (kaiser / np.pi) ** 2)  # from the centre to the first null
-        for cut in (0.0, 0.25, 0.5, 0.75, 1.0, 1.3, 1.6, 2.0):
-            if max(half_width_hz, cut * half_width_hz) + 0.6 * main_lobe > image_edge_hz:
-                continue
-            n = np.arange(length) - 0.5 * (length - 1)
-            taps: NDArray[np.float64] = np.asarray(
-                np.sinc(2 * cut * half_width_hz / rate_hz * n) * np.kaiser(length, kaiser), np.float64
-            )
+        if half_width_hz + 0.6 * main_lobe > image_edge_hz:
+            continue
+        for cut in _CUTS:
+            taps: NDArray[np.float64] = np.sinc(2 * cut * half_width_hz / rate_hz * n) * np.kaiser(length, kaiser)
             taps = taps / taps.sum()
             power: NDArray[np.float64] = np.asarray(np.abs(np.fft.rfft(taps, grid)) ** 2, np.float64)
             inside = power[frequency <= half_width_hz]
@@ -133,7 +165,7 @@ def _window(
                 continue
             beyond = power[frequency >= image_edge_hz]
             if beyond.size and beyond.max() > 10 ** (-IMAGE_REJECTION_DB / 10) * inside.min():
-                continue
+                break  # a wider cut only comes nearer to the image
             if _folded(power, frequency, rate_hz, decimation, half_width_hz) <= ALIAS_LIMIT:
                 return taps
     return None
@@ -147,10 +179,9 @@ def _folded(
     half_width_hz: float,
 ) -> float:
     """Return the worst noise power folded onto a beat within +-half_width, relative to the power kept there."""
-    at = np.linspace(-half_width_hz, half_width_hz, 33)
+    at = np.linspace(-half_width_hz, half_width_hz, 17)
     kept = np.interp(np.abs(at), frequency, power)
-    folded = np.zeros_like(at)
-    for k in range(1, decimation):
-        alias = np.mod(at + k * rate_hz / decimation + rate_hz / 2, rate_hz) - rate_hz / 2
-        folded += np.interp(np.abs(alias), frequency, power)
+    fold = np.arange(1, decimation)[:, None] * (rate_hz / decimation)
+    alias = np.mod(at + fold + rate_hz / 2, rate_hz) - rate_hz / 2
+    folded = np.interp(np.abs(alias).ravel(), frequency, power).reshape(alias.shape).sum(axis=0)
     return float(np.max(folded / kept))

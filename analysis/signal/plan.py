@@ -1,0 +1,126 @@
+"""How a recording is read: which oscillators, how wide a band, how far to decimate; narrow first, wide where needed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.recording import Recording
+from analysis.shot import AnalysisError, AnalysisSettings
+from analysis.signal.beat import Guide, fixed_guide, following_guide
+from analysis.signal.survey import Survey
+from analysis.signal.tuning import Tuning, tune
+
+FOLLOWED_HZ = (130e3, 400e3)  # how far the beat may lie from the oscillator that follows it, first and second try
+SPAN_MARGIN_HZ = 60e3  # beyond the frequencies seen, where one oscillator serves the whole recording
+PHASE_RATE_HZ = 0.9e6  # where light is plentiful: short windows, so that a fault spoils little
+PHASE_VARIANCE = 0.025  # rad^2 of one phase: above it a whole cycle may slip, so less light asks for longer windows
+OSCILLATOR_SPACING_HZ = 40e3
+REST_HALF_WIDTH_HZ = 50e3
+_ROUND_HZ = 20e3
+_DIM_DB = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """One way of reading a recording; ``step`` is a motion sample in samples of the recording."""
+
+    tuning: Tuning
+    guide: Guide
+    rest_tuning: Tuning | None
+    rest_guide: Guide | None
+    step: int
+
+
+def plans(seen: Survey, reference: Survey | None, recording: Recording, settings: AnalysisSettings) -> Iterator[Plan]:
+    """Yield the plans to try, cheapest and quietest first.
+
+    The oscillator follows the beat as the survey saw it; a beat that leaves that band is read again through a wider
+    one, and at last through one that holds all frequencies seen.  Raises AnalysisError where none can be made.
+    """
+    made = False
+    problem: AnalysisError | None = None
+    widths: tuple[float | None, ...] = (*FOLLOWED_HZ, None)
+    for width in widths:
+        try:
+            yield _plan(width, seen, reference, recording, settings)
+            made = True
+        except AnalysisError as failure:
+            problem = problem or failure
+    if not made and problem is not None:
+        raise problem
+
+
+def _plan(
+    width_hz: float | None, seen: Survey, reference: Survey | None, recording: Recording, settings: AnalysisSettings
+) -> Plan:
+    rate, motion_rate = recording.sample_rate_hz, settings.motion_rate_hz
+    low, high = _rounded(seen.low_hz, seen.high_hz, 0.0)
+    together = reference is not None and settings.rest == "instantaneous"
+    if together and reference is not None:  # the same window on both, so that their samples fall together
+        low, high = (
+            min(low, _rounded(reference.low_hz, reference.high_hz, 0.0)[0]),
+            max(high, _rounded(reference.low_hz, reference.high_hz, 0.0)[1]),
+        )
+    if width_hz is None:
+        half_width = 0.5 * (high - low) + SPAN_MARGIN_HZ + 0.5 * motion_rate
+        centre = 0.5 * (low + high)
+        tuning = _tune(rate, centre, centre, half_width, settings, seen.snr_db)
+        guide = fixed_guide(tuning, centre)
+    else:
+        tuning = _tune(rate, low, high, width_hz + 0.5 * motion_rate, settings, seen.snr_db)
+        frequency = seen.frequency_hz[seen.seen]
+        if seen.snr_db < _DIM_DB and frequency.size > 2:
+            ends = np.concatenate((frequency[:1], frequency, frequency[-1:]))
+            frequency = np.median(np.stack((ends[:-2], ends[1:-1], ends[2:])), axis=0)
+        centre_sample = seen.sample[seen.seen] + seen.stretch // 2
+        guide = following_guide(tuning, centre_sample, frequency, recording.samples, OSCILLATOR_SPACING_HZ)
+    factor = max(2, round(tuning.phase_rate_hz / motion_rate))
+    step = tuning.decimation * factor
+    if reference is None:
+        return Plan(tuning, guide, None, None, step)
+    rest_hz = float(np.median(reference.frequency_hz[reference.seen]))
+    if together:
+        return Plan(tuning, guide, tuning, fixed_guide(tuning, rest_hz), step)
+    spread = 0.5 * float(np.ptp(reference.frequency_hz[reference.seen]))
+    rest_low, rest_high = _rounded(rest_hz, rest_hz, 0.0)
+    half_width = _ROUND_HZ * np.ceil((REST_HALF_WIDTH_HZ + min(spread, 1e5) + 0.5 * motion_rate) / _ROUND_HZ)
+    rest_tuning = tune(rate, rest_low, rest_high, half_width, 2.0 * rate / step, step)
+    return Plan(tuning, guide, rest_tuning, fixed_guide(rest_tuning, rest_hz), step)
+
+
+def _rounded(low_hz: float, high_hz: float, margin_hz: float) -> tuple[float, float]:
+    """Return a band rounded outwards: recordings alike then share one filter design."""
+    low = _ROUND_HZ * np.floor((low_hz - margin_hz) / _ROUND_HZ)
+    high = _ROUND_HZ * np.ceil((high_hz + margin_hz) / _ROUND_HZ)
+    return float(low), float(high)
+
+
+def _tune(
+    rate_hz: float, low_hz: float, high_hz: float, half_width_hz: float, settings: AnalysisSettings, snr_db: float
+) -> Tuning:
+    """Return the tuning with the shortest window that is still safe from slips at this signal-to-noise ratio."""
+    floor = 3.0 * settings.motion_rate_hz
+    wanted = max(floor, PHASE_RATE_HZ)
+    whole = round(rate_hz / settings.motion_rate_hz)
+    tuning = _divided(rate_hz, low_hz, high_hz, half_width_hz, wanted, whole)
+    snr = 10 ** (snr_db / 10)
+    for _ in range(4):
+        variance = 1.0 / (snr * tuning.effective_samples)
+        if variance <= PHASE_VARIANCE or wanted <= floor:
+            break
+        wanted = max(floor, 0.8 * wanted * PHASE_VARIANCE / variance)
+        half_width_hz = min(half_width_hz, max(wanted / 2.4, 0.6 * half_width_hz))
+        tuning = _divided(rate_hz, low_hz, high_hz, half_width_hz, wanted, whole)
+    return tuning
+
+
+def _divided(
+    rate_hz: float, low_hz: float, high_hz: float, half_width_hz: float, phase_rate_hz: float, whole: int
+) -> Tuning:
+    """Return a tuning whose decimation divides ``whole``, so that the motion rate asked for is met, if not dear."""
+    free = tune(rate_hz, low_hz, high_hz, half_width_hz, phase_rate_hz)
+    if whole % free.decimation == 0 or whole < 2:
+        return free
+    exact = tune(rate_hz, low_hz, high_hz, half_width_hz, phase_rate_hz, whole)
+    return exact if 3 * exact.decimation >= free.decimation else free

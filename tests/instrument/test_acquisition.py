@@ -1,0 +1,158 @@
+"""The state machine, exhaustively: every state with every event, every deadline, any order of events."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from instrument.acquisition import TABLE, TIMED_OUT, Acquisition, Action, Deadlines, Event, State
+
+# written out by hand a second time: what a person expects of each state; everything else must change nothing
+EXPECTED = {
+    "idle": {"arm": ("armed", "start"), "fail": ("fault", "stop")},
+    "armed": {
+        "abort": ("idle", "stop"),
+        "trigger": ("triggered", "none"),
+        "fail": ("fault", "stop"),
+        "timeout": ("idle", "stop"),
+    },
+    "triggered": {
+        "abort": ("idle", "keep"),
+        "complete": ("transferring", "finish"),
+        "fail": ("fault", "keep"),
+        "timeout": ("fault", "keep"),
+    },
+    "transferring": {
+        "abort": ("idle", "none"),
+        "saved": ("analysing", "none"),
+        "fail": ("fault", "stop"),
+        "timeout": ("fault", "stop"),
+    },
+    "analysing": {
+        "arm": ("armed", "start"),
+        "abort": ("idle", "cancel"),
+        "analysed": ("idle", "none"),
+        "fail": ("fault", "stop"),
+        "timeout": ("fault", "cancel"),
+    },
+    "fault": {"arm": ("armed", "start"), "abort": ("idle", "none"), "fail": ("fault", "stop")},
+}
+ROAD = {  # events that lead to each state
+    State.IDLE: [],
+    State.ARMED: [Event.ARM],
+    State.TRIGGERED: [Event.ARM, Event.TRIGGER],
+    State.TRANSFERRING: [Event.ARM, Event.TRIGGER, Event.COMPLETE],
+    State.ANALYSING: [Event.ARM, Event.TRIGGER, Event.COMPLETE, Event.SAVED],
+    State.FAULT: [Event.FAIL],
+}
+
+
+class Clock:
+    """A clock that stands until it is moved."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def at(state: State, *, automatic: bool = False) -> tuple[Acquisition, Clock]:
+    """Return a machine that was led to ``state``."""
+    clock = Clock()
+    machine = Acquisition(clock)
+    for event in ROAD[state]:
+        machine.handle(event, automatic=automatic)
+    assert machine.status.state is state
+    return machine, clock
+
+
+@pytest.mark.parametrize(("state", "event"), list(itertools.product(State, Event)))
+def test_every_state_with_every_event(state: State, event: Event) -> None:
+    machine, clock = at(state)
+    before = machine.status
+    clock.now += 1.0
+    transition = machine.handle(event, "because", "do this")
+    wanted = EXPECTED[state].get(event)
+    assert transition.accepted is (wanted is not None)
+    if wanted is None:
+        assert machine.status is before and transition.action is Action.NONE
+    else:
+        assert (transition.after, transition.action) == wanted
+        assert machine.status.state == wanted[0] and machine.status.since_s == 101.0
+        if not (state is State.FAULT and event is Event.FAIL):
+            assert machine.status.message == "because" and machine.status.remedy == "do this"
+
+
+def test_the_table_holds_nothing_else() -> None:
+    assert {(s, e): v for (s, e), v in TABLE.items()} == {
+        (State(s), Event(e)): (State(after), Action(action))
+        for s, row in EXPECTED.items()
+        for e, (after, action) in row.items()
+    }
+
+
+@pytest.mark.parametrize("state", list(State))
+def test_every_wait_has_a_deadline(state: State) -> None:
+    machine, clock = at(state)
+    limit = Deadlines().of(state)
+    if state in (State.IDLE, State.FAULT):
+        assert limit is None
+        clock.now += 1e9
+        assert machine.tick() is None
+        return
+    assert limit is not None
+    clock.now += limit - 1e-3
+    assert machine.tick() is None
+    clock.now += 2e-3
+    transition = machine.tick()
+    assert transition is not None and transition.after == EXPECTED[state]["timeout"][0]
+    assert (machine.status.message, machine.status.remedy) == TIMED_OUT[state]
+    assert machine.tick() is None
+
+
+@pytest.mark.parametrize("state", [s for s in State if Deadlines().of(s) is not None])
+def test_a_clock_running_backwards_lengthens_no_wait(state: State) -> None:
+    machine, clock = at(state)
+    limit = Deadlines().of(state)
+    assert limit is not None
+    clock.now += limit / 2
+    assert machine.tick() is None
+    clock.now -= 1e6
+    assert machine.tick() is None
+    clock.now += limit / 2 + 1e-3
+    assert machine.tick() is not None
+
+
+def test_automatic_rearms_until_aborted_or_failed() -> None:
+    machine, _ = at(State.TRANSFERRING, automatic=True)
+    for _ in range(3):
+        assert machine.handle(Event.SAVED).action is Action.START
+        assert machine.status.state is State.ARMED and machine.status.automatic
+        machine.handle(Event.TRIGGER)
+        machine.handle(Event.COMPLETE)
+    machine.handle(Event.ABORT)
+    assert machine.status.state is State.IDLE and not machine.status.automatic
+    machine.handle(Event.ARM)
+    assert not machine.status.automatic
+    machine, _ = at(State.TRIGGERED, automatic=True)
+    machine.handle(Event.FAIL)
+    assert not machine.status.automatic
+
+
+def test_the_first_cause_of_a_fault_stays() -> None:
+    machine, _ = at(State.ARMED)
+    machine.handle(Event.FAIL, "unplugged", "plug it in")
+    machine.handle(Event.FAIL, "no such device")
+    assert machine.status.message == "unplugged" and machine.status.remedy == "plug it in"
+
+
+@given(st.lists(st.sampled_from(Event), max_size=40))
+def test_abort_leads_to_idle_from_anywhere(events: list[Event]) -> None:
+    machine = Acquisition(Clock())
+    for event in events:
+        machine.handle(event)
+    machine.handle(Event.ABORT)
+    assert machine.status.state is State.IDLE
+    assert machine.handle(Event.ARM).after is State.ARMED

@@ -147,10 +147,8 @@ class Acquisition:
         state, action = entry
         now = self.clock()
         self._last_s = now
-        if event is Event.ARM:
-            rearm = automatic
-        else:
-            rearm = before.automatic and state not in (State.IDLE, State.FAULT)
+        going_on = before.automatic and state not in (State.IDLE, State.FAULT)
+        rearm = automatic if event is Event.ARM else going_on
         if event is Event.FAIL and before.state is State.FAULT:
             message, remedy = before.message or message, before.remedy or remedy  # the first cause is the cause
         limit = self.deadlines.of(state)

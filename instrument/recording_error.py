@@ -16,6 +16,13 @@ class RecordingError(Exception):
         self.key = key
 
 
+class RecordingExists(RecordingError):
+    """A recording of that name is there already, and none is ever overwritten."""
+
+    def __init__(self, path: Path | str) -> None:
+        super().__init__(path, "exists already; a recording is never overwritten")
+
+
 def one_line(text: str, longest: int = 200) -> str:
     """Return ``text`` without line breaks or control characters, cut to ``longest`` characters."""
     flat = "".join(c if c.isprintable() else " " for c in text)

@@ -32,6 +32,7 @@ __all__ = [
     "write_recording",
 ]
 
+ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all samples asked for came
 _LOOKED_AT = 256, 256  # places in the file and samples at each: enough to see clipping, too little to wait for
 _CLIPPED_SHARE = 1e-3
 
@@ -40,8 +41,8 @@ def read_recording(path: Path | str) -> Recording:
     """Open a recording; its counts stay on disk (memory-mapped, int16, shape (samples, channels)).
 
     Flags: "interrupted" (never closed: no hash), "truncated" (fewer samples than the metadata say),
-    "longer_than_declared", "gap", "clipped" (seen in samples taken across the file).  RecordingError names file and
-    key in one line.  The hash is not checked: see ``verify``.
+    "longer_than_declared", "gap", "cut_short" (ended before all samples asked for came), "clipped" (seen in samples
+    taken across the file).  RecordingError names file and key in one line.  The hash is not checked: see ``verify``.
     """
     stem = recording_stem(path)
     metadata = read_metadata(stem.with_name(stem.name + ".sigmf-meta"))
@@ -63,6 +64,8 @@ def read_recording(path: Path | str) -> Recording:
     gaps = tuple(gap for gap in metadata.gaps if gap.sample_start < samples)
     if gaps:
         flags.append("gap")
+    if ENDED_EARLY in metadata.extra.get("global", {}):
+        flags.append("cut_short")
     if _clipped(counts, metadata):
         flags.append("clipped")
     return Recording(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Channel, Gap, Recording, Setup
-from instrument.recording_error import RecordingError
+from instrument.recording_error import RecordingError, RecordingExists
 from instrument.recording_metadata import Metadata, metadata_json, read_metadata
 
 _REFRESH_S = 0.25  # metadata of a running capture are rewritten at most this often
@@ -50,7 +50,7 @@ class RecordingWriter:
         self._stale = False
         self._refreshed_at = 0.0
         if self.meta_path.exists():
-            raise RecordingError(self.meta_path, "exists already; a recording is never overwritten")
+            raise RecordingExists(self.meta_path)
         with _as_recording_error(self.data_path):
             self._file = open(self.data_path, "xb", buffering=0)  # noqa: SIM115 - held until close
         try:
@@ -89,6 +89,11 @@ class RecordingWriter:
     def note(self, text: str) -> None:
         """Set the operator's note."""
         self._metadata = replace(self._metadata, note=text)
+        self._stale = True
+
+    def more(self, extra: Mapping[str, Any]) -> None:
+        """Replace the foreign metadata given at the start."""
+        self._metadata = replace(self._metadata, extra=dict(extra))
         self._stale = True
 
     def close(self, *, interrupted: bool = False) -> Path:
@@ -201,7 +206,7 @@ def _as_recording_error(path: Path) -> Any:
     try:
         yield
     except FileExistsError:
-        raise RecordingError(path, "exists already; a recording is never overwritten") from None
+        raise RecordingExists(path) from None
     except FileNotFoundError:
         raise RecordingError(path, "the folder does not exist") from None
     except OSError as error:

@@ -11,7 +11,7 @@ class Overwritten(Exception):
 class Ring:
     """A ring of int16 counts, shape (capacity, channels): one thread writes, any thread copies out.
 
-    Samples are numbered from 0 since the last ``clear``.  The writer lets a digitizer fill the ring in place
+    Samples are numbered from 0, for as long as the ring lives.  The writer lets a digitizer fill the ring in place
     (``space`` then ``commit``); readers get copies, never views, and never see a sample half replaced.
     """
 
@@ -41,10 +41,6 @@ class Ring:
     def oldest(self) -> int:
         """Get the number of the oldest sample that can still be copied."""
         return max(0, self._claimed - self.capacity)
-
-    def clear(self) -> None:
-        """Forget all samples and count from 0 again; only the writer may call this, with no reader at work."""
-        self._total = self._claimed = 0
 
     def space(self, most: int) -> NDArray[np.int16]:
         """Return a contiguous view of at most ``most`` samples to be filled next; what it covered is given up."""

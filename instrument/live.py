@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.recording import Role
+from analysis.recording import Role, Setup
 from analysis.shot import AnalysisError
 from analysis.signal.stream import LiveDemodulator
 from instrument.folder_lock import disk_free_bytes
@@ -17,6 +17,7 @@ from instrument.ring import Overwritten
 from instrument.signal_check import CHECKED_SAMPLES, check_signals
 from instrument.snapshot import ChannelSignal, empty_view
 from instrument.stream import Stream
+from instrument.trigger import LightSwitch, TriggerSettings
 
 OUTPUT_HZ = 10e3
 WINDOW_S = 2.0
@@ -175,15 +176,11 @@ class LiveWatch:
 
 def warm() -> None:
     """Compile or load the kernels that a running stream needs, so that its first samples find them ready."""
-    from instrument.trigger import LightSwitch, TriggerSettings
-
     rate = 1e6
     t = np.arange(8192) / rate
     counts = np.empty((t.size, 2), np.int16)
     counts[:] = np.rint(1000 * np.sin(2 * np.pi * 0.2 * rate * t))[:, None]
     LightSwitch(TriggerSettings(), 0, 12).first_step(counts)
-    from analysis.recording import Setup
-
     live = LiveDemodulator(rate, 0, 1, Setup(0.01), OUTPUT_HZ)
     live.feed(counts)
     live.feed(counts)

@@ -7,6 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from analysis.recording import Channel
+
 Floats = NDArray[np.float64]
 
 
@@ -40,6 +42,16 @@ class TriggerSettings:
     low_counts: float | None = None
     high_counts: float | None = None
     swing_counts: float | None = None
+
+    @classmethod
+    def in_volts(cls, edge: Edge, low_v: float | None, high_v: float | None, channel: Channel) -> "TriggerSettings":
+        """Return settings for thresholds in V on ``channel``; None for both learns them."""
+        if low_v is None or high_v is None:
+            return cls(edge)
+        counts = [(v - channel.offset_v) / channel.volts_per_count for v in (low_v, high_v)]
+        if channel.volts_per_count < 0:  # an inverting channel turns levels and edges round
+            return cls(Edge(-edge), counts[1], counts[0])
+        return cls(edge, *counts)
 
     def __post_init__(self) -> None:
         if (self.low_counts is None) != (self.high_counts is None):

@@ -1,0 +1,167 @@
+"""Taking shots: digitizer -> ring -> light switch -> disk in one thread, the rest beside it, and nothing waits.
+
+Four threads: ``CaptureThread`` reads the digitizer and owns the state machine; ``Recorder`` brings a shot to disk
+while it still comes in; ``Analyst`` analyses behind a bounded queue; ``LiveWatch`` demodulates for the screen.  The
+screen calls ``latest()`` and gets an immutable Snapshot; nothing ever calls into the screen.
+"""
+
+import queue
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from instrument.acquisition import Deadlines, State
+from instrument.analyst import Analyse
+from instrument.capture_options import CaptureOptions
+from instrument.capture_thread import CaptureThread
+from instrument.digitizer import Digitizer
+from instrument.finished_shots import FinishedShots
+from instrument.folder_lock import disk_free_bytes
+from instrument.live import LiveWatch, warm
+from instrument.recorder import Recorder
+from instrument.snapshot import SignalLine, Snapshot, empty_view
+
+__all__ = ["Analyse", "Capture", "CaptureOptions"]
+
+_ANSWERS_S = 5.0  # a driver that keeps the thread longer than this does not answer
+
+
+def _to_standard_error(line: str) -> None:
+    print(f"levimass: {line}", file=sys.stderr, flush=True)
+
+
+class Capture:
+    """The running instrument.  ``start`` it, tell it what to do, look at ``latest()``, ``close`` it.
+
+    All methods may be called from any thread and return at once, except ``close`` and ``save_pending``.  ``analyse``
+    is called as ``analyse(recording, progress, cancelled)`` in the analysis thread; without it shots are only saved.
+    ``say`` gets one line for every fault (default: standard error).
+    """
+
+    def __init__(
+        self,
+        digitizer: Digitizer,
+        options: CaptureOptions,
+        *,
+        analyse: Analyse | None = None,
+        live: bool = True,
+        deadlines: Deadlines | None = None,
+        queue_length: int = 32,
+        clock: Callable[[], float] = time.monotonic,
+        say: Callable[[str], None] = _to_standard_error,
+    ) -> None:
+        self._digitizer = digitizer
+        self._clock = clock
+        self._orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self._recorder = Recorder(lambda recorded: self._orders.put(("recorded", recorded)))
+        self._finished = FinishedShots(analyse, lambda *made: self._orders.put(("analysed", made)), queue_length)
+        self._capture = CaptureThread(
+            digitizer, options, self._recorder, self._finished, self._orders, deadlines or Deadlines(), clock, say, warm
+        )
+        capture = self._capture
+        self._live = LiveWatch(lambda: capture.run.stream, lambda: capture.options.folder) if live else None
+
+    def start(self) -> None:
+        """Start all threads; the digitizer is first touched in the capture thread."""
+        self._recorder.start()
+        for part in (self._finished.analyst, self._live):
+            if part is not None:
+                part.start()
+        self._capture.thread.start()
+
+    def arm(self, *, automatic: bool = False) -> None:
+        """Wait for the light switch; ``automatic``: again after every shot, until aborted."""
+        self._orders.put(("arm", automatic))
+
+    def abort(self) -> None:
+        """Go back to idle from whatever is going on; samples that came after a trigger are kept."""
+        self._orders.put(("abort", None))
+
+    def trigger_now(self) -> None:
+        """Let the operator stand in for the light switch."""
+        self._orders.put(("fire", None))
+
+    def set_options(self, options: CaptureOptions) -> None:
+        """Take other options; they hold from the next arming on."""
+        self._orders.put(("options", options))
+
+    def save_pending(self, folder: Path) -> list[Path]:
+        """Save the shots that are only in memory to ``folder`` and return their paths.
+
+        Raises RecordingError at the first that cannot be saved; it stays in memory.  Waits for the disk.
+        """
+        return self._finished.save_pending(folder)
+
+    def latest(self) -> Snapshot:
+        """Return the instrument at this moment."""
+        capture, live = self._capture, self._live
+        status, stream, folder = capture.machine.status, capture.run.stream, capture.options.folder
+        state, message, remedy = status.state, status.message, status.remedy
+        seen_s = capture.alive_s
+        if seen_s is not None and capture.thread.is_alive() and self._clock() - seen_s > _ANSWERS_S:
+            state, message, remedy = State.FAULT, "the digitizer does not answer", "re-plug it, then choose it again"
+        doing, progress = self._progress(state)
+        return Snapshot(
+            state=state,
+            since_s=status.since_s,
+            deadline_s=status.deadline_s,
+            automatic=status.automatic,
+            message=message,
+            remedy=remedy,
+            source=stream.source if stream is not None else "",
+            signal=SignalLine(
+                channels=live.channels if live is not None else (),
+                switch_level=capture.run.switch_level,
+                switch_toggles=capture.run.toggles,
+                disk_free_bytes=live.disk_free_bytes if live is not None else disk_free_bytes(folder),
+                folder=folder,
+                folder_problem=capture.folder_problem,
+                samples_lost=stream.lost if stream is not None else 0,
+                losses=stream.losses if stream is not None else 0,
+            ),
+            live=live.view if live is not None else empty_view(),
+            doing=doing,
+            progress=progress,
+            analysing=self._finished.analysing,
+            shots=self._finished.taken,
+            finished=self._finished.newest,
+            unsaved=self._finished.unsaved,
+        )
+
+    def close(self, timeout_s: float = 30.0) -> bool:
+        """Stop, save what came, end all threads, close the digitizer.  Returns whether all threads ended."""
+        capture = self._capture
+        capture.closing = True
+        self._digitizer.stop()  # lets a read under way return
+        if capture.thread.is_alive():
+            capture.thread.join(timeout_s)
+        ended = not capture.thread.is_alive()
+        if not ended and capture.shot is not None and not capture.shot.complete:
+            capture.shot.finish("the digitizer did not answer")
+        ended &= self._recorder.close(timeout_s)
+        for part in (self._finished.analyst, self._live):
+            ended &= part is None or part.close(timeout_s)
+        if not capture.thread.is_alive():
+            capture.take_orders()  # what the recorder reported last
+            capture.release_folder()
+            self._digitizer.close()
+        return ended
+
+    def __enter__(self) -> "Capture":
+        self.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _progress(self, state: State) -> tuple[str | None, float | None]:
+        shot = self._capture.shot
+        if shot is not None and state is State.TRIGGERED:
+            return "recording", shot.filled / max(1, shot.counts.shape[0])
+        if shot is not None and state is State.TRANSFERRING:
+            return "saving", shot.written / max(1, shot.filled)
+        analyst = self._finished.analyst
+        doing = analyst.doing if analyst is not None else None
+        return doing if doing is not None else (None, None)

@@ -1,0 +1,27 @@
+"""How shots are to be taken, as the operator chose it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.recording import Setup
+from instrument.digitizer import CaptureSettings
+from instrument.trigger import Edge
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureOptions:
+    """How shots are to be taken.
+
+    ``settings`` None takes the digitizer's own (replay), ``setup`` None the rig the digitizer knows.  Thresholds of
+    the light switch are in V, None learns them.  ``watch``: signals are read before arming too, where the digitizer
+    streams.  The folder must exist.
+    """
+
+    folder: Path
+    settings: CaptureSettings | None = None
+    setup: Setup | None = None
+    edge: Edge = Edge.EITHER
+    switch_low_v: float | None = None
+    switch_high_v: float | None = None
+    watch: bool = True
+    prefix: str = "shot"

@@ -1,0 +1,83 @@
+"""What becomes of a shot once its samples are in: saved or kept in memory, analysed, and shown to whoever asks."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from analysis.shot import Shot
+from instrument.analyst import Analyse, Analyst
+from instrument.digitizer import CaptureSettings
+from instrument.recorder import Recorded, save_elsewhere
+from instrument.snapshot import FinishedShot
+
+KEPT = 16  # newest shots that a snapshot carries; whoever wants more keeps them
+ABORTED = "aborted"
+
+Waiting = tuple[str, Path | None, CaptureSettings, str | None]  # (name, path, settings, why it was not saved)
+
+
+class FinishedShots:
+    """The shots of this session after their capture.  ``recorded`` and ``analysed`` belong to the capture thread."""
+
+    def __init__(
+        self, analyse: Analyse | None, analysed: Callable[[int, Shot | None, str | None], None], queue_length: int
+    ) -> None:
+        self.analyst = None if analyse is None else Analyst(analyse, analysed, queue_length)
+        self.newest: tuple[FinishedShot, ...] = ()
+        self.taken = 0
+        self._settled = 0
+        self._waiting: dict[int, Waiting] = {}
+        self._unsaved: dict[str, Recorded] = {}
+        self._saving = threading.Lock()
+
+    @property
+    def analysing(self) -> int:
+        """Get the number of shots captured and not analysed yet."""
+        return len(self._waiting)
+
+    @property
+    def unsaved(self) -> tuple[str, ...]:
+        """Get the names of the shots that are only in memory."""
+        return tuple(self._unsaved)
+
+    def recorded(self, recorded: Recorded) -> int | None:
+        """Take a shot from the recorder; return its number where its analysis was begun, else None."""
+        self.taken += 1
+        shot, recording = recorded.shot, recorded.recording
+        path = None if recording.path is None else Path(recording.path)
+        if recorded.problem is not None:
+            with self._saving:
+                self._unsaved[recording.name] = recorded
+        waiting: Waiting = (recording.name, path, shot.settings, recorded.problem)
+        if self.analyst is None or shot.ended_early == ABORTED or recording.samples == 0:
+            self._settle(waiting, None, shot.ended_early)
+            return None
+        self._waiting[self.taken] = waiting
+        if not self.analyst.submit(self.taken, recording):
+            self._settle(self._waiting.pop(self.taken), None, "not analysed: too many shots are waiting")
+            return None
+        return self.taken
+
+    def analysed(self, number: int, shot: Shot | None, problem: str | None) -> None:
+        """Take what the analysis made of shot ``number``."""
+        waiting = self._waiting.pop(number, None)
+        if waiting is not None:
+            self._settle(waiting, shot, problem)
+
+    def save_pending(self, folder: Path) -> list[Path]:
+        """Save the shots that are only in memory; RecordingError at the first that cannot be saved."""
+        saved = []
+        with self._saving:
+            for name, recorded in list(self._unsaved.items()):
+                saved.append(save_elsewhere(recorded.recording, folder))
+                del self._unsaved[name]
+                if recorded.partial is not None:
+                    recorded.partial.abandon()
+        return saved
+
+    def _settle(self, waiting: Waiting, shot: Shot | None, problem: str | None) -> None:
+        name, path, settings, unsaved = waiting
+        self._settled += 1
+        problems = "; ".join(p for p in (unsaved, problem) if p)
+        done = FinishedShot(self._settled, name, path, settings, shot, problems or None)
+        self.newest = (*self.newest, done)[-KEPT:]

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit bench screenshots clean
+.PHONY: run test lint types unit bench bench-loop screenshots clean
 
 run: $(READY)
 	$(BIN)/python -m app.start
@@ -22,6 +22,9 @@ unit: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m tests.benchmarks
+
+bench-loop: $(READY)
+	$(BIN)/python -m tests.benchmarks.loop --keep .bench/loop.jsonl --page docs/closed-loop-benchmark.md
 
 screenshots: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m app.screenshots docs/images

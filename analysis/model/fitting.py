@@ -74,7 +74,7 @@ def prepare(motion: Motion) -> ShotData:
     valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
     course = starts.read(motion.time_s, motion.displacement_m, valid)
     quiet_in, quiet_out = starts.quiet_stretches(course, motion.displacement_m, valid)
-    noise = noise_model.estimate([quiet_in] if quiet_in.size >= 400 else [quiet_in, quiet_out])
+    noise = noise_model.estimate(quiet_in, quiet_out, 1 / motion.sample_rate_hz)
     return ShotData(motion.time_s, motion.displacement_m, valid, motion.moving_mass_kg, course, noise)
 
 
@@ -218,7 +218,9 @@ def _result(
 def _shot_fit(base: Base, motion: Motion, shot: ShotData, parameters: Floats, inverse: Floats) -> ShotFit:
     count = len(base.names)
     response = respond(base, shot, parameters[:count], parameters[count:])
-    overlay = lay_over(motion, response.trajectory, response.displacement_m, float(parameters[count + 1]))
+    run, touch = response.trajectory, float(parameters[count + 1])
+    events = tuple((e.kind, e.time_s + touch) for e in run.events if e.kind in ("touch", "release"))
+    overlay = lay_over(motion, response.displacement_m, run.plate_displacement_m, run.gap_m, events)
     residual = np.where(shot.valid, shot.displacement_m - response.displacement_m, np.nan)
     whitened = shot.noise.whiten(shot.displacement_m - response.displacement_m, shot.valid)
     own = {

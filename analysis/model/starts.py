@@ -111,12 +111,13 @@ def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, tur
 
 
 def quiet_stretches(course: Course, displacement_m: Floats, valid: NDArray[np.bool_]) -> list[Floats]:
-    """Return the longest gapless stretch of each quiet flight, in m."""
+    """Return the longest gapless stretch of the quiet flight in and of the one out, in m (either may be empty)."""
     found = []
     for part in (course.quiet_in, course.quiet_out):
         good = valid[part] & np.isfinite(displacement_m[part])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
         if edges.size == 0:
+            found.append(np.empty(0))
             continue
         lengths = edges[1::2] - edges[::2]
         best = int(np.argmax(lengths))

@@ -99,7 +99,7 @@ class Noise:
         _innovations(flat, valid, white, floor, self._memory, np.empty(flat.shape[1]), between)
         index = np.flatnonzero(self.whole(valid))
         if self.order == 0:
-            out = between[index] * self.colour[0]
+            out = np.asarray(between[index] * self.colour[0])
         else:
             out = np.empty((index.size, flat.shape[1]))
             _prediction_errors(between, self.colour, index, out)

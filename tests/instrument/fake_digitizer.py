@@ -23,7 +23,7 @@ def samples(first: int, length: int) -> np.ndarray:
     counts = np.empty((length, 3), np.int16)
     counts[:, 0] = np.rint(1500 * np.sin(2 * np.pi * REST_HZ / RATE_HZ * n))
     counts[:, 1] = np.rint(1500 * np.sin(2 * np.pi * REST_HZ / RATE_HZ * n + 0.3))
-    counts[:, 1] += ((n * 2654435761 >> 16) % 251).astype(np.int16)  # so that no two stretches are alike
+    counts[:, 1] += ((n * 2654435761 >> 16) % 7).astype(np.int16)  # so that no two stretches are alike
     counts[:, 2] = np.where((n - FIRST) % PERIOD < HIGH, 1600, 100) * (n >= FIRST) + 100 * (n < FIRST)
     return counts
 

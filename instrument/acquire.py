@@ -35,7 +35,8 @@ def acquire(
 ) -> list[Path]:
     """Record ``shots`` shots into ``out`` and return the paths of their metadata.
 
-    ``settings`` and ``setup`` None are the digitizer's own; ``timeout_s`` is the longest wait for each trigger.
+    ``settings`` None are ``usual_settings`` before each shot, ``setup`` None the digitizer's own; ``timeout_s`` is the
+    longest wait for each trigger.
     ``report`` gets one line a shot.  AcquireError in one line.  Closes the digitizer.
     """
     saved: list[Path] = []

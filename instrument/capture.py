@@ -26,6 +26,7 @@ from instrument.snapshot import SignalLine, Snapshot, empty_view
 __all__ = ["Analyse", "Capture", "CaptureOptions"]
 
 _ANSWERS_S = 5.0  # a driver that keeps the thread longer than this does not answer
+_BEGINS_S = 60.0  # and before its first sample, when firmware may be loaded or kernels compiled
 
 
 def _to_standard_error(line: str) -> None:
@@ -99,8 +100,8 @@ class Capture:
         capture, live = self._capture, self._live
         status, stream, folder = capture.machine.status, capture.run.stream, capture.options.folder
         state, message, remedy = status.state, status.message, status.remedy
-        seen_s = capture.alive_s
-        if seen_s is not None and capture.thread.is_alive() and self._clock() - seen_s > _ANSWERS_S:
+        limit_s = _ANSWERS_S if stream is not None and stream.ring.total > stream.start else _BEGINS_S
+        if capture.thread.is_alive() and self._clock() - (capture.alive_s or self._clock()) > limit_s:
             state, message, remedy = State.FAULT, "the digitizer does not answer", "re-plug it, then choose it again"
         doing, progress = self._progress(state)
         return Snapshot(

@@ -12,7 +12,7 @@ from instrument.trigger import Edge
 class CaptureOptions:
     """How shots are to be taken.
 
-    ``settings`` None takes the digitizer's own (replay), ``setup`` None the rig the digitizer knows.  Thresholds of
+    ``settings`` None: see usual_settings; ``setup`` None the rig the digitizer knows.  Thresholds of
     the light switch are in V, None learns them.  ``watch``: signals are read before arming too, where the digitizer
     streams.  The folder must exist.
     """

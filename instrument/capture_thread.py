@@ -20,6 +20,7 @@ from instrument.recorder import Recorded, Recorder
 from instrument.recording_error import RecordingError, one_line
 from instrument.ring import Overwritten
 from instrument.source_run import Piece, SourceRun, check_settings
+from instrument.usual_settings import usual_settings
 
 MOST_UNSAVED = 4  # shots only in memory; more are not taken before these are saved
 _DISK_MARGIN_BYTES = 64 * 2**20
@@ -171,10 +172,7 @@ class CaptureThread:
         self._look_from = stream.ring.total
 
     def _settings(self) -> CaptureSettings:
-        settings = self.options.settings or self._digitizer.default_settings()
-        if settings is None:
-            raise DigitizerError("neither rate nor length of a shot is chosen", "choose them in the settings")
-        return settings
+        return self.options.settings or usual_settings(self._digitizer)
 
     def _check_folder(self, shot_bytes: int) -> None:
         folder = self.options.folder
@@ -193,8 +191,8 @@ class CaptureThread:
         able = self._digitizer.capabilities
         if not self.options.watch or able.max_samples is not None or able.hardware_trigger:
             return
-        settings = self.options.settings or self._digitizer.default_settings()
-        if settings is not None and not self.run.continues(settings, self.options):
+        settings = self._settings()
+        if not self.run.continues(settings, self.options):
             self.run.start(settings, self.options)
 
     def _rest(self) -> None:

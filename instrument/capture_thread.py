@@ -80,6 +80,7 @@ class CaptureThread:
 
     def _main(self) -> None:
         self._guarded(self._warm)
+        self._guarded(self._digitizer.prepare)
         self._guarded(self._watch)
         while not self.closing:
             self.alive_s = self._clock()

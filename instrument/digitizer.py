@@ -68,6 +68,10 @@ class Digitizer(ABC):
     def setup(self) -> Setup:
         """Get what the device itself knows of the rig (bits; the bench knows all, a scope knows little)."""
 
+    def prepare(self) -> None:
+        """Do what takes long and need not wait for ``arm`` (compile, load firmware); called once, may take a minute."""
+        return
+
     def default_settings(self) -> CaptureSettings | None:
         """Return the settings the next ``arm`` is best given; None where any of the capabilities will do."""
         return None

@@ -16,6 +16,7 @@ class Key:
 KEYS: tuple[Key, ...] = (
     Key("Space", "arm", "ARM: wait for the light switch and record", "Taking a shot"),
     Key("Esc", "abort", "Abort; closes a sheet first when one is open", "Taking a shot"),
+    Key("T", "trigger_now", "Stand in for the light switch while armed", "Taking a shot"),
     Key("R", "toggle_rearm", "Re-arm by itself, on or off", "Taking a shot"),
     Key("S", "focus_source", "Choose the source", "Taking a shot"),
     Key("Ctrl+1", "show_live", "LIVE", "Pages"),

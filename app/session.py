@@ -53,6 +53,11 @@ class Session:
         """Get the file the session is kept in."""
         return self._path
 
+    @property
+    def can_undo(self) -> bool:
+        """Get whether there is something to take back."""
+        return bool(self._undo)
+
     def entry(self, number: int) -> Entry | None:
         """Return the entry with this number."""
         return next((entry for entry in self._entries if entry.number == number), None)

@@ -57,7 +57,7 @@ LIGHT = Colours(
     accent="#1b5fa8",
     accent_text="#ffffff",
     measured="#1a2733",
-    simulated="#d1380f",
+    simulated="#f0803c",
     residual="#1b5fa8",
     band="#d5dde8",
     band_edge="#f2b233",
@@ -143,8 +143,8 @@ def thin(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
 
 
 def under(colour: str) -> QPen:
-    """Return the pen of a smooth curve that lies under another: two pixels, so that both are seen where they agree."""
-    return pg.mkPen(QColor(colour), width=2)
+    """Return the pen of a smooth curve that lies under another, wide enough that both are seen where they agree."""
+    return pg.mkPen(QColor(colour), width=3)
 
 
 def series_pen(colours: Colours, index: int) -> QPen:
@@ -201,6 +201,7 @@ def style_sheet(colours: Colours) -> str:
     return f"""
     QToolTip {{ color: {colours.text}; background: {colours.panel}; border: 1px solid {colours.edge}; padding: 4px; }}
     QFrame[card="true"] {{ background: {colours.panel}; border: 1px solid {colours.edge}; border-radius: 6px; }}
+    QWidget[panel="true"] {{ background: {colours.panel}; }}
     QLabel[faint="true"] {{ color: {colours.faint}; }}
     QLabel[heading="true"] {{ color: {colours.faint}; font-weight: bold; letter-spacing: 1px; }}
     QPushButton, QToolButton {{ padding: 5px 12px; border: 1px solid {colours.edge}; border-radius: 5px;
@@ -225,7 +226,7 @@ def style_sheet(colours: Colours) -> str:
         border-bottom: 1px solid {colours.edge}; padding: 4px 8px; }}
     QTableView {{ border: none; gridline-color: {colours.edge}; selection-background-color: {colours.accent};
         selection-color: {colours.accent_text}; alternate-background-color: {colours.window}; }}
-    QScrollArea {{ border: none; background: transparent; }}
+    QScrollArea, QScrollArea > QWidget {{ border: none; background: {colours.panel}; }}
     QSplitter::handle {{ background: {colours.edge}; }}
     QSplitter::handle:horizontal {{ width: 3px; }}
     QSplitter::handle:vertical {{ height: 3px; }}

@@ -58,6 +58,20 @@ def value_text(reading: Reading | None, scale: float = 1.0) -> str:
     return local(str(reading.scaled(scale)))
 
 
+def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
+    """Return "0.98756(12)": the digits in brackets are the standard uncertainty of the last ones; or a dash."""
+    if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
+        return DASH
+    value, std = reading.value * scale, reading.std * abs(scale)
+    if not (math.isfinite(std) and std > 0):
+        return local(f"{value:.6g}")
+    decimals = 1 - math.floor(math.log10(std))
+    if decimals <= 0 or decimals > 12:
+        return value_text(reading, scale)
+    digits = round(std * 10**decimals)
+    return local(f"{value:.{decimals}f}({digits})")
+
+
 def how_text(name: str, reading: Reading | None, meaning: str = "") -> str:
     """Return the hover text: what the number is, how it was read, or why it was not."""
     lines = [f"<b>{name}</b>"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
-from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
 from analysis.model.fitting import fit_shots
 from analysis.recording import Recording
@@ -17,8 +17,9 @@ from app.export import export
 from app.jobs import Asked, Job, Jobs, Report
 from app.read_shot import read_shot
 from app.session import Entry, Session
-from app.wording import effect_words
-from instrument.recording_file import find_recordings
+from app.verdict import verdict_words
+from instrument.recording_error import RecordingError
+from instrument.recording_file import find_recordings, read_recording, rewrite_note
 
 
 class Kind(StrEnum):
@@ -131,6 +132,19 @@ class Workbench:
         self.jobs.submit("diagnosis", work, "diagnosis")
         return None
 
+    def set_note(self, number: int, note: str) -> None:
+        """Keep the operator's note in the session, and in the recording itself by a job."""
+        self.session.set_note(number, note)
+        entry = self.session.entry(number)
+        if entry is None or entry.path is None or not entry.path.endswith(".sigmf-meta"):
+            return
+        path = Path(entry.path)
+
+        def work(_: Report, __: Asked) -> None:
+            rewrite_note(path, note)
+
+        self.jobs.submit(f"note of {entry.name}", work, "note")
+
     def set_effect(self, name: str, wanted: bool) -> None:
         """Add an effect to the model or take it out; every shot of the session is fitted again."""
         kept = tuple(effect for effect in self.effects if effect != name)
@@ -227,17 +241,8 @@ def refit(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Fit | None:
         return None
 
 
-def verdict_words(diagnosis: Diagnosis) -> str:
-    """Return a verdict as short as a table cell wants it."""
-    if diagnosis.verdict is Verdict.EFFECT_FOUND:
-        return " + ".join(effect_words(effect.name) for effect in diagnosis.effects)
-    return str(diagnosis.verdict)
-
-
 def raw_of(entry: Entry) -> Recording | None:
     """Return an entry's raw recording, memory-mapped, or None where there is none to be read."""
-    from instrument.recording_file import RecordingError, read_recording
-
     if entry.path is None or Path(entry.path).suffix != ".sigmf-meta":
         return None
     try:

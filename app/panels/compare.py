@@ -244,6 +244,12 @@ class ComparePanel(QWidget):
         words, name = self._which.currentText(), str(self._which.currentData())
         self._repeatability.setText(self.trend.show_trend(words, name, shots))
 
+    @Slot()
+    def copy_cursors(self) -> None:
+        """Copy what lies between the cursors."""
+        if self.stack.cursors.shown:
+            self._readout.copy()
+
     @Slot(str)
     def _export(self, kind: str) -> None:
         self.export_wanted.emit(self.stack, kind)

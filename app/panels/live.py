@@ -1,40 +1,17 @@
 """LIVE: beat frequency, velocity and force while samples stream, in digits that carry two metres; the raw signals."""
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
 
+from analysis.recording import Channel, Role
 from app.plots.time_stack import TimeStack
 from app.theme import Colours, sized, thin
 from app.wording import DASH, local
+from instrument.snapshot import LiveView
 
-Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class LiveTrace:
-    """What the screen shows of a running stream: arrays of shape (n,) on one uniform grid, newest last.
-
-    ``window_s`` is the length the axis shows, so that it does not move while the first samples come in.
-    """
-
-    end_s: float
-    rate_hz: float
-    window_s: float
-    beat_hz: Floats
-    velocity_m_per_s: Floats
-    force_n: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class RawTrace:
-    """A short stretch of raw samples in volts, (name, values (m,)) a channel."""
-
-    rate_hz: float
-    channels: tuple[tuple[str, Floats], ...]
+WINDOW_MS = 2000.0  # fixed, so that the axis never moves; older parts (after lost samples) run out of it
+NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "switch"}
 
 
 ROWS = (
@@ -55,7 +32,7 @@ class LivePanel(QWidget):
         grid.setHorizontalSpacing(8)
         self.stack = TimeStack("Beat frequency, velocity and force, live", colours, self)
         self._plots = {name: self.stack.add_plot(title, unit) for name, title, unit, *_ in ROWS}
-        self._curves = {name: plot.add_curve("measured", thin(colours.measured)) for name, plot in self._plots.items()}
+        self._curves = {name: plot.add_points("measured", thin(colours.measured)) for name, plot in self._plots.items()}
         self._plots["beat"].minimum_span = 0.02
         self._plots["velocity"].minimum_span = 0.01
         self._plots["force"].minimum_span = 0.05
@@ -113,41 +90,44 @@ class LivePanel(QWidget):
         for curve in (*self._curves.values(), *self._raw_curves):
             curve.setPen(thin(colours.measured))
 
-    def show_trace(self, trace: LiveTrace | None) -> None:
-        """Show the newest stretch of the stream; None: nothing streams."""
-        self._waiting.setVisible(trace is None or len(trace.velocity_m_per_s) == 0)
-        if trace is None or len(trace.velocity_m_per_s) == 0:
+    def show_live(self, view: LiveView | None) -> None:
+        """Show the newest stretch of the stream; None, or nothing in it: nothing streams."""
+        silent = view is None or len(view.time_s) == 0
+        self._waiting.setVisible(silent)
+        if view is None or silent:
+            self._waiting.setText((view.problem if view is not None else None) or "No samples yet.")
             for label in self._numbers.values():
                 label.setText(DASH)
+            for curve in self._curves.values():
+                curve.show_points(np.empty(0), np.empty(0))
             return
-        values = {"beat": trace.beat_hz, "velocity": trace.velocity_m_per_s, "force": trace.force_n}
-        left = -1e3 * trace.window_s
-        if self.stack.span != (left, 0.0):
-            self.stack.plots[0].view.setXRange(left, 0.0, padding=0)
-        step = 1e3 / trace.rate_hz
+        time_ms = 1e3 * (view.time_s - view.time_s[-1])
+        if self.stack.span != (-WINDOW_MS, 0.0):
+            self.stack.plots[0].view.setXRange(-WINDOW_MS, 0.0, padding=0)
+        values = {"beat": view.beat_frequency_hz, "velocity": view.velocity_m_per_s, "force": view.force_n}
+        recent = time_ms > -50.0
         for name, _, _, scale, form, _ in ROWS:
-            samples = values[name]
-            self._curves[name].show_samples(-step * (len(samples) - 1), step, scale * samples)
+            samples = scale * values[name]
+            self._curves[name].show_points(time_ms, samples)
             self._plots[name].fit_y()
-            tail = samples[-max(1, int(0.05 * trace.rate_hz)) :]
-            seen = tail[np.isfinite(tail)]
-            self._numbers[name].setText(local(form.format(scale * float(seen.mean()))) if len(seen) else DASH)
+            seen = samples[recent & np.isfinite(samples)]
+            self._numbers[name].setText(local(form.format(float(seen.mean()))) if len(seen) else DASH)
 
-    def show_raw(self, raw: RawTrace | None) -> None:
-        """Show the newest raw samples."""
-        if raw is None or not raw.channels:
+    def show_raw(self, view: LiveView, channels: tuple[Channel, ...]) -> None:
+        """Show the newest raw samples; ``channels`` names the columns."""
+        if len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
-        step = 1e3 / raw.rate_hz
-        longest = max(len(values) for _, values in raw.channels)
-        if self.raw.span != (0.0, step * longest):
-            self.raw.plots[0].view.setXRange(0.0, step * longest, padding=0)
+        step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
+        length = step * len(view.raw_time_s)
+        if self.raw.span != (0.0, length):
+            self.raw.plots[0].view.setXRange(0.0, length, padding=0)
         for index, (plot, curve) in enumerate(zip(self._raw_plots, self._raw_curves, strict=True)):
-            present = index < len(raw.channels)
+            present = index < len(channels)
             plot.setVisible(present)
             if present:
-                name, values = raw.channels[index]
+                name = NAMES[channels[index].role]
                 if plot.title != name:
                     plot.title = name
                     plot.setLabel("left", f"{name} (V)")
-                curve.show_samples(0.0, step, values)
+                curve.show_samples(0.0, step, view.raw_v[:, index])
                 plot.fit_y()

@@ -17,21 +17,21 @@ from PySide6.QtWidgets import (
 
 from analysis.quantity import NotSeen, Reading
 from app.session import Entry, Session
-from app.wording import DASH, flag_words, how_text, value_text
+from app.wording import DASH, concise_text, flag_words, how_text, value_text
 
 COLUMNS = (
     ("#", 5),
-    ("time", 10),
-    ("name", 16),
-    ("v in (m/s)", 22),
-    ("v out (m/s)", 22),
-    ("COR quasi-static", 22),
-    ("COR kinetic", 16),
-    ("F max (N)", 18),
-    ("k_p (N/m)", 18),
+    ("time", 9),
+    ("name", 13),
+    ("v in (m/s)", 18),
+    ("v out (m/s)", 18),
+    ("COR quasi-static", 19),
+    ("COR kinetic", 14),
+    ("F max (N)", 13),
+    ("k_p (N/m)", 16),
     ("verdict", 24),
-    ("flags", 14),
-    ("note", 30),
+    ("flags", 12),
+    ("note", 16),
 )
 NOTE = len(COLUMNS) - 1
 
@@ -94,6 +94,9 @@ class SessionModel(QAbstractTableModel):
         """Return a column's name."""
         if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
             return COLUMNS[section][0]
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            side = Qt.AlignmentFlag.AlignRight if 3 <= section <= 8 else Qt.AlignmentFlag.AlignLeft
+            return side | Qt.AlignmentFlag.AlignVCenter
         return None
 
     def flags(self, index: QModelIndex) -> Qt.ItemFlag:
@@ -129,11 +132,12 @@ class SessionModel(QAbstractTableModel):
             return ", ".join(shot.flags) if shot is not None and shot.flags else ""
         if column == NOTE:
             return entry.note
-        return value_text(_reading(entry, column))
+        return concise_text(_reading(entry, column))
 
     def _hover(self, entry: Entry, column: int) -> str | None:
         if 3 <= column <= 8:
-            return how_text(COLUMNS[column][0], _reading(entry, column))
+            reading = _reading(entry, column)
+            return how_text(COLUMNS[column][0], reading, value_text(reading))
         if column == 10 and entry.shot is not None:
             return "\n".join(flag_words(flag) for flag in entry.shot.flags) or None
         if column == 2:
@@ -175,6 +179,7 @@ class SessionTable(QFrame):
         bar.addWidget(self._count)
         bar.addStretch(1)
         self._buttons: list[QPushButton] = []
+        self._can_undo = False
         for words, tip, slot in (
             ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)", self._open),
             (
@@ -232,6 +237,7 @@ class SessionTable(QFrame):
     def show_session(self, session: Session) -> None:
         """Show the session's entries."""
         self.model.show_entries(session.entries)
+        self._can_undo = session.can_undo
         count = len(session.entries)
         self._count.setText("SHOTS" if count == 0 else f"SHOTS  {count}")
         self._enable()
@@ -259,6 +265,7 @@ class SessionTable(QFrame):
         self._buttons[1].setEnabled(some)
         self._buttons[2].setEnabled(any_selected)
         self._buttons[3].setEnabled(any_selected)
+        self._buttons[4].setEnabled(self._can_undo)
 
     @Slot()
     def _changed(self) -> None:

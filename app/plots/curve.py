@@ -86,6 +86,55 @@ class SampledCurve(pg.PlotCurveItem):
         self.setData(self._start + self._step * positions, values)
 
 
+class PointCurve(SampledCurve):
+    """A curve of points that were decimated elsewhere (least and greatest value of each bin, in turn)."""
+
+    def __init__(self, name: str, unit: str, pen: QPen) -> None:
+        super().__init__(name, unit, pen)
+        self._x: NDArray[np.float64] = np.empty(0)
+        self._y: NDArray[np.float64] = np.empty(0)
+
+    @property
+    def samples(self) -> Array:
+        """Get the values, shape (n,)."""
+        return self._y
+
+    @property
+    def grid(self) -> tuple[float, float]:
+        """Get the first and the last x: what tells one set of points from another."""
+        return (float(self._x[0]), float(self._x[-1])) if len(self._x) else (0.0, 0.0)
+
+    def show_points(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+        """Show points with rising x (n,)."""
+        self._x, self._y = x, y
+        self.setData(x, y)
+
+    def index_range(self, left: float, right: float) -> tuple[int, int]:
+        """Return the points (start, stop) that lie between two x."""
+        first, last = np.searchsorted(self._x, (left, right), side="left")
+        return int(first), int(last)
+
+    def between(self, left: float, right: float) -> tuple[NDArray[np.float64], Array]:
+        """Return x and values between two x."""
+        first, last = self.index_range(left, right)
+        return self._x[first:last], self._y[first:last]
+
+    def extremes(self, left: float, right: float) -> tuple[float, float]:
+        """Return the smallest and the largest value between two x; NaN where there are none."""
+        seen = self.between(left, right)[1]
+        seen = seen[np.isfinite(seen)]
+        return (float(seen.min()), float(seen.max())) if len(seen) else (float("nan"), float("nan"))
+
+    def value_at(self, x: float) -> float:
+        """Return the value of the point nearest to x; NaN outside."""
+        if len(self._x) == 0 or not self._x[0] <= x <= self._x[-1]:
+            return float("nan")
+        return float(self._y[int(np.argmin(np.abs(self._x - x)))])
+
+    def redraw(self) -> None:
+        """Nothing to ask for: the points are what they are."""
+
+
 class Band(pg.FillBetweenItem):
     """A noise band of half width ``half`` about zero, opaque, of at most 600 points; its edges lie over the curves."""
 

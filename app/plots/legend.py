@@ -11,7 +11,7 @@ class LineSample(QWidget):
     def __init__(self, pen: QPen, band: str | None = None, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._pen = QPen(pen)
-        self._pen.setWidth(2)
+        self._pen.setWidth(max(2, pen.width()))
         self._band = band
         self.setFixedSize(QSize(26, 14))
 

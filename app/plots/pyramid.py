@@ -77,8 +77,7 @@ class Pyramid:
         """Return (sample positions, values) of samples ``start`` to ``stop`` with at most two points a pixel.
 
         Where fewer than two samples fall on a pixel these are the samples themselves; else each pixel's worth of
-        samples gives its minimum and its maximum.  Bins lie on multiples of their own width, so that panning does
-        not make them flicker.
+        samples gives its minimum and its maximum at one position, so that every column of the screen is drawn.
         """
         start, stop = max(0, start), min(len(self._values), stop)
         pixels = max(2, pixels)
@@ -87,31 +86,20 @@ class Pyramid:
             return np.empty(0), np.empty(0)
         if count <= 2 * pixels:
             return np.arange(start, stop, dtype=np.float64), self._values[start:stop].astype(np.float64)
-        width = -(-count // (pixels - 1))
         level = 0
-        while BASE ** (level + 1) <= width and level < len(self._lows):
+        while level < len(self._lows) and BASE ** (level + 1) * 2 * pixels <= count:
             level += 1
         unit = BASE**level
-        width = -(-width // unit) * unit
-        first = start // width * width
         lows = self._values if level == 0 else self._lows[level - 1]
         highs = self._values if level == 0 else self._highs[level - 1]
-        begin = first // unit
-        end = min(len(lows), -(-stop // width) * (width // unit))
-        edges = np.arange(begin, end, width // unit)
-        low = np.fmin.reduceat(lows[:end], edges)
-        high = np.fmax.reduceat(highs[:end], edges)
-        covered = end * unit
-        if covered < stop:  # the last samples, too few for a block of this level
-            rest_low, rest_high = self.extremes(covered, stop)
-            if covered % width:
-                low[-1], high[-1] = np.fmin(low[-1], rest_low), np.fmax(high[-1], rest_high)
-            else:
-                low, high = np.append(low, rest_low), np.append(high, rest_high)
-                edges = np.append(edges, end)
-        middle = edges * float(unit) + 0.5 * width
-        middle[-1] = min(middle[-1], len(self._values) - 1.0)
-        x = np.repeat(middle, 2)
-        y = np.empty(2 * len(edges))
+        first, end = start // unit, min(len(lows), -(-stop // unit))
+        edges = first + (np.arange(pixels) * (end - first)) // pixels
+        low = np.fmin.reduceat(lows[:end], edges).astype(np.float64)
+        high = np.fmax.reduceat(highs[:end], edges).astype(np.float64)
+        if end * unit < stop:  # the last samples, too few for a block of this level
+            rest_low, rest_high = self.extremes(end * unit, stop)
+            low[-1], high[-1] = np.fmin(low[-1], rest_low), np.fmax(high[-1], rest_high)
+        middle = start + (np.arange(pixels) + 0.5) * (count / pixels)
+        y = np.empty(2 * pixels)
         y[0::2], y[1::2] = low, high
-        return x, y
+        return np.repeat(middle, 2), y

@@ -58,6 +58,15 @@ def save_csv(stack: TimeStack, path: Path) -> None:
         for head, curve in members:
             heads.append(head)
             columns.append(curve.between(left, right)[1])
+    _write(heads, columns, path)
+
+
+def save_columns(columns: dict[str, np.ndarray], path: Path) -> None:
+    """Write named columns.  Raises OSError."""
+    _write(list(columns), list(columns.values()), path)
+
+
+def _write(heads: list[str], columns: list[np.ndarray], path: Path) -> None:
     longest = max((len(column) for column in columns), default=0)
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)

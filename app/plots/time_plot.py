@@ -6,7 +6,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Signal, Slot
 from PySide6.QtGui import QPen
 
-from app.plots.curve import Band, SampledCurve
+from app.plots.curve import Band, PointCurve, SampledCurve
 from app.theme import Colours
 
 AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
@@ -84,6 +84,13 @@ class TimePlot(pg.PlotItem):
     def add_curve(self, name: str, pen: QPen) -> SampledCurve:
         """Add an empty curve."""
         curve = SampledCurve(name, self.unit, pen)
+        self.addItem(curve)
+        self.sampled.append(curve)
+        return curve
+
+    def add_points(self, name: str, pen: QPen) -> PointCurve:
+        """Add an empty curve of points decimated elsewhere."""
+        curve = PointCurve(name, self.unit, pen)
         self.addItem(curve)
         self.sampled.append(curve)
         return curve

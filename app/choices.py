@@ -1,0 +1,39 @@
+"""The settings in use and the file they are kept in; read by the rig's threads, changed by the window."""
+
+from pathlib import Path
+
+from analysis.shot import AnalysisSettings
+from app import settings_file
+from app.panels.settings_sheet import Value
+from app.settings import WrongSettings
+from instrument.capture_options import CaptureOptions
+from instrument.digitizer import Digitizer
+
+
+class Choices:
+    """One immutable Settings at a time."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.settings, self.warnings = settings_file.load(path)
+
+    def change(self, values: dict[str, Value]) -> str | None:
+        """Take other values and keep them; return why not, or None."""
+        try:
+            self.settings = self.settings.with_values(values)
+        except WrongSettings as error:
+            return str(error)
+        return settings_file.save(self._path, self.settings)
+
+    def remember_source(self, source: str) -> None:
+        """Open this source at the next start too; a recording played back is not remembered."""
+        if not source.startswith("replay"):
+            self.change({"source": source})
+
+    def analysis(self) -> AnalysisSettings:
+        """Return what concerns the analysis."""
+        return self.settings.analysis
+
+    def options(self, source: str, digitizer: Digitizer) -> CaptureOptions:
+        """Return how shots are taken with a source.  Raises OSError where the folder cannot be made."""
+        return self.settings.options(source, digitizer)

@@ -1,0 +1,115 @@
+"""How the panels stand in the window; what they do with one another is in ``window``."""
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QTabWidget, QVBoxLayout, QWidget
+
+from app.panels.banner import Banner
+from app.panels.compare import ComparePanel
+from app.panels.controls import Controls
+from app.panels.diagnosis import DiagnosisPanel
+from app.panels.key_sheet import KeySheet
+from app.panels.live import LivePanel
+from app.panels.model import ModelPanel
+from app.panels.numbers import NumbersPanel
+from app.panels.session_table import SessionTable
+from app.panels.settings_sheet import SettingsSheet
+from app.panels.shot import ShotPanel
+from app.panels.signal_line import SignalLine
+from app.panels.spectrum import SpectrumPanel
+from app.panels.work_line import WorkLine
+from app.theme import Theme
+
+
+class Layout(QWidget):
+    """All panels, placed; the two sheets lie over them and are hidden."""
+
+    LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS = range(5)
+
+    def __init__(self, theme: Theme, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        c = theme.colours
+        self.controls = Controls(self)
+        self.banner = Banner(c, self)
+        self.signals = SignalLine(c, self)
+        self.live = LivePanel(c, self)
+        self.shot = ShotPanel(c, self)
+        self.compare = ComparePanel(c, self)
+        self.spectrum = SpectrumPanel(c, self)
+        self.diagnosis = DiagnosisPanel(c, self)
+        self.numbers = NumbersPanel(c, self)
+        self.model = ModelPanel(c, self)
+        self.table = SessionTable(self)
+        self.work = WorkLine(c, self)
+        self.tabs = QTabWidget(self)
+        self.tabs.setDocumentMode(True)
+        self.tabs.setAccessibleName("Pages")
+        for name, page in (
+            ("LIVE", self.live),
+            ("SHOT", self.shot),
+            ("COMPARE", self.compare),
+            ("SPECTRUM", self.spectrum),
+            ("DIAGNOSIS", self.diagnosis),
+        ):
+            index = self.tabs.addTab(page, name)
+            self.tabs.setTabToolTip(index, f"{name}  (Ctrl+{index + 1})")
+        self._place()
+        self.settings = SettingsSheet(c, self)
+        self.keys = KeySheet(self)
+        self._theme = theme
+
+    def _place(self) -> None:
+        column = QVBoxLayout(self)
+        column.setContentsMargins(8, 8, 8, 6)
+        column.setSpacing(6)
+        top = QHBoxLayout()
+        top.setSpacing(10)
+        top.addWidget(self.controls)
+        top.addWidget(self.banner, 1)
+        column.addLayout(top)
+        column.addWidget(self.signals)
+        side = QFrame(self)
+        side.setProperty("card", True)
+        side_column = QVBoxLayout(side)
+        side_column.setContentsMargins(1, 1, 1, 1)
+        side_column.setSpacing(0)
+        side_column.addWidget(self.numbers, 1)
+        side_column.addWidget(self.model)
+        side.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Preferred)
+        across = QSplitter(Qt.Orientation.Horizontal, self)
+        across.addWidget(self.tabs)
+        across.addWidget(side)
+        across.setStretchFactor(0, 1)
+        across.setStretchFactor(1, 0)
+        across.setChildrenCollapsible(False)
+        down = QSplitter(Qt.Orientation.Vertical, self)
+        down.addWidget(across)
+        down.addWidget(self.table)
+        down.setStretchFactor(0, 1)
+        down.setStretchFactor(1, 0)
+        down.setSizes([700, 170])
+        down.setChildrenCollapsible(False)
+        column.addWidget(down, 1)
+        column.addWidget(self.work)
+
+    def dress(self) -> None:
+        """Give every panel the theme's colours."""
+        for panel in (
+            self.banner,
+            self.signals,
+            self.live,
+            self.shot,
+            self.compare,
+            self.spectrum,
+            self.diagnosis,
+            self.numbers,
+            self.model,
+            self.work.notices,
+            self.settings,
+        ):
+            panel.dress(self._theme.colours)
+
+    def place_sheets(self) -> None:
+        """Keep the sheets where they belong after a change of size."""
+        self.settings.place()
+        if self.keys.isVisible():
+            self.keys.place()

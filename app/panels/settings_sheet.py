@@ -1,0 +1,247 @@
+"""Settings in a side sheet: nothing modal, each field with unit and limits, applied at once or refused in words."""
+
+from dataclasses import dataclass
+
+from PySide6.QtCore import QLocale, Qt, Signal, Slot
+from PySide6.QtGui import QDoubleValidator
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QFileDialog,
+    QFormLayout,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.theme import MARKS, Colours, Tone, sized
+from app.wording import local
+
+Value = float | str | bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One setting: its key, where it stands, its words; ``scale`` turns the stored value into the shown one."""
+
+    key: str
+    group: str
+    words: str
+    kind: str  # "number" | "choice" | "folder" | "flag"
+    unit: str = ""
+    scale: float = 1.0
+    low: float = float("-inf")
+    high: float = float("inf")
+    hover: str = ""
+    choices: tuple[tuple[str, str], ...] = ()  # (stored, words)
+    optional: bool = False  # an empty field means: not given
+
+
+class SettingsSheet(QFrame):
+    """Fields by group over the right side of the window."""
+
+    applied = Signal(dict)
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self.setProperty("card", True)
+        self.setAccessibleName("Settings")
+        self._fields: tuple[Field, ...] = ()
+        self._editors: dict[str, QWidget] = {}
+        column = QVBoxLayout(self)
+        column.setContentsMargins(18, 14, 18, 14)
+        top = QHBoxLayout()
+        title = QLabel("Settings", self)
+        title.setFont(sized(self.font(), 1.5, bold=True))
+        self._close = QPushButton("Close", self)
+        self._close.setToolTip("Close without applying  (F2 or Esc)")
+        self._close.clicked.connect(self.hide)
+        top.addWidget(title)
+        top.addStretch(1)
+        top.addWidget(self._close)
+        column.addLayout(top)
+        hint = QLabel("They hold for the next shots; each shot keeps the settings it was taken with.", self)
+        hint.setProperty("faint", True)
+        hint.setWordWrap(True)
+        column.addWidget(hint)
+        self._scroll = QScrollArea(self)
+        self._scroll.setWidgetResizable(True)
+        self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        column.addWidget(self._scroll, 1)
+        self._problem = QLabel(self)
+        self._problem.setWordWrap(True)
+        self._problem.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
+        column.addWidget(self._problem)
+        self._apply = QPushButton("Apply", self)
+        self._apply.setProperty("primary", True)
+        self._apply.clicked.connect(self.apply)
+        column.addWidget(self._apply)
+        self.hide()
+
+    def offer(self, fields: tuple[Field, ...]) -> None:
+        """Build the form."""
+        self._fields = fields
+        self._editors = {}
+        inner = QWidget(self)
+        form = QFormLayout(inner)
+        form.setContentsMargins(0, 4, 12, 4)
+        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
+        group = ""
+        for field in fields:
+            if field.group != group:
+                group = field.group
+                heading = QLabel(group.upper(), inner)
+                heading.setProperty("heading", True)
+                form.addRow(heading)
+            editor = self._editor(field, inner)
+            editor.setToolTip(field.hover)
+            label = f"{field.words} ({field.unit})" if field.unit else field.words
+            editor.setAccessibleName(label)
+            self._editors[field.key] = editor
+            if field.kind == "flag":
+                form.addRow("", editor)
+            elif field.kind == "folder":
+                form.addRow(label, self._with_browse(editor, inner))
+            else:
+                form.addRow(label, editor)
+        inner.setProperty("panel", True)
+        self._scroll.setWidget(inner)
+
+    def _editor(self, field: Field, inner: QWidget) -> QWidget:
+        if field.kind == "choice":
+            box = QComboBox(inner)
+            for stored, words in field.choices:
+                box.addItem(words, stored)
+            box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            box.setMinimumContentsLength(12)
+            return box
+        if field.kind == "flag":
+            return QCheckBox(field.words, inner)
+        line = QLineEdit(inner)
+        if field.kind == "number":
+            validator = QDoubleValidator(line)
+            validator.setLocale(QLocale())
+            line.setValidator(validator)
+            line.setPlaceholderText("not given" if field.optional else "")
+            line.setMinimumWidth(line.fontMetrics().horizontalAdvance("632.99135400000"))
+        line.returnPressed.connect(self.apply)
+        return line
+
+    def _with_browse(self, editor: QWidget, inner: QWidget) -> QWidget:
+        row = QWidget(inner)
+        line = QHBoxLayout(row)
+        line.setContentsMargins(0, 0, 0, 0)
+        browse = QPushButton("…", row)
+        browse.setAccessibleName("Choose a folder")
+        browse.setProperty("key", next(key for key, value in self._editors.items() if value is editor))
+        browse.clicked.connect(self._browse)
+        line.addWidget(editor, 1)
+        line.addWidget(browse)
+        return row
+
+    @Slot()
+    def _browse(self) -> None:
+        editor = self._editors[str(self.sender().property("key"))]
+        assert isinstance(editor, QLineEdit)
+        folder = QFileDialog.getExistingDirectory(self, "Choose a folder", editor.text())
+        if folder:
+            editor.setText(folder)
+
+    def show_values(self, values: dict[str, Value]) -> None:
+        """Fill the form."""
+        self._problem.setText("")
+        for field in self._fields:
+            editor, value = self._editors[field.key], values.get(field.key)
+            if isinstance(editor, QComboBox):
+                editor.setCurrentIndex(max(0, editor.findData(value)))
+            elif isinstance(editor, QCheckBox):
+                editor.setChecked(bool(value))
+            elif isinstance(editor, QLineEdit):
+                if field.kind == "number":
+                    shown = "" if value is None else local(f"{float(value) * field.scale:.10g}")
+                    editor.setText(shown)
+                else:
+                    editor.setText("" if value is None else str(value))
+
+    def set_value(self, key: str, text: str) -> None:
+        """Type into a field."""
+        editor = self._editors[key]
+        assert isinstance(editor, QLineEdit)
+        editor.setText(text)
+
+    @Slot()
+    def apply(self) -> None:
+        """Check every field; pass all on, or say in words what is wrong with the first that is."""
+        values: dict[str, Value] = {}
+        for field in self._fields:
+            editor = self._editors[field.key]
+            if isinstance(editor, QComboBox):
+                values[field.key] = str(editor.currentData())
+            elif isinstance(editor, QCheckBox):
+                values[field.key] = editor.isChecked()
+            elif isinstance(editor, QLineEdit) and field.kind == "number":
+                value, problem = self._number(field, editor.text())
+                if problem:
+                    self.refuse(problem)
+                    editor.setFocus()
+                    return
+                values[field.key] = value
+            elif isinstance(editor, QLineEdit):
+                values[field.key] = editor.text().strip()
+        self.accept_words("Applied.")
+        self.applied.emit(values)
+
+    def _number(self, field: Field, text: str) -> tuple[float | None, str]:
+        if not text.strip():
+            return (None, "") if field.optional else (None, f"{field.words}: a number is missing")
+        value, ok = QLocale().toDouble(text.strip())
+        if not ok:
+            value, ok = QLocale.c().toDouble(text.strip())
+        if not ok:
+            return None, f"{field.words}: {text} is not a number"
+        stored = value / field.scale
+        if not field.low <= stored <= field.high:
+            low, high = field.low * field.scale, field.high * field.scale
+            return None, local(f"{field.words}: {value:g} is outside {low:g} to {high:g} {field.unit}")
+        return stored, ""
+
+    def refuse(self, problem: str) -> None:
+        """Say why the settings were not taken."""
+        self._problem.setText(f"{MARKS[Tone.BAD]} {problem}")
+        self._problem.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}; font-weight: bold")
+
+    def accept_words(self, words: str) -> None:
+        """Say that they were."""
+        self._problem.setText(f"{MARKS[Tone.GOOD]} {words}")
+        self._problem.setStyleSheet(f"color: {self._colours.signs[Tone.GOOD]}; font-weight: bold")
+
+    @property
+    def problem(self) -> str:
+        """Get what is said below the fields."""
+        return self._problem.text()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+
+    def place(self) -> None:
+        """Stand at the right edge of the window, over its full height."""
+        parent = self.parentWidget()
+        if parent is not None:
+            width = min(parent.width() - 40, self.fontMetrics().horizontalAdvance("M") * 38)
+            self.setGeometry(parent.width() - width - 4, 4, width, parent.height() - 8)
+
+    def open(self) -> None:
+        """Show the sheet, its first field in focus."""
+        self.place()
+        self.show()
+        self.raise_()
+        first = next(iter(self._editors.values()), None)
+        if first is not None:
+            first.setFocus()

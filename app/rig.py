@@ -1,0 +1,252 @@
+"""The instrument as the window holds it: one source at a time, opened and closed beside the screen."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.pipeline import analyse
+from analysis.recording import Channel, Recording
+from analysis.shot import AnalysisSettings, Progress, Shot
+from instrument.acquisition import Deadlines, State
+from instrument.bench.digitizer import BenchDigitizer
+from instrument.capture import Capture
+from instrument.capture_options import CaptureOptions
+from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.found_devices import found_devices
+from instrument.recording_error import RecordingError
+from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
+from instrument.sources import open_source
+
+Open = Callable[[str], Digitizer]
+BENCH = "bench"
+LONGEST_ARMING_S = 60.0
+WORDS = {BENCH: "Simulated bench", "replay:": "Play a recording …"}
+
+
+def open_patiently(source: str) -> Digitizer:
+    """Open a source; the bench simulates more slowly on a slow computer rather than drop samples."""
+    return BenchDigitizer(memory_s=3600.0) if source == BENCH else open_source(source)
+
+
+@dataclass(frozen=True, slots=True)
+class _Running:
+    """One opened source."""
+
+    source: str
+    digitizer: Digitizer
+    capture: Capture
+    channels: tuple[Channel, ...]
+    rate_hz: float | None
+
+
+class Rig:
+    """Opens a source, passes orders on, hands out snapshots; every method returns at once except ``close``.
+
+    Opening and closing a device may take seconds: a thread of its own does it, and ``latest`` says so meanwhile.
+    """
+
+    def __init__(
+        self,
+        options: Callable[[str, Digitizer], CaptureOptions],
+        analysis: Callable[[], AnalysisSettings],
+        *,
+        source: str = BENCH,
+        deadlines: Deadlines | None = None,
+        open_digitizer: Open = open_patiently,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._options, self._analysis = options, analysis
+        self._deadlines, self._open, self._clock = deadlines or Deadlines(), open_digitizer, clock
+        self._running: _Running | None = None
+        self._orders: deque[str | None] = deque()
+        self._wake = threading.Condition()
+        self._fault: tuple[str, str] | None = None
+        self._since_s = clock()
+        self._seen: set[tuple[int, int]] = set()
+        self._serial = 0
+        self._asked: tuple[float, float] | None = None  # (when ARM was pressed, since when the state stood)
+        self._problems: deque[str] = deque()
+        self._found: tuple[tuple[str, str], ...] = ()
+        self._thread = threading.Thread(target=self._work, name="levimass source", daemon=True)
+        self.source = source
+        self.rearm = False
+        self._orders.append(source)
+        self._thread.start()
+
+    # what a person asks for ---------------------------------------------------------------------------------------
+
+    def open(self, source: str) -> None:
+        """Close the present source and open another; ``latest`` says how that went."""
+        self.source = source
+        with self._wake:
+            self._orders.append(source)
+            self._wake.notify()
+
+    def sources(self) -> list[tuple[str, str]]:
+        """Return (name, words) of what can be chosen: the bench, the devices found, a recording to play."""
+        return [(BENCH, WORDS[BENCH]), *self._found, ("replay:", WORDS["replay:"])]
+
+    def arm(self) -> None:
+        """Wait for the light switch; a source that failed to open is opened again."""
+        if self._running is not None:
+            self._running.capture.arm(automatic=self.rearm)
+            self._asked = (self._clock(), self.latest().since_s)
+        elif self._fault is not None:
+            self.open(self.source)
+
+    def abort(self) -> None:
+        """Go back to ready."""
+        if self._running is not None:
+            self._running.capture.abort()
+            self._asked = None
+        elif not self._orders:
+            self._fault = None
+
+    def trigger_now(self) -> None:
+        """Stand in for the light switch."""
+        if self._running is not None:
+            self._running.capture.trigger_now()
+
+    def set_rearm(self, on: bool) -> None:
+        """Arm again by itself after each shot, from the next arming on."""
+        self.rearm = on
+
+    def options_changed(self) -> None:
+        """Take the present options; they hold from the next arming on."""
+        running = self._running
+        if running is not None:
+            try:
+                running.capture.set_options(self._options(running.source, running.digitizer))
+            except OSError as error:
+                self._problems.append(f"the settings were not taken: {error}")
+
+    def save_pending(self, folder: Path) -> str:
+        """Save shots that are only in memory to ``folder``; return what was done or why not, in one line."""
+        running = self._running
+        if running is None:
+            return "no shot waits"
+        try:
+            saved = running.capture.save_pending(folder)
+        except RecordingError as error:
+            return str(error)
+        return f"{len(saved)} shots saved to {folder}"
+
+    # what the screen pulls ----------------------------------------------------------------------------------------
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Get the channels of the open source."""
+        return self._running.channels if self._running is not None else ()
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Get the sample rate a shot is taken at."""
+        return self._running.rate_hz if self._running is not None else None
+
+    def latest(self) -> Snapshot:
+        """Return the instrument at this moment."""
+        running = self._running
+        if running is not None:
+            return running.capture.latest()
+        state = State.FAULT if self._fault is not None else State.IDLE
+        message, remedy = self._fault or ("opening the source", "")
+        return Snapshot(
+            state, self._since_s, None, False, message, remedy, self.source, SignalLine(), empty_view()
+        )  # fmt: skip
+
+    def arming(self, snapshot: Snapshot) -> bool:
+        """Return whether ARM was pressed and the digitizer has not answered yet (at first it may take seconds)."""
+        if self._asked is None or self._running is None:
+            return False
+        if snapshot.since_s != self._asked[1] or self._clock() - self._asked[0] > LONGEST_ARMING_S:
+            self._asked = None
+            return False
+        return True
+
+    def can_arm(self, snapshot: Snapshot) -> bool:
+        """Return whether ARM means something now."""
+        if self._running is None:
+            return self._fault is not None
+        return not self.arming(snapshot) and snapshot.state in (State.IDLE, State.ANALYSING, State.FAULT)
+
+    def can_abort(self, snapshot: Snapshot) -> bool:
+        """Return whether Abort means something now."""
+        return snapshot.state is not State.IDLE or self.arming(snapshot)
+
+    def take_finished(self, snapshot: Snapshot) -> list[FinishedShot]:
+        """Return each finished shot once: when it is analysed, or when it is clear that it will not be."""
+        new = []
+        for finished in snapshot.finished:
+            key = (self._serial, finished.index)
+            if key not in self._seen and (finished.shot is not None or finished.problem is not None):
+                self._seen.add(key)
+                new.append(finished)
+        return new
+
+    def take_problems(self) -> list[str]:
+        """Return what went wrong beside the capture since the last call."""
+        told = []
+        while self._problems:
+            told.append(self._problems.popleft())
+        return told
+
+    def close(self) -> bool:
+        """End all threads, the capture's included; return whether they ended."""
+        with self._wake:
+            self._orders.append(None)
+            self._wake.notify()
+        self._thread.join(40.0)
+        return not self._thread.is_alive()
+
+    # beside the screen --------------------------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        self._look_around()
+        while True:
+            with self._wake:
+                while not self._orders:
+                    self._wake.wait()
+                order = self._orders.popleft()
+                if self._orders:
+                    continue  # a newer choice is already there
+            self._close_running()
+            if order is None:
+                return
+            self._open_source(order)
+
+    def _look_around(self) -> None:
+        try:
+            self._found = tuple((device.source, f"{device.name}, {device.where}") for device in found_devices())
+        except DigitizerError:
+            self._found = ()  # no USB library: the doctor says so; the bench works without
+
+    def _close_running(self) -> None:
+        running, self._running = self._running, None
+        self._since_s = self._clock()
+        if running is not None and not running.capture.close():
+            self._problems.append(f"{running.source} did not end in time; re-plug it before it is used again")
+
+    def _open_source(self, source: str) -> None:
+        self._fault = None
+        try:
+            digitizer = self._open(source)
+            able = digitizer.capabilities
+            options = self._options(source, digitizer)
+            capture = Capture(digitizer, options, analyse=self._analyse, deadlines=self._deadlines)
+            capture.start()
+        except DigitizerError as error:
+            self._fault = (error.what, error.remedy or "choose another source")
+            return
+        except Exception as error:  # whatever a driver does, the window stays and says it
+            self._fault = (f"{source} could not be opened: {error!r}", "choose another source")
+            return
+        self._serial += 1
+        settings: CaptureSettings | None = options.settings or digitizer.default_settings()
+        rate = settings.sample_rate_hz if settings is not None else None
+        self._running = _Running(source, digitizer, capture, able.channels, rate)
+
+    def _analyse(self, recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+        return analyse(recording, self._analysis(), progress=progress, cancelled=cancelled)

@@ -1,0 +1,141 @@
+"""What an operator does with the rig: source, arm, abort, re-arm, settings; and what the rig says, on the screen."""
+
+import time
+
+from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtWidgets import QFileDialog
+
+from analysis.quantity import Quantity
+from app import state_words
+from app.choices import Choices
+from app.layout import Layout
+from app.rig import Rig
+from app.session import Entry
+from app.settings import FIELDS
+from app.theme import Tone
+from app.wording import duration, value_text
+from instrument.snapshot import Snapshot
+
+RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)"
+
+
+class RigDesk(QObject):
+    """Between the rig and its panels; ``shot_finished`` carries each FinishedShot once."""
+
+    shot_finished = Signal(object)
+    said = Signal(str, Tone)
+    appearance_chosen = Signal(str)
+
+    def __init__(self, rig: Rig, choices: Choices, panels: Layout, parent: QObject) -> None:
+        super().__init__(parent)
+        self._rig, self._choices, self._panels = rig, choices, panels
+        self._last_shot = ""
+        panels.controls.arm_wanted.connect(self.arm)
+        panels.controls.abort_wanted.connect(self.abort)
+        panels.controls.rearm_changed.connect(self._rearm_changed)
+        panels.controls.source_chosen.connect(self._source_chosen)
+        panels.work.settings_wanted.connect(self.toggle_settings)
+        panels.settings.applied.connect(self._settings_applied)
+        panels.settings.offer(FIELDS)
+        panels.controls.offer_sources(rig.sources(), rig.source)
+
+    def show(self) -> Snapshot:
+        """Bring banner, buttons, signal line and LIVE up to date with the newest snapshot, and return it."""
+        snapshot = self._rig.latest()
+        p = self._panels
+        word, sentence, tone = state_words.banner(snapshot, self._last_shot, self._rig.arming(snapshot))
+        since = "" if tone is Tone.NEUTRAL else duration(time.monotonic() - snapshot.since_s)
+        p.banner.show_state(word, sentence, tone, since)
+        p.controls.show_state(self._rig.can_arm(snapshot), self._rig.can_abort(snapshot))
+        for name, sign in state_words.signs(
+            snapshot.signal, self._rig.rate_hz, self._choices.settings.bandwidth_hz
+        ).items():
+            p.signals.show_sign(name, sign)
+        p.signals.show_folder(str(snapshot.signal.folder or ""))
+        if p.tabs.currentIndex() == Layout.LIVE:
+            p.live.show_live(snapshot.live)
+            p.live.show_raw(snapshot.live, self._rig.channels)
+        self._take_finished(snapshot)
+        return snapshot
+
+    def _take_finished(self, snapshot: Snapshot) -> None:
+        for finished in self._rig.take_finished(snapshot):
+            self.shot_finished.emit(finished)
+        for problem in self._rig.take_problems():
+            self.said.emit(problem, Tone.BAD)
+
+    def remember(self, entry: Entry) -> None:
+        """Let the banner say what the last shot gave."""
+        shot = entry.shot
+        if shot is None or shot.problem or shot.impact is None:
+            why = shot.problem if shot is not None else None
+            self._last_shot = f"Shot {entry.number} is saved, but: {why or 'no impact was found'}."
+            return
+        cor = shot.impact.cor_quasi_static
+        words = f"restitution {value_text(cor)}" if isinstance(cor, Quantity) else "no restitution was seen"
+        self._last_shot = f"Shot {entry.number} is saved: {words}."
+
+    @Slot()
+    def arm(self) -> None:
+        """Arm; LIVE comes to the front so that the push is seen."""
+        if self._panels.controls.arm.isEnabled():
+            self._rig.arm()
+            self._panels.tabs.setCurrentIndex(Layout.LIVE)
+
+    @Slot()
+    def abort(self) -> None:
+        """Close an open sheet; else abort."""
+        p = self._panels
+        if p.keys.isVisible() or p.settings.isVisible():
+            p.keys.hide()
+            p.settings.hide()
+            return
+        self._rig.abort()
+
+    @Slot()
+    def trigger_now(self) -> None:
+        """Stand in for the light switch."""
+        self._rig.trigger_now()
+
+    @Slot()
+    def toggle_rearm(self) -> None:
+        """Turn the automatic re-arm on or off."""
+        self._panels.controls.rearm.toggle()
+
+    @Slot(bool)
+    def _rearm_changed(self, on: bool) -> None:
+        self._rig.set_rearm(on)
+
+    @Slot()
+    def focus_source(self) -> None:
+        """Bring the keyboard to the source chooser."""
+        self._panels.controls.source.setFocus()
+
+    @Slot(str)
+    def _source_chosen(self, name: str) -> None:
+        if name == "replay:":
+            path, _ = QFileDialog.getOpenFileName(self._panels, "Recording to play back", "", RECORDINGS)
+            name = f"replay:{path}" if path else self._rig.source
+        if name != self._rig.source:
+            self._rig.open(name)
+            self._choices.remember_source(name)
+        self._panels.controls.offer_sources(self._rig.sources(), self._rig.source)
+
+    @Slot()
+    def toggle_settings(self) -> None:
+        """Open or close the settings."""
+        sheet = self._panels.settings
+        if sheet.isVisible():
+            sheet.hide()
+        else:
+            sheet.show_values(self._choices.settings.values())
+            sheet.open()
+
+    @Slot(dict)
+    def _settings_applied(self, values: dict[str, object]) -> None:
+        problem = self._choices.change(values)
+        if problem:
+            self._panels.settings.refuse(problem)
+            return
+        self._rig.options_changed()
+        self.appearance_chosen.emit(self._choices.settings.appearance)

@@ -1,0 +1,267 @@
+"""What an operator does with the session's shots, and what the panels show of those that are selected."""
+
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtWidgets import QFileDialog
+
+from analysis.recording import Recording
+from app.layout import Layout
+from app.rig_desk import RECORDINGS
+from app.session import Entry
+from app.spectrum_work import SpectrumWork
+from app.theme import Tone
+from app.verdict import tone_of
+from app.workbench import Happening, Kind, Workbench, raw_of
+from instrument.snapshot import FinishedShot
+
+
+class SessionDesk(QObject):
+    """Between the workbench and its panels."""
+
+    said = Signal(str, Tone)
+    arrived = Signal(object)
+
+    def __init__(self, bench: Workbench, panels: Layout, parent: QObject) -> None:
+        super().__init__(parent)
+        self._bench, self._panels = bench, panels
+        self._spectra = SpectrumWork(bench.jobs)
+        self._seen = -1
+        self._shown: tuple[int, object] | None = None
+        self._raw: tuple[int, Recording | None] | None = None
+        self._folder = Path.home()
+        self.rig_doing: str | None = None  # what the rig's own analysis is at, for the line of work
+        self.rig_share: float | None = None
+        table, p = panels.table, panels
+        table.selected.connect(self._selected)
+        table.export_wanted.connect(self._export_pressed)
+        table.remove_wanted.connect(self._remove_pressed)
+        table.reanalyse_wanted.connect(self._reanalyse_pressed)
+        table.note_edited.connect(self._note_edited)
+        table.undo_wanted.connect(self.undo)
+        table.open_wanted.connect(self.open_recordings)
+        p.model.diagnose_wanted.connect(self.diagnose)
+        p.diagnosis.diagnose_wanted.connect(self.diagnose)
+        p.diagnosis.cancel_wanted.connect(self._cancel_diagnosis)
+        p.diagnosis.add_wanted.connect(self._add_effect)
+        p.diagnosis.remove_wanted.connect(self._remove_effect)
+        p.work.cancel_wanted.connect(self._cancel_work)
+        p.tabs.currentChanged.connect(self._page_changed)
+
+    # what ended -------------------------------------------------------------------------------------------------
+
+    def show(self) -> None:
+        """Bring table, progress and finished work to the screen."""
+        for happening in self._bench.poll():
+            self._happened(happening)
+        jobs = self._bench.jobs
+        self._panels.work.show_work(jobs, self.rig_doing, self.rig_share)
+        job = jobs.current
+        diagnosing = job is not None and job.kind == "diagnosis"
+        what = (job.what or "starting") if job is not None and diagnosing else None
+        self._panels.diagnosis.show_progress(what, job.fraction if job is not None else 0.0)
+        self._panels.model.diagnose.setEnabled(not diagnosing)
+        spectra = self._spectra.take()
+        if spectra is not None:
+            self._panels.spectrum.show_spectra(spectra)
+        self._show_table()
+
+    def _show_table(self) -> None:
+        session = self._bench.session
+        if session.revision != self._seen:
+            self._seen = session.revision
+            self._panels.table.show_session(session)
+            if session.problem:
+                self.said.emit(session.problem, Tone.BAD)
+
+    def _happened(self, happening: Happening) -> None:
+        self._show_table()
+        if happening.kind is Kind.SHOT:
+            self._panels.table.select(list(happening.numbers))
+            if self._panels.tabs.currentIndex() == Layout.LIVE:
+                self._panels.tabs.setCurrentIndex(Layout.SHOT)
+        elif happening.kind is Kind.CHANGED:
+            self._selected(self._panels.table.numbers)
+        elif happening.kind is Kind.DIAGNOSED:
+            self._show_diagnosis()
+            self._selected(self._panels.table.numbers)
+        else:
+            self.said.emit(happening.words, Tone.BAD if happening.kind is Kind.PROBLEM else Tone.GOOD)
+
+    def take(self, finished: FinishedShot, stay: bool) -> None:
+        """Take a shot of the rig; ``stay``: leave the page that is in front."""
+        if finished.shot is None:
+            self.said.emit(f"{finished.name}: {finished.problem or 'not analysed'}", Tone.BAD)
+            return
+        entry = self._bench.add_shot(finished.shot)
+        self._show_table()
+        if finished.problem:
+            self.said.emit(f"{finished.name}: {finished.problem}", Tone.BAD)
+        self.arrived.emit(entry)
+        self._panels.table.select([entry.number])
+        if not stay:
+            self._panels.tabs.setCurrentIndex(Layout.SHOT)
+
+    # what is selected -------------------------------------------------------------------------------------------
+
+    def front(self) -> Entry | None:
+        """Return the entry that the panels show: the last selected one."""
+        numbers = self._panels.table.numbers
+        return self._bench.session.entry(numbers[-1]) if numbers else None
+
+    def _recording(self, entry: Entry) -> Recording | None:
+        if self._raw is None or self._raw[0] != entry.number:
+            self._raw = (entry.number, raw_of(entry))
+        return self._raw[1]
+
+    @Slot(list)
+    def _selected(self, numbers: list[int]) -> None:
+        p = self._panels
+        entry = self.front()
+        shot = entry.shot if entry is not None else None
+        now = (entry.number, shot) if entry is not None else None
+        if now is None or self._shown is None or now[0] != self._shown[0] or now[1] is not self._shown[1]:
+            self._shown = now
+            p.shot.show_shot(shot, self._recording(entry) if entry is not None else None)
+            p.tabs.setTabText(Layout.SHOT, f"SHOT {entry.number}" if entry is not None else "SHOT")
+            p.numbers.show_shot(shot, f"Shot {entry.number}   {entry.name}" if entry is not None else "")
+            p.model.show_shot(shot)
+        verdict = entry.verdict if entry is not None else ""
+        p.model.show_verdict(verdict, tone_of(verdict))
+        p.compare.show_entries([e for e in self._bench.session.entries if e.number in numbers])
+        self._page_changed(p.tabs.currentIndex())
+
+    @Slot(int)
+    def _page_changed(self, page: int) -> None:
+        if page != Layout.SPECTRUM:
+            return
+        entry = self.front()
+        recording = self._recording(entry) if entry is not None else None
+        if entry is None or recording is None:
+            self._panels.spectrum.show_spectra(None)
+        elif self._spectra.ask(entry, recording):
+            self._panels.spectrum.say(f"computing the spectra of {entry.name} …")
+
+    def _show_diagnosis(self) -> None:
+        found = self._bench.diagnosed
+        if found is None:
+            self._panels.diagnosis.show_diagnosis(None, [], self._bench.effects)
+            return
+        entries = [self._bench.session.entry(number) for number in found.numbers]
+        shots = [entry.shot for entry in entries if entry is not None and entry.shot is not None]
+        self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, self._bench.effects)
+
+    # what is pressed --------------------------------------------------------------------------------------------
+
+    @Slot()
+    def open_recordings(self) -> None:
+        """Ask for recordings and open them."""
+        paths, _ = QFileDialog.getOpenFileNames(self._panels, "Open recordings", str(self._folder), RECORDINGS)
+        self.open_paths([Path(path) for path in paths])
+
+    def open_paths(self, paths: list[Path]) -> None:
+        """Open recordings and folders of recordings."""
+        if paths:
+            self._folder = paths[0].parent
+            self._bench.open_paths(paths)
+
+    @Slot(list)
+    def _export_pressed(self, _: list[int]) -> None:
+        self.export_selected()
+
+    @Slot()
+    def export_selected(self) -> None:
+        """Ask for a folder and export the selected shots, or all."""
+        folder = QFileDialog.getExistingDirectory(self._panels, "Export CSV to", str(self._folder))
+        if folder:
+            self.export_to(Path(folder))
+
+    def export_to(self, folder: Path) -> None:
+        """Export the selected shots, or all, to a folder."""
+        self._folder = folder
+        self._bench.export(self._panels.table.numbers, folder)
+
+    @Slot(list)
+    def _remove_pressed(self, _: list[int]) -> None:
+        self.remove_selected()
+
+    @Slot()
+    def remove_selected(self) -> None:
+        """Take the selected shots off the list."""
+        numbers = self._panels.table.numbers
+        if numbers:
+            self._bench.session.remove(numbers)
+            self._show_table()
+            self._selected(self._panels.table.numbers)
+            self.said.emit(f"{len(numbers)} shots taken off the list; Undo (Ctrl+Z) brings them back", Tone.NEUTRAL)
+
+    @Slot(list)
+    def _reanalyse_pressed(self, _: list[int]) -> None:
+        self.reanalyse_selected()
+
+    @Slot()
+    def reanalyse_selected(self) -> None:
+        """Analyse the selected shots again, as copies."""
+        count = self._bench.reanalyse(self._panels.table.numbers)
+        words = f"{count} shots are analysed again as copies, with the present settings"
+        self.said.emit(words if count else "Select shots that have a recording", Tone.NEUTRAL)
+
+    @Slot()
+    def undo(self) -> None:
+        """Take back the last note or removal."""
+        what = self._bench.session.undo()
+        self._show_table()
+        self.said.emit(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
+
+    @Slot(int, str)
+    def _note_edited(self, number: int, note: str) -> None:
+        self._bench.set_note(number, note)
+        self._show_table()
+
+    @Slot()
+    def edit_note(self) -> None:
+        """Write a note on the shot in front."""
+        self._panels.table.edit_note()
+
+    @Slot()
+    def previous_shot(self) -> None:
+        """Select the shot before."""
+        self._step(-1)
+
+    @Slot()
+    def next_shot(self) -> None:
+        """Select the shot after."""
+        self._step(1)
+
+    def _step(self, by: int) -> None:
+        numbers = [entry.number for entry in self._bench.session.entries]
+        if numbers:
+            front = self.front()
+            place = numbers.index(front.number) + by if front is not None else len(numbers) - 1
+            self._panels.table.select([numbers[max(0, min(place, len(numbers) - 1))]])
+
+    @Slot()
+    def diagnose(self) -> None:
+        """Diagnose the selected shots together."""
+        problem = self._bench.diagnose(self._panels.table.numbers)
+        if problem:
+            self._panels.diagnosis.show_problem(problem)
+        self._panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
+
+    @Slot()
+    def _cancel_diagnosis(self) -> None:
+        self._bench.jobs.cancel("diagnosis")
+
+    @Slot(str)
+    def _add_effect(self, name: str) -> None:
+        self._bench.set_effect(name, True)
+        self._show_diagnosis()
+
+    @Slot(str)
+    def _remove_effect(self, name: str) -> None:
+        self._bench.set_effect(name, False)
+        self._show_diagnosis()
+
+    @Slot()
+    def _cancel_work(self) -> None:
+        self._bench.jobs.cancel()

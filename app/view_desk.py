@@ -1,0 +1,179 @@
+"""Pages, views, cursors, sheets, and plots saved as files."""
+
+from pathlib import Path
+
+import pyqtgraph as pg
+from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtWidgets import QFileDialog
+
+from app.layout import Layout
+from app.panels.shot_deflection import DeflectionView
+from app.plots import save
+from app.plots.time_stack import TimeStack
+from app.theme import Tone
+
+
+class ViewDesk(QObject):
+    """What the keys and menus do with what is shown; touches no data."""
+
+    said = Signal(str, Tone)
+
+    def __init__(self, panels: Layout, parent: QObject) -> None:
+        super().__init__(parent)
+        self._panels = panels
+        self._folder = Path.home()
+        p = panels
+        p.shot.export_wanted.connect(self._ask_and_save)
+        p.compare.export_wanted.connect(self._ask_and_save)
+        p.shot.deflection.export_wanted.connect(self._deflection)
+        p.live.stack.export_wanted.connect(self._live)
+        p.diagnosis.stack.export_wanted.connect(self._residuals)
+        p.model.details_wanted.connect(self.show_diagnosis)
+        p.work.keys_wanted.connect(self.toggle_keys)
+
+    @Slot()
+    def show_live(self) -> None:
+        """Bring LIVE to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.LIVE)
+
+    @Slot()
+    def show_shot_page(self) -> None:
+        """Bring SHOT to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.SHOT)
+
+    @Slot()
+    def show_compare(self) -> None:
+        """Bring COMPARE to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.COMPARE)
+
+    @Slot()
+    def show_spectrum(self) -> None:
+        """Bring SPECTRUM to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.SPECTRUM)
+
+    @Slot()
+    def show_diagnosis(self) -> None:
+        """Bring DIAGNOSIS to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
+
+    @Slot()
+    def view_whole(self) -> None:
+        """Show the whole shot, or all of the overlaid ones."""
+        if self._panels.tabs.currentIndex() == Layout.COMPARE:
+            self._panels.compare.show_whole()
+        else:
+            self._view("whole")
+
+    @Slot()
+    def view_contact(self) -> None:
+        """Show the first contact."""
+        if self._panels.tabs.currentIndex() == Layout.COMPARE:
+            self._panels.compare.show_contact()
+        else:
+            self._view("contact")
+
+    @Slot()
+    def view_deflection(self) -> None:
+        """Show force against deflection."""
+        self._view("deflection")
+
+    @Slot()
+    def view_gap(self) -> None:
+        """Show the gap."""
+        self._view("gap")
+
+    @Slot()
+    def view_raw(self) -> None:
+        """Show the raw signals."""
+        self._view("raw")
+
+    def _view(self, name: str) -> None:
+        self._panels.tabs.setCurrentIndex(Layout.SHOT)
+        self._panels.shot.set_view(name)
+        self._panels.shot.reset()
+
+    @Slot()
+    def reset_view(self) -> None:
+        """Bring the plot in front back to its whole."""
+        page = self._panels.tabs.currentIndex()
+        if page == Layout.COMPARE:
+            self._panels.compare.show_whole()
+        elif page == Layout.DIAGNOSIS:
+            self._panels.diagnosis.reset()
+        else:
+            self._panels.shot.reset()
+
+    @Slot()
+    def toggle_cursors(self) -> None:
+        """Cursors on the plot in front, on or off."""
+        if self._panels.tabs.currentIndex() == Layout.COMPARE:
+            stack = self._panels.compare.stack
+            stack.show_cursors(not stack.cursors.shown)
+        else:
+            self._panels.tabs.setCurrentIndex(Layout.SHOT)
+            self._panels.shot.toggle_cursors()
+
+    @Slot()
+    def copy_cursors(self) -> None:
+        """Copy what lies between the cursors in front."""
+        if self._panels.tabs.currentIndex() == Layout.COMPARE:
+            self._panels.compare.copy_cursors()
+        else:
+            self._panels.shot.copy_cursors()
+
+    @Slot()
+    def plot_menu(self) -> None:
+        """Open the menu of the plot in front."""
+        page = self._panels.tabs.currentIndex()
+        if page == Layout.COMPARE:
+            self._panels.compare.stack.open_menu()
+        elif page == Layout.LIVE:
+            self._panels.live.stack.open_menu()
+        else:
+            self._panels.shot.open_menu()
+
+    @Slot()
+    def toggle_keys(self) -> None:
+        """Show or hide the sheet of keys."""
+        sheet = self._panels.keys
+        sheet.setVisible(not sheet.isVisible())
+        if sheet.isVisible():
+            sheet.place()
+
+    @Slot(str)
+    def _deflection(self, kind: str) -> None:
+        self._ask_and_save(self._panels.shot.deflection, kind)
+
+    @Slot(str)
+    def _live(self, kind: str) -> None:
+        self._ask_and_save(self._panels.live.stack, kind)
+
+    @Slot(str)
+    def _residuals(self, kind: str) -> None:
+        self._ask_and_save(self._panels.diagnosis.stack, kind)
+
+    @Slot(object, str)
+    def _ask_and_save(self, plot: pg.GraphicsView, kind: str) -> None:
+        start = str(self._folder / f"plot.{kind}")
+        path, _ = QFileDialog.getSaveFileName(self._panels, "Save the plot", start, f"{kind.upper()} (*.{kind})")
+        if path:
+            self.save(plot, Path(path))
+
+    def save(self, plot: pg.GraphicsView, path: Path) -> None:
+        """Save a plot under a name whose ending says how."""
+        self._folder = path.parent
+        try:
+            if path.suffix == ".svg":
+                save.save_svg(plot, path)
+            elif path.suffix == ".png":
+                save.save_png(plot, path)
+            elif isinstance(plot, TimeStack):
+                save.save_csv(plot, path)
+            elif isinstance(plot, DeflectionView):
+                save.save_columns(plot.columns, path)
+            else:
+                raise OSError(f"{path}: this plot has no samples to save")
+        except OSError as error:
+            self.said.emit(f"The plot was not saved: {error}", Tone.BAD)
+        else:
+            self.said.emit(f"Plot saved as {path}", Tone.GOOD)

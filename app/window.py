@@ -1,0 +1,135 @@
+"""The desktop window: composes panels and desks, and pulls what is new 28 times a second."""
+
+import signal
+import sys
+from pathlib import Path
+
+from platformdirs import user_config_path
+from PySide6.QtCore import Qt, QTimer, Slot
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
+from PySide6.QtWidgets import QApplication, QMainWindow
+
+from app import keyboard
+from app.choices import Choices
+from app.layout import Layout
+from app.rig import Rig
+from app.rig_desk import RigDesk
+from app.session import Entry, Session
+from app.session_desk import SessionDesk
+from app.theme import Theme, Tone
+from app.view_desk import ViewDesk
+from app.warm import warm
+from app.workbench import Workbench
+from instrument.snapshot import FinishedShot
+
+PULL_MS = 35
+
+
+class MainWindow(QMainWindow):
+    """The one window.  Whatever takes longer than a frame runs in the rig's threads or in the jobs' thread."""
+
+    def __init__(self, rig: Rig, bench: Workbench, theme: Theme, choices: Choices) -> None:
+        super().__init__()
+        self.setWindowTitle("Levimass")
+        self.setAcceptDrops(True)
+        self.rig, self.bench, self.theme = rig, bench, theme
+        self.panels = Layout(theme, self)
+        self.setCentralWidget(self.panels)
+        self.rig_desk = RigDesk(rig, choices, self.panels, self)
+        self.session_desk = SessionDesk(bench, self.panels, self)
+        self.view_desk = ViewDesk(self.panels, self)
+        for desk in (self.rig_desk, self.session_desk, self.view_desk):
+            desk.said.connect(self.say)
+        self.rig_desk.shot_finished.connect(self._shot_finished)
+        self.session_desk.arrived.connect(self._arrived)
+        self.rig_desk.appearance_chosen.connect(self._appearance_chosen)
+        theme.changed.connect(self._dress)
+        keyboard.bind(self, (self.rig_desk, self.session_desk, self.view_desk, self))
+        if bench.session.problem:
+            self.say(bench.session.problem, Tone.WARNING)
+        for words in choices.warnings:
+            self.say(words, Tone.WARNING)
+        bench.jobs.submit("kernels", warm, "warm")
+        bench.read_unread()
+        self._dress()
+        self.pull()
+        self._timer = QTimer(self)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._timer.timeout.connect(self.pull)
+        self._timer.start(PULL_MS)
+        self.panels.controls.arm.setFocus()
+
+    @Slot()
+    def pull(self) -> None:
+        """Bring the screen up to date; the only place where it happens."""
+        snapshot = self.rig_desk.show()
+        self.session_desk.rig_doing, self.session_desk.rig_share = snapshot.doing, snapshot.progress
+        self.session_desk.show()
+
+    @Slot(str, Tone)
+    def say(self, words: str, tone: Tone) -> None:
+        """Show a message in the lowest line."""
+        self.panels.work.notices.say(words, tone)
+
+    @Slot(object)
+    def _shot_finished(self, finished: FinishedShot) -> None:
+        self.session_desk.take(finished, stay=self.rig.rearm)
+
+    @Slot(object)
+    def _arrived(self, entry: Entry) -> None:
+        self.rig_desk.remember(entry)
+
+    @Slot(str)
+    def _appearance_chosen(self, choice: str) -> None:
+        self.theme.choose(choice)
+
+    @Slot()
+    def _dress(self) -> None:
+        self.panels.dress()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the sheets in place."""
+        super().resizeEvent(event)
+        self.panels.place_sheets()
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        """Take files."""
+        if event.mimeData().hasUrls():
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        """Open the recordings dropped on the window."""
+        paths = [Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()]
+        self.session_desk.open_paths(paths)
+        event.acceptProposedAction()
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """End every thread before the window goes."""
+        self._timer.stop()
+        self.bench.close()
+        self.rig.close()
+        event.accept()
+
+
+def open_window(folder: Path) -> MainWindow:
+    """Return the window, not shown yet, with settings and session kept in ``folder``."""
+    choices = Choices(folder / "settings.json")
+    theme = Theme(choices.settings.appearance)
+    rig = Rig(choices.options, choices.analysis, source=choices.settings.source)
+    bench = Workbench(Session.reopen(folder / "session.json"), choices.analysis)
+    window = MainWindow(rig, bench, theme, choices)
+    theme.setParent(window)
+    window.resize(1480, 920)
+    return window
+
+
+def run(argv: list[str]) -> int:
+    """Open the window on the simulated bench and stay until it is closed; return the exit status."""
+    application = QApplication.instance() or QApplication([sys.argv[0] if sys.argv else "levimass", *argv])
+    assert isinstance(application, QApplication)
+    application.setApplicationName("Levimass")
+    application.setStyle("Fusion")
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Qt's loop never returns to Python for a Ctrl+C
+    window = open_window(user_config_path("levimass"))
+    window.show()
+    return application.exec()

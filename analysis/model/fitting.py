@@ -21,6 +21,7 @@ from analysis.shot import Cancelled
 
 Progress = Callable[[str, float], None]
 MODELS = ("paper", "clamped", "no_tension", "contact")
+FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part in the fit
 _TRIED_STARTS = 6
 
 
@@ -75,7 +76,10 @@ def prepare(motion: Motion) -> ShotData:
     course = starts.read(motion.time_s, motion.displacement_m, valid)
     quiet_in, quiet_out = starts.quiet_stretches(course, motion.displacement_m, valid)
     noise = noise_model.estimate(quiet_in, quiet_out, 1 / motion.sample_rate_hz)
-    return ShotData(motion.time_s, motion.displacement_m, valid, motion.moving_mass_kg, course, noise)
+    # Flights of seconds around a contact of milliseconds tell more of the track than of the collision.
+    around = FITTED_CONTACT_TIMES * course.contact_time_s
+    near = (motion.time_s > course.touch_time_s - around) & (motion.time_s < course.release_time_s + around)
+    return ShotData(motion.time_s, motion.displacement_m, valid & near, motion.moving_mass_kg, course, noise)
 
 
 def _given(base: Base, start: Mapping[str, float]) -> Floats:

@@ -14,6 +14,9 @@ class NoCollision(AnalysisError):
     """Why a displacement shows no collision, in one line."""
 
 
+_FLIGHT = 4.5  # contact times of flight that count as near the contact
+
+
 @dataclass(frozen=True, slots=True)
 class Course:
     """A collision as the displacement alone tells it; times on the motion's own clock.
@@ -51,18 +54,16 @@ def read(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]) -> Co
     turn = int(np.argmin(d))
     if turn < 20 or turn > n - 10:
         raise NoCollision("no turnaround inside the record: the block does not come in and leave again")
-    velocity, line = _flight(t, d, max(8, turn // 12))
+    velocity, rate = _first_look(t, d, turn, dt)
     if not velocity < 0 or (d[0] - d[turn]) < 20 * sigma:
         raise NoCollision("no block moving towards the plate before the turnaround")
-    # A half-sine reaches its depth (pi/2 - 1)/omega after the undisturbed flight would have.
-    late = t[turn] - (d[turn] - line) / velocity
-    rate = (math.pi / 2 - 1) / max(late, 2 * dt)
     for _ in range(2):
         touch = _onset(t, d, sigma, rate, velocity, turn, dt)
         before = int(np.searchsorted(t, touch - 2 * dt))
-        if before < 8:
+        after = int(np.searchsorted(t, touch - _FLIGHT * math.pi / rate))
+        if before - after < 8:
             raise NoCollision("the record begins in contact: no flight before the first touch")
-        velocity, line = _flight(t, d, before)
+        velocity, line = _flight(t, d, after, before)
         if not velocity < 0:
             raise NoCollision("no block moving towards the plate before the turnaround")
         position = line + velocity * touch
@@ -85,11 +86,36 @@ def read(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]) -> Co
     )
 
 
-def _flight(t: Floats, d: Floats, count: int) -> tuple[float, float]:
-    """Return slope and intercept at t = 0 of the line through the first ``count`` samples."""
-    middle = float(np.mean(t[:count]))
-    slope = float(np.polyfit(t[:count] - middle, d[:count], 1)[0])
-    return slope, float(np.mean(d[:count])) - slope * middle
+def _first_look(t: Floats, d: Floats, turn: int, dt: float) -> tuple[float, float]:
+    """Return (velocity of the incoming flight, rate of the half-sine contact) before the touch is known.
+
+    A half-sine reaches its depth (pi/2 - 1)/omega after the undisturbed flight would have.  The flight is taken from
+    0.8 to 4.5 supposed contact times before the turnaround, and the contact time that agrees with itself is right.
+    """
+    best = (math.inf, 0.0, 1.0)
+    for supposed in np.geomspace(2.0 * (t[turn] - t[0]), 6 * dt, 60):
+        begin = max(0, int(np.searchsorted(t, t[turn] - _FLIGHT * supposed)))
+        end = int(np.searchsorted(t, t[turn] - 0.8 * supposed))
+        if end - begin < 8:
+            continue
+        velocity, line = _flight(t, d, begin, end)
+        if not velocity < 0:
+            continue
+        late = t[turn] - (d[turn] - line) / velocity
+        rate = (math.pi / 2 - 1) / max(late, 0.5 * dt)
+        apart = abs(math.log(math.pi / rate / supposed))
+        if apart < best[0]:
+            best = (apart, velocity, rate)
+        if apart < 0.1:
+            break
+    return best[1], best[2]
+
+
+def _flight(t: Floats, d: Floats, begin: int, end: int) -> tuple[float, float]:
+    """Return slope and intercept at t = 0 of the line through the samples from ``begin`` to ``end``."""
+    middle = float(np.mean(t[begin:end]))
+    slope = float(np.polyfit(t[begin:end] - middle, d[begin:end], 1)[0])
+    return slope, float(np.mean(d[begin:end])) - slope * middle
 
 
 def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, turn: int, dt: float) -> float:

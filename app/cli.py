@@ -37,6 +37,17 @@ def window(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    if options.replay is not None and (options.jobs is not None or options.scheduler is not None):
+        from app.campaign import campaign
+
+        return campaign(
+            options.replay,
+            jobs=options.jobs,
+            scheduler=options.scheduler,
+            json_to=options.json,
+            export_to=options.export,
+            model=options.model,
+        )
     if options.replay is not None:
         from app.replay import replay
 
@@ -94,6 +105,8 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--export", type=Path, metavar="DIR", help="write CSV: one motion file a shot, and shots.csv")
     group.add_argument("--no-diagnose", action="store_true", help="stop after the base model's fit")
     group.add_argument("--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper)")
+    group.add_argument("--jobs", type=_positive_int, metavar="N", help="a campaign over N processes, resumable")
+    group.add_argument("--scheduler", metavar="ADDRESS", help="a campaign over the machines of a dask scheduler")
     group = parser.add_argument_group("with --acquire")
     group.add_argument(
         "--source", metavar="SOURCE", help="bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE"
@@ -112,12 +125,15 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     """Refuse options that would otherwise be passed over in silence."""
-    given = {name for name in ("json", "export", "model") if getattr(options, name) is not None}
+    names = ("json", "export", "model", "jobs", "scheduler")
+    given = {name for name in names if getattr(options, name) is not None}
     given |= {"no-diagnose"} if options.no_diagnose else set()
     if given and options.replay is None:
         parser.error(f"--{sorted(given)[0]} goes with --replay")
     if options.model is not None and options.model not in MODELS:
         parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
+    if options.jobs is not None and options.scheduler is not None:
+        parser.error("--jobs and --scheduler: one of them")
     if options.acquire is not None:
         if options.source is None:
             parser.error("--acquire needs --source")

@@ -35,23 +35,36 @@ READINGS = (
     ("deflection_max", "m", "deflection_max_m"),
     ("stiffness_slope", "n_per_m", "stiffness_slope_n_per_m"),
 )
+KINETIC = ("force_peaks", "onsets", "flights", "contact")
 FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 
 
 def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
     """Write one motion file a shot and ``shots.csv``; return the paths.  Raises OSError or RecordingError."""
     folder.mkdir(parents=True, exist_ok=True)
-    written: list[Path] = []
-    taken: set[str] = {"shots.csv"}
-    files: list[str] = []
-    for shot in shots:
-        name = _free_name(shot, taken) if shot.motion is not None else ""
-        files.append(name)
+    files = [
+        name if shot.motion is not None else ""
+        for shot, name in zip(shots, motion_file_names([shot.name for shot in shots]), strict=True)
+    ]
+    for shot, name in zip(shots, files, strict=True):
         if name:
             write_motion(shot, folder / name)
-            written.append(folder / name)
-    write_shots(shots, files, folder / "shots.csv")
-    return [*written, folder / "shots.csv"]
+    write_shots([shot_row(shot, name) for shot, name in zip(shots, files, strict=True)], folder / "shots.csv")
+    return [*(folder / name for name in files if name), folder / "shots.csv"]
+
+
+def motion_file_names(shot_names: Sequence[str]) -> list[str]:
+    """Return a file name for each shot, no two alike: shots of two folders often share their names."""
+    taken = {"shots.csv"}
+    names = []
+    for shot_name in shot_names:
+        stem = re.sub(r"[^\w.-]+", "_", shot_name).strip("._") or "shot"
+        name, number = f"{stem}.csv", 2
+        while name.lower() in taken:
+            name, number = f"{stem}-{number}.csv", number + 1
+        taken.add(name.lower())
+        names.append(name)
+    return names
 
 
 def write_motion(shot: Shot, path: Path) -> None:
@@ -68,18 +81,18 @@ def write_motion(shot: Shot, path: Path) -> None:
     write_text_beside(path, "\n".join(lines) + "\n", sync=True)
 
 
-def write_shots(shots: Sequence[Shot], files: Sequence[str], path: Path) -> None:
-    """Write ``shots.csv``, one row a shot, each reading with its standard uncertainty."""
+def write_shots(rows: Sequence[Sequence[str]], path: Path) -> None:
+    """Write ``shots.csv`` from rows of ``shot_row``; each reading stands beside its standard uncertainty."""
     header = ["name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"]
     for name, unit, _ in READINGS:
         header += _pair(name, unit)
-    for kind in ("force_peaks", "onsets", "flights", "contact"):
+    for kind in KINETIC:
         header += _pair(f"cor_kinetic_{kind}", "1")
     header += [f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")] + ["reduced_chi2"]
     text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(header)
-    rows.writerows(_row(shot, motion_file) for shot, motion_file in zip(shots, files, strict=True))
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(header)
+    table.writerows(rows)
     write_text_beside(path, text.getvalue(), sync=True)
 
 
@@ -88,13 +101,14 @@ def _pair(name: str, unit: str) -> list[str]:
     return [f"{name}{suffix}", f"{name}_std{suffix}"]
 
 
-def _row(shot: Shot, motion_file: str) -> list[str]:
+def shot_row(shot: Shot, motion_file: str) -> list[str]:
+    """Return the cells of one shot; what was not seen is an empty cell."""
     status = "failed" if shot.problem else "ok"
     row = [shot.name, shot.path or "", shot.started_at or "", status, shot.problem or "", " ".join(shot.flags)]
     row += [shot.note, motion_file, shot.fit.model if shot.fit else ""]
     for _, _, attribute in READINGS:
         row += _cells(getattr(shot.impact, attribute) if shot.impact else None)
-    for kind in ("force_peaks", "onsets", "flights", "contact"):
+    for kind in KINETIC:
         row += _cells(getattr(shot.impact.cor_kinetic, kind) if shot.impact else None)
     fit = shot.fit if shot.fit is not None and shot.fit.converged else None
     for name in FITTED:
@@ -106,13 +120,3 @@ def _cells(reading: Reading | None) -> list[str]:
     if not isinstance(reading, Quantity):
         return ["", ""]
     return [repr(float(reading.value)), repr(float(reading.std))]
-
-
-def _free_name(shot: Shot, taken: set[str]) -> str:
-    """Return a file name no other shot of this export has; shots of two folders often share theirs."""
-    stem = re.sub(r"[^\w.-]+", "_", shot.name).strip("._") or "shot"
-    name, number = f"{stem}.csv", 2
-    while name.lower() in taken:
-        name, number = f"{stem}-{number}.csv", number + 1
-    taken.add(name.lower())
-    return name

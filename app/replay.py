@@ -2,24 +2,18 @@
 
 import json
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.pipeline import analyse, analyse_motion
 from analysis.quantity import Quantity, Reading
 from analysis.report import result
-from analysis.shot import AnalysisError, AnalysisSettings, Shot
-from analysis.signal.record import motion_from_displacement
+from analysis.shot import Shot
 from app.export import export
-from instrument.motion_file import read_motion
+from app.load import complaint, load_and_analyse
 from instrument.recording_error import RecordingError
-from instrument.recording_file import read_recording
-from instrument.recording_search import find_recordings, is_motion_record
+from instrument.recording_search import find_recordings
 from instrument.recording_writer import write_text_beside
-
-BASE_OF_RECORD = {"plate": "paper", "contact": "contact", "driven": "driven"}  # RECORDING.md's names, the model's
 
 
 def replay(
@@ -30,39 +24,11 @@ def replay(
     for path in find_recordings(paths):
         shot = load_and_analyse(path, model)
         if shot.problem:
-            print(f"levimass: {_named(shot)}", file=sys.stderr)
+            print(complaint(shot.path or shot.name, shot.problem), file=sys.stderr)
         shots.append(shot)
     diagnosis = _diagnosis(shots) if diagnose else None
     ok = _write(shots, diagnosis, json_to, export_to)
     return 0 if ok and shots and not any(shot.problem for shot in shots) else 1
-
-
-def load_and_analyse(path: Path, model: str | None = None) -> Shot:
-    """Read one recording or motion record and analyse it; a failure is the shot's ``problem``."""
-    started = time.perf_counter()
-    try:
-        if is_motion_record(path):
-            record = read_motion(path)
-            motion = motion_from_displacement(
-                record.time_s,
-                record.displacement_m,
-                record.velocity_m_per_s,
-                record.force_n,
-                moving_mass_kg=record.moving_mass_kg,
-                moving_mass_u_kg=record.moving_mass_u_kg,
-            )
-            return analyse_motion(
-                motion,
-                AnalysisSettings(model=model or BASE_OF_RECORD[record.model]),
-                name=path.stem,
-                path=str(path),
-                load_seconds=time.perf_counter() - started,
-            )
-        recording = read_recording(path)
-    except (RecordingError, AnalysisError) as error:
-        return _failed(path, str(error))
-    loaded = time.perf_counter() - started
-    return analyse(recording, AnalysisSettings(model=model or "paper"), load_seconds=loaded)
 
 
 def _diagnosis(shots: Sequence[Shot]) -> Diagnosis | None:
@@ -121,25 +87,3 @@ def summary(shot: Shot) -> str:
     if shot.flags:
         lines.append(f"  flags: {', '.join(shot.flags)}")
     return "\n".join(lines)
-
-
-def _failed(path: Path, problem: str) -> Shot:
-    return Shot(
-        name=path.name.removesuffix(".sigmf-meta").removesuffix(".sigmf-data"),
-        path=str(path),
-        settings=AnalysisSettings(),
-        setup=None,
-        sample_rate_hz=None,
-        samples=None,
-        trigger_time_s=None,
-        motion=None,
-        impact=None,
-        fit=None,
-        problem=problem,
-    )
-
-
-def _named(shot: Shot) -> str:
-    """Return the problem with the file it belongs to, once."""
-    problem = shot.problem or ""
-    return problem if shot.path and Path(shot.path).name in problem else f"{shot.path or shot.name}: {problem}"

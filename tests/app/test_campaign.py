@@ -1,0 +1,68 @@
+"""A campaign gives what one process gives, is taken up where it stopped, and survives bad shots."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.campaign import JOURNAL
+from app.cli import main
+
+
+@pytest.fixture(scope="module")
+def shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("campaign")
+    assert main(["--simulate", str(folder / "a"), "--shots", "2", "--seed", "1"]) == 0
+    assert main(["--simulate", str(folder / "b"), "--shots", "2", "--seed", "2"]) == 0
+    (folder / "b" / "shot-3.sigmf-meta").write_text("{")
+    (folder / "b" / "shot-3.sigmf-data").write_bytes(b"")
+    return folder
+
+
+def _without_times(shot: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in shot.items() if key != "seconds"}
+
+
+def test_as_one_process_and_resumed(shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, alone = tmp_path / "out", tmp_path / "alone.json"
+    assert main(["--replay", str(shots), "--no-diagnose", "--json", str(alone)]) == 1
+    arguments = ["--replay", str(shots), "--jobs", "2", "--export", str(out), "--json", str(tmp_path / "all.json")]
+    assert main(arguments) == 1
+    assert "5 shots, 4 analysed, 1 failed" in capsys.readouterr().out
+    one, many = (json.loads(path.read_text()) for path in (alone, tmp_path / "all.json"))
+    assert [_without_times(s) for s in many["shots"]] == [_without_times(s) for s in one["shots"]]
+    with open(out / "shots.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["status"] for row in rows] == ["ok", "ok", "ok", "ok", "failed"]
+    files = [row["motion_file"] for row in rows[:4]]
+    assert len(set(files)) == 4
+    assert all((out / name).exists() for name in files)
+
+    # a crash in the middle: the last line of the journal is half there
+    journal = out / JOURNAL
+    lines = journal.read_text().splitlines()
+    journal.write_text("\n".join(lines[:3]) + "\n" + lines[3][:50])
+    times = {name: (out / name).stat().st_mtime_ns for name in files}
+    assert main(arguments) == 1
+    again = {name: (out / name).stat().st_mtime_ns for name in files}
+    assert sum(times[name] == again[name] for name in files) in (2, 3)  # those of the whole lines were not done again
+    resumed = json.loads((tmp_path / "all.json").read_text())
+    assert [_without_times(s) for s in resumed["shots"]] == [_without_times(s) for s in one["shots"]]
+
+
+def test_over_a_scheduler(shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        arguments = ["--replay", str(shots / "a"), "--scheduler", cluster.scheduler_address]
+        assert main([*arguments, "--export", str(tmp_path)]) == 0
+    assert "2 shots, 2 analysed" in capsys.readouterr().out
+
+
+def test_a_scheduler_that_does_not_answer(shots: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    assert main(["--replay", str(shots / "a"), "--scheduler", "tcp://127.0.0.1:9"]) == 1
+    assert "127.0.0.1:9" in capsys.readouterr().err

@@ -47,3 +47,20 @@ def test_no_qt_without_a_window(tmp_path: Path) -> None:
     root = Path(__file__).resolve().parents[2]
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_shots_are_acquired_from_the_bench_and_from_a_replay(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, again = tmp_path / "first", tmp_path / "again"
+    assert main(["--acquire", "1", "--source", "bench", "--out", str(first), "--timeout", "30"]) == 0
+    assert main(["--acquire", "1", "--source", f"replay:{first}", "--out", str(again), "--timeout", "30"]) == 0
+    paths = capsys.readouterr().out.split()
+    assert [Path(p).exists() for p in paths] == [True, True]
+    assert main(["--replay", str(again), "--no-diagnose"]) == 0
+
+
+@pytest.mark.parametrize("source", ["nothing", "replay:/no/such/place", "bench:here"])
+def test_a_source_that_is_not_there(source: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--acquire", "1", "--source", source, "--out", str(tmp_path / "out")]) == 1
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1

@@ -1,0 +1,44 @@
+"""``levimass --acquire``: arm, wait for the light switch, record, N times; no screen."""
+
+import sys
+from pathlib import Path
+
+from instrument.acquire import AcquireError
+from instrument.acquire import acquire as record
+from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.recording_error import RecordingError
+from instrument.sources import open_source
+
+SHOT_S = 0.06  # default length: the contact of some 30 ms with free flight on both sides
+BEFORE_SWITCH = 0.15  # of it lies before the light switch
+
+
+def acquire(shots: int, *, source: str, out: Path, rate_hz: float | None, samples: int | None, timeout_s: float) -> int:
+    """Record ``shots`` shots into ``out``; print each recording's path; return the exit status."""
+    saved: list[Path] = []
+    try:
+        digitizer = open_source(source)
+        settings = _settings(digitizer, rate_hz, samples)
+        saved = record(digitizer, out, shots, settings, timeout_s, report=_say)
+    except AcquireError as error:
+        saved = error.saved
+        print(f"levimass: {error}", file=sys.stderr)
+    except (DigitizerError, RecordingError) as error:
+        print(f"levimass: {error}", file=sys.stderr)
+    for path in saved:
+        print(path)
+    return 0 if len(saved) == shots else 1
+
+
+def _settings(digitizer: Digitizer, rate_hz: float | None, samples: int | None) -> CaptureSettings | None:
+    """Return what was asked for; None leaves everything to a digitizer that knows (replay)."""
+    rates = digitizer.capabilities.rates_hz
+    if rate_hz is None and samples is None and len(rates) < 2:
+        return None
+    rate = rate_hz if rate_hz is not None else (rates[0] if rates else 10e6)
+    length = samples if samples is not None else round(SHOT_S * rate)
+    return CaptureSettings(rate, length, round(BEFORE_SWITCH * length))
+
+
+def _say(line: str) -> None:
+    print(f"levimass: {line}", file=sys.stderr)

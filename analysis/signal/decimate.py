@@ -40,10 +40,9 @@ def _describe(
     length: int,
     outputs: int,
     mean: Floats,
-    least: Floats,
     rough: Floats,
 ) -> None:
-    """For the central ``factor`` inputs of each output: mean and least power, and the phase's local roughness.
+    """For the central ``factor`` inputs of each output: mean power, and the phase's local roughness.
 
     Roughness is the squared third difference of four neighbouring means of ``factor // 4`` phases (or of phases),
     divided by 20: the variance of one such mean where the motion is smooth.
@@ -52,12 +51,10 @@ def _describe(
     for k in range(outputs):
         start = k * factor + (length - factor) // 2
         near = power[start : start + factor]
-        total, low = np.float32(0), near[0]
+        total = np.float32(0)
         for i in range(factor):
             total += near[i]
-            low = min(low, near[i])
         mean[k] = total / factor
-        least[k] = low
         start = k * factor + (length - 4 * part) // 2
         p0, p1 = phase[start : start + part], phase[start + part : start + 2 * part]
         p2, p3 = phase[start + 2 * part : start + 3 * part], phase[start + 3 * part : start + 4 * part]
@@ -114,8 +111,8 @@ class PhaseDecimator:
     def feed(self, phase: Floats, power: NDArray[np.float32]) -> tuple[int, Floats, Floats]:
         """Take phases in cycles and powers, shape (m,); return (index of the first output, phase, description).
 
-        ``phase`` has shape (k,), ``description`` (3, k): mean power, least power, variance of the noise of a mean
-        of ``factor // 4`` phases in cycles^2.
+        ``phase`` has shape (k,), ``description`` (2, k): mean power, variance of the noise of a mean of
+        ``factor // 4`` phases in cycles^2.
         """
         if self._skip:
             dropped = min(self._skip, phase.size)
@@ -133,11 +130,11 @@ class PhaseDecimator:
         self._power[self._kept : total] = power
         outputs = max(0, (total - self._length) // self.factor + 1)
         out = np.empty(outputs)
-        description = np.empty((3, outputs))
+        description = np.empty((2, outputs))
         _filter(self._phase[:total], self.taps, self.factor, outputs, out)
         _describe(
             self._phase[:total], self._power[:total], self.factor, self._length, outputs,
-            description[0], description[1], description[2],
+            description[0], description[1],
         )  # fmt: skip
         used = outputs * self.factor
         self._kept = total - used

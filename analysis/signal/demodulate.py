@@ -11,13 +11,13 @@ from analysis.quantity import Quantity, Reading
 from analysis.recording import Recording, Role
 from analysis.shot import AnalysisError, AnalysisSettings, Progress
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
+from analysis.signal.joining import joined
 from analysis.signal.plan import plans
 from analysis.signal.rest import Rest, smooth
 from analysis.signal.survey import survey
 from analysis.signal.track import Grid, Track, Wanted, read_tracks
 
 Floats = NDArray[np.float64]
-DROP_OUT_SHARE = 0.4  # of the typical amplitude: below it there is no phase to speak of
 _UNSTEADY_SIGMA = 3.0
 
 
@@ -91,10 +91,8 @@ def _check(recording: Recording, settings: AnalysisSettings) -> None:
 
 def _missed(track: Track, grid: Grid) -> int:
     """Return how many motion samples show a beat that faded or left the band it was read through."""
-    typical = np.nanmedian(track.amplitude_counts)
-    faded = np.count_nonzero(track.least_amplitude < DROP_OUT_SHARE * typical)
     outside = np.count_nonzero(np.abs(track.offset_hz(grid)) > track.wanted.tuning.half_width_hz)
-    return int(faded + outside)
+    return int(np.count_nonzero(track.hole) + outside)
 
 
 def _motion(
@@ -113,14 +111,19 @@ def _motion(
     displacement = -0.5 * wavelength_m * (moving - rest_cycles)
     std = 0.5 * wavelength_m * np.hypot(track.std_cycles[:count], rest_std)
 
-    typical = float(np.nanmedian(track.amplitude_counts))
-    lost = track.least_amplitude[:count] < DROP_OUT_SHARE * typical
-    if lost.any():
-        flags.append("drop_out")
+    hole = track.hole[:count].copy()
     if len(grid.pieces) > 1:
         flags.append("gap")
-    valid = np.isfinite(displacement) & ~lost
-    displacement = displacement - displacement[valid][0] if valid.any() else displacement
+    if track.doubtful or (len(tracks) > 1 and tracks[1].doubtful):
+        flags.append("fringe_doubtful")
+    if len(grid.pieces) == 1 and hole.any():
+        flags.append("drop_out")
+    if track.breaks:
+        displacement, doubtful = joined(displacement, track.breaks, 0.5 * wavelength_m)
+        if doubtful:
+            flags.append("fringe_doubtful")
+    valid = np.isfinite(displacement) & ~hole
+    displacement -= _start(displacement[valid])
     rate = grid.rate_hz
     velocity, acceleration = derivatives(displacement, rate, settings.bandwidth_hz)
     velocity_gain, acceleration_gain = derivative_gains(np.isfinite(displacement), rate, settings.bandwidth_hz)
@@ -152,6 +155,14 @@ def _motion(
         measurement=_quality(recording, Role.MEASUREMENT, track, grid),
         flags=tuple(dict.fromkeys(flags)),
     )
+
+
+def _start(displacement: Floats) -> float:
+    """Return the displacement that is called zero: the first sample's, on a parabola through the first 64."""
+    first = displacement[:64]
+    if first.size < 8:
+        raise AnalysisError("no light: the beat is nowhere strong enough to be read")
+    return float(np.polynomial.Polynomial.fit(np.arange(first.size), first, 2)(0.0))
 
 
 def _rest(

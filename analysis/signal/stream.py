@@ -199,7 +199,7 @@ class _Line:
         """Return time in s, frequency in Hz, its slope in Hz/s, amplitude in counts as rows, shape (4, k)."""
         _, phase, about = self._decimator.feed(*self._reader.feed(counts)[1:])
         self._phase = np.concatenate((self._phase, phase))
-        self._amplitude = np.concatenate((self._amplitude, np.sqrt(about[0])))
+        self._amplitude = np.concatenate((self._amplitude, 2 * np.sqrt(about[0])))
         half = self._filters.half
         ready = self._phase.size - 2 * half
         if ready <= 0:

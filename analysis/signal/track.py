@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from analysis.recording import Recording
 from analysis.shot import AnalysisError, Cancelled, Progress
 from analysis.signal.beat import BATCH, BeatReader, Guide
+from analysis.signal.bridge import Bridge, Segment
 from analysis.signal.decimate import PhaseDecimator, noise_ratio
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import PHASE_STEPS, Tuning
@@ -18,6 +19,8 @@ from analysis.signal.tuning import PHASE_STEPS, Tuning
 Floats = NDArray[np.float64]
 BLOCK_SAMPLES = 1 << 17
 MIN_MOTION_SAMPLES = 64
+DARK_SHARE = 0.3  # of the amplitude the survey saw: below it there is no phase to speak of
+_STEADY_VARIANCE = 0.005  # of the power's box means, relative, so that noise alone is never taken for darkness
 _NOISE_BLOCK = 512
 _CHI2_MEDIAN = 0.45494  # of one squared standard normal
 
@@ -39,7 +42,9 @@ class Track:
     phase_cycles: Floats  # of the beat less the oscillator
     std_cycles: Floats
     amplitude_counts: Floats
-    least_amplitude: Floats
+    hole: NDArray[np.bool_]  # not measured, bridged where that could be done
+    breaks: tuple[int, ...]  # first samples after holes that could not be bridged
+    doubtful: int  # bridges that may be a fringe off
     oscillator_hz: float
     wanted: Wanted
 
@@ -139,23 +144,46 @@ def _read(recording: Recording, wanted: Wanted, grid: Grid, advance: Callable[[i
     tuning = wanted.tuning
     factor = grid.step // tuning.decimation
     phase = np.full(grid.samples, np.nan)
-    description = np.full((3, grid.samples), np.nan)
+    description = np.full((2, grid.samples), np.nan)
+    variance = 1.0 / (10 ** (wanted.survey.snr_db / 10) * tuning.effective_samples)
+    bridge = Bridge(
+        (0.5 * DARK_SHARE * wanted.survey.amplitude_counts) ** 2,
+        max(1, int(np.ceil(variance / _STEADY_VARIANCE))),
+        -(-tuning.length // tuning.decimation),
+    )
+    decimator: PhaseDecimator | None = None
+    expected = -1
 
-    def store(first: int, values: Floats, about: Floats) -> None:
-        last = min(first + values.size, grid.samples)
-        phase[first:last] = values[: last - first]
-        description[:, first:last] = about[:, : last - first]
+    def take(segments: list[Segment]) -> None:
+        nonlocal decimator, expected
+        for first, fine, power in segments:
+            if decimator is None or first != expected:
+                decimator = PhaseDecimator(factor, first)
+            expected = first + fine.size
+            start, values, about = decimator.feed(fine, power)
+            last = max(start, min(start + values.size, grid.samples))
+            phase[start:last] = values[: last - start]
+            description[:, start:last] = about[:, : last - start]
 
+    oscillator_hz = 0.0
     for start, stop, true_start in grid.pieces:
         reader = BeatReader(tuning, wanted.guide, wanted.column, wanted.survey.offset_counts, true_start)
-        decimator = PhaseDecimator(factor, reader.index)
+        oscillator_hz = reader.oscillator_hz
         for block in range(start, stop, BLOCK_SAMPLES):
             end = min(stop, block + BLOCK_SAMPLES)
-            store(*decimator.feed(*reader.feed(recording.counts[block:end])[1:]))
+            take(bridge.feed(*reader.feed(recording.counts[block:end])))
             advance(end - block)
-        store(*decimator.feed(*reader.finish()[1:]))
-    std = np.sqrt(local_variance(description[2])) * noise_ratio(tuning, factor)
-    return Track(phase, std, 2 * np.sqrt(description[0]), 2 * np.sqrt(description[1]), reader.oscillator_hz, wanted)
+        take(bridge.feed(*reader.finish()))
+    take(bridge.finish())
+
+    hole = np.zeros(grid.samples, bool)
+    for first, last in bridge.holes:
+        hole[max(0, (first - factor // 2) // factor - 6) : max(0, -(-(last + factor // 2) // factor) - 6)] = True
+    rough = np.where(hole, np.nan, description[1])
+    std = np.sqrt(local_variance(rough)) * noise_ratio(tuning, factor)
+    breaks = tuple(-(-first // factor) for first in bridge.breaks)
+    amplitude = 2 * np.sqrt(description[0])
+    return Track(phase, std, amplitude, hole, breaks, bridge.doubtful, oscillator_hz, wanted)
 
 
 def local_variance(rough: Floats) -> Floats:

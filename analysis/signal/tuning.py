@@ -59,7 +59,7 @@ class Tuning:
             return self.window
         spread = np.zeros(2 * self.window.size - 1)
         spread[::2] = self.window
-        return np.asarray(np.convolve(spread, [1.0, 3.0, 3.0, 1.0]), np.float64)
+        return np.asarray(np.convolve(spread, [0.125, 0.375, 0.375, 0.125]), np.float64)
 
     @property
     def effective_samples(self) -> float:
@@ -83,7 +83,8 @@ class Tuning:
         """
         rows = self.decimation // 2 if self.halved else self.decimation
         position = np.arange(self.window.size) - 0.5 * (self.window.size - 1)
-        mixed = self.window * np.exp((-2j * np.pi / (PHASE_STEPS * rows)) * steps[:, None] * position)
+        scale = 0.125 if self.halved else 1.0  # the halving's own gain
+        mixed = scale * self.window * np.exp((-2j * np.pi / (PHASE_STEPS * rows)) * steps[:, None] * position)
         return np.ascontiguousarray(mixed.reshape(steps.size, -1, rows).transpose(0, 2, 1))
 
 
@@ -161,7 +162,7 @@ def _window(
             taps = taps / taps.sum()
             power: NDArray[np.float64] = np.asarray(np.abs(np.fft.rfft(taps, grid)) ** 2, np.float64)
             inside = power[frequency <= half_width_hz]
-            if inside.min() < 0.1:
+            if inside.min() < 0.25:
                 continue
             beyond = power[frequency >= image_edge_hz]
             if beyond.size and beyond.max() > 10 ** (-IMAGE_REJECTION_DB / 10) * inside.min():

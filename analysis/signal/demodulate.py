@@ -12,13 +12,16 @@ from analysis.recording import Recording, Role
 from analysis.shot import AnalysisError, AnalysisSettings, Progress
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
 from analysis.signal.joining import joined
+from analysis.signal.leak import find_leak, leak_phase
 from analysis.signal.plan import plans
 from analysis.signal.rest import Rest, smooth
 from analysis.signal.survey import survey
 from analysis.signal.track import Grid, Track, Wanted, read_tracks
 
 Floats = NDArray[np.float64]
+HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat it bends the phase by as much
 _UNSTEADY_SIGMA = 3.0
+_REST_REACH = 2000
 
 
 def demodulate(
@@ -106,8 +109,15 @@ def _motion(
     time_s = grid.time_s(track.wanted.tuning)[:count]
     flags = list(recording.flags)
 
-    moving = track.phase_cycles[:count] + track.oscillator_hz * time_s
-    rest_cycles, rest_std, rest = _rest(recording, settings, grid, tracks, time_s, flags)
+    moving = track.phase_cycles[:count] + track.oscillator_hz * (time_s - _delay_s(track))
+    rest_cycles, rest_std, rest, smoothed = _rest(recording, settings, grid, tracks, time_s, flags)
+    if smoothed is not None:
+        doppler = np.gradient(rest_cycles - moving) * grid.rate_hz
+        column = track.wanted.column
+        leak = find_leak(recording, column, smoothed, tracks[1].wanted, track, grid, doppler)
+        if leak is not None:
+            moving = moving - leak_phase(leak, moving, rest_cycles, track, grid)
+            flags.append("leak_removed")
     displacement = -0.5 * wavelength_m * (moving - rest_cycles)
     std = 0.5 * wavelength_m * np.hypot(track.std_cycles[:count], rest_std)
 
@@ -132,6 +142,10 @@ def _motion(
         array[~valid] = np.nan
     if max(t.wanted.survey.clipped_fraction for t in tracks) > 1e-4:
         flags.append("clipped")
+    if max(t.wanted.survey.harmonics for t in tracks) > HARMONICS_ABOVE:
+        flags.append("harmonics")
+    if any(gap.samples_lost is None for gap in recording.gaps):
+        flags.append("gap_unknown")
     return Motion(
         time_s=time_s,
         displacement_m=displacement,
@@ -167,26 +181,35 @@ def _start(displacement: Floats) -> float:
 
 def _rest(
     recording: Recording, settings: AnalysisSettings, grid: Grid, tracks: list[Track], time_s: Floats, flags: list[str]
-) -> tuple[Floats, Floats | float, Reading]:
-    """Return (rest phase in cycles at ``time_s``, its standard deviation, the rest frequency)."""
+) -> tuple[Floats, Floats | float, Reading, Rest | None]:
+    """Return (rest phase in cycles at ``time_s``, its standard deviation, the rest frequency, the smooth fit)."""
     if len(tracks) == 1:
         given = recording.setup.rest_frequency_hz
         assert given is not None
-        return given * time_s, 0.0, Quantity(given, 0.0, "given")
+        return given * time_s, 0.0, Quantity(given, 0.0, "given"), None
     track = tracks[1]
     own_time = grid.time_s(track.wanted.tuning)
-    known = np.isfinite(track.phase_cycles)
     std = float(np.nanmedian(track.std_cycles))
-    rest: Rest = smooth(own_time, track.phase_cycles, std, track.oscillator_hz)
+    phase, doubtful = joined(track.phase_cycles, track.breaks, 1.0, degree=1, reach=_REST_REACH)
+    if doubtful:
+        flags.append("fringe_doubtful")
+    rest: Rest = smooth(own_time, np.where(track.hole, np.nan, phase), std, track.oscillator_hz)
     if rest.degree > 1:
         flags.append("rest_drift")
     if rest.unsteady_cycles > _UNSTEADY_SIGMA * std:
         flags.append("rest_unsteady")
-    oscillator = track.oscillator_hz
-    if settings.rest == "instantaneous" and known.any():
-        count = time_s.size
-        return track.phase_cycles[:count] + oscillator * own_time[:count], track.std_cycles[:count], rest.frequency_hz
-    return rest.phase_at(time_s) + oscillator * time_s, 0.0, rest.frequency_hz
+    delayed = track.oscillator_hz * (time_s - _delay_s(track))
+    if settings.rest == "instantaneous":
+        own = phase[: time_s.size]  # read through the same window as the moving beat, so at the same times
+        own = np.where(np.isfinite(own), own, rest.phase_at(time_s))
+        return own + delayed, track.std_cycles[: time_s.size], rest.frequency_hz, rest
+    return rest.phase_at(time_s) + delayed, 0.0, rest.frequency_hz, rest
+
+
+def _delay_s(track: Track) -> float:
+    """Return the time from a window's first sample, where its oscillator is counted, to its centre, in s."""
+    tuning = track.wanted.tuning
+    return tuning.delay_samples / tuning.sample_rate_hz
 
 
 def _quality(recording: Recording, role: Role, track: Track, grid: Grid) -> BeatQuality:

@@ -29,6 +29,7 @@ class Survey:
     frequency_hz: NDArray[np.float64]
     seen: NDArray[np.bool_]
     clipped_fraction: float
+    harmonics: float  # amplitude of the strongest of the 2nd and 3rd, relative to the beat
     lowest_count: int
     highest_count: int
 
@@ -86,8 +87,19 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
     variance = np.median(noise[seen]) / scale  # of one sample
     typical = float(np.median(amplitude))
     snr = 0.5 * typical**2 / max(variance, 1 / 12 * 1e-3)
+    harmonics = _harmonics(power[seen], frequency[seen] * length / sample_rate_hz, noise[seen])
     return Survey(
-        offset, typical, float(10 * np.log10(max(snr, 1e-9))), sample, length, frequency, seen, clipped, low, high
+        offset,
+        typical,
+        float(10 * np.log10(max(snr, 1e-9))),
+        sample,
+        length,
+        frequency,
+        seen,
+        clipped,
+        harmonics,
+        low,
+        high,
     )
 
 
@@ -102,6 +114,23 @@ def _excess_pinning(raw: NDArray[np.int16], low: int, high: int) -> float:
     if share <= expected + 0.01:
         return 0.0
     return share if float((extreme[:, 1:] & extreme[:, :-1]).mean()) > 0.01 else 0.0
+
+
+def _harmonics(power: NDArray[np.float32], peak: NDArray[np.float64], noise: NDArray[np.float64]) -> float:
+    """Return the amplitude of the stronger of the second and third harmonic, folded back, relative to the beat."""
+    size = 2 * (power.shape[1] - 1)
+    rows = np.arange(power.shape[0])
+    beat = np.median(power.max(axis=1))
+    strongest = 0.0
+    for order in (2, 3):
+        folded = np.mod(order * peak, size)
+        place = np.clip(np.rint(np.minimum(folded, size - folded)), 8, power.shape[1] - 9).astype(np.int64)
+        apart = np.abs(place - peak) > 8
+        if apart.sum() < 8:
+            continue
+        near = np.max([power[rows[apart], place[apart] + k] for k in (-1, 0, 1)], axis=0)
+        strongest = max(strongest, float(np.median(near - 2 * noise[apart])) / float(beat))
+    return float(np.sqrt(max(strongest, 0.0)))
 
 
 def _peak_offset(power: NDArray[np.float32], rows: NDArray[np.int64], peak: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Recording
+from analysis.recording import Gap, Recording
 from analysis.shot import AnalysisError, Cancelled, Progress
 from analysis.signal.beat import BATCH, BeatReader, Guide
 from analysis.signal.bridge import Bridge, Segment
@@ -72,15 +72,30 @@ class Grid:
 
     @classmethod
     def of(cls, recording: Recording, step: int) -> "Grid":
-        """Lay the grid over a recording.  Raises AnalysisError where it is too short for one."""
-        starts, shifts = [0], [0]
-        for gap in sorted(recording.gaps, key=lambda g: g.sample_start):
-            if gap.samples_lost and 0 < gap.sample_start < recording.samples:
-                starts.append(gap.sample_start)
-                shifts.append(shifts[-1] + gap.samples_lost)
-        stops = [*starts[1:], recording.samples]
-        pieces = tuple((a, b, a + shift) for a, b, shift in zip(starts, stops, shifts, strict=True))
-        samples = (recording.samples + shifts[-1]) // step
+        """Lay the grid over a recording, or over its longest part without a loss of unknown length.
+
+        Raises AnalysisError where that is too short for a motion.
+        """
+        longest: tuple[tuple[int, int, int], ...] = ()
+        current: list[tuple[int, int, int]] = []
+        start, shift = 0, 0
+        ends = [
+            g for g in sorted(recording.gaps, key=lambda g: g.sample_start) if 0 < g.sample_start < recording.samples
+        ]
+        for gap in (*ends, Gap(recording.samples)):
+            if gap.samples_lost == 0:
+                continue
+            current.append((start, gap.sample_start, start + shift))
+            start = gap.sample_start
+            if gap.samples_lost is not None:
+                shift += gap.samples_lost
+                continue
+            if not longest or current[-1][1] - current[0][0] > longest[-1][1] - longest[0][0]:
+                longest = tuple(current)
+            current, shift = [], 0
+        pieces = longest
+        true_stop = pieces[-1][2] + pieces[-1][1] - pieces[-1][0]
+        samples = true_stop // step
         if samples < MIN_MOTION_SAMPLES:
             raise AnalysisError(
                 f"too short: {recording.samples} samples give {samples} of motion (at least {MIN_MOTION_SAMPLES})"

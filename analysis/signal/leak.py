@@ -1,0 +1,104 @@
+"""Polarisation leak: the little of the unshifted frequency that reaches PD1, and taking it off.
+
+In the frame that turns with PD0's phase the moving beat draws a circle, and the leak is the distance of its centre
+from zero.  While the block moves fast the leak's ripple lies far outside the motion's band; near the turnaround it
+lies within it and bends the displacement by up to lambda / (4 pi) times leak / beat.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import Recording
+from analysis.signal.beat import BeatReader
+from analysis.signal.filters import decimator_taps, stretches
+from analysis.signal.rest import Rest
+from analysis.signal.track import Grid, Track, Wanted
+
+Floats = NDArray[np.float64]
+LONGEST_S = 12e-3  # of flight, read for the centre
+SHORTEST_S = 0.5e-3
+FAST_HZ = 40e3  # Doppler shift above which the circle is drawn often enough for its centre to be its mean
+REMOVED_ABOVE = 5e-4  # of the beat's amplitude; less bends the displacement by less than 25 pm
+_SIGMA = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Leak:
+    """A leak relative to the beat: amplitude ratio, its standard deviation, and phase against PD0's in cycles."""
+
+    ratio: float
+    std: float
+    cycles: float
+
+
+def find_leak(
+    recording: Recording, column: int, rest: Rest, rest_read: Wanted, track: Track, grid: Grid, doppler_hz: Floats
+) -> Leak | None:
+    """Return the leak in a channel, or None where it never moves fast enough or has too little of it.
+
+    ``doppler_hz`` (n,) on the motion's grid says where the block flies.  The channel is read once more there, at the
+    rest frequency, and averaged in PD0's frame under a Hann window.
+    """
+    fast = (np.abs(doppler_hz) > FAST_HZ) & ~track.hole[: doppler_hz.size]
+    runs = stretches(fast)
+    if not runs:
+        return None
+    first, last = max(runs, key=lambda run: run[1] - run[0])
+    start = (first + 6) * grid.step
+    stop = min((last + 6) * grid.step, start + int(LONGEST_S * grid.input_rate_hz))
+    for piece_start, piece_stop, true_start in grid.pieces:
+        begin = max(start, true_start)
+        end = min(stop, true_start + piece_stop - piece_start)
+        if end - begin >= SHORTEST_S * grid.input_rate_hz:
+            break
+    else:
+        return None
+    tuning = rest_read.tuning
+    reader = BeatReader(tuning, rest_read.guide, column, track.wanted.survey.offset_counts, begin)
+    index, phase, power = reader.feed(
+        recording.counts[begin - true_start + piece_start : end - true_start + piece_start]
+    )
+    if phase.size < 64:
+        return None
+    sample = (index + np.arange(phase.size)) * float(tuning.decimation) + tuning.delay_samples
+    time_s: Floats = np.asarray(sample / tuning.sample_rate_hz, np.float64)
+    turned = 2 * np.sqrt(power.astype(np.float64)) * np.exp(2j * np.pi * (phase - rest.phase_at(time_s)))
+    window = np.hanning(phase.size + 2)[1:-1]
+    centre = complex(np.sum(window * turned) / window.sum())
+    amplitude = track.wanted.survey.amplitude_counts
+    snr = 10 ** (track.wanted.survey.snr_db / 10)
+    std = float(np.sqrt(1.5 / (snr * tuning.effective_samples * phase.size)))
+    ratio = abs(centre) / amplitude
+    if ratio < max(REMOVED_ABOVE, _SIGMA * std):
+        return None
+    return Leak(ratio, std, float(np.angle(centre) / (2 * np.pi)))
+
+
+def leak_phase(leak: Leak, moving_cycles: Floats, rest_cycles: Floats, track: Track, grid: Grid) -> Floats:
+    """Return what a leak adds to the phase of the moving beat, in cycles, shape (n,).
+
+    Both phases are true ones (a cosine's) at the same times.  The band-pass and the decimator let the ripple through
+    as they let through a tone at the Doppler frequency; second order in the ratio.
+    """
+    doppler = np.abs(np.gradient(moving_cycles - rest_cycles) * grid.rate_hz)
+    ratio = leak.ratio * _response(track.wanted.tuning.full_window, doppler / grid.input_rate_hz)
+    factor = grid.step // track.wanted.tuning.decimation
+    taps = decimator_taps(factor)
+    phase_rate = track.wanted.tuning.phase_rate_hz
+    once, twice = _response(taps, doppler / phase_rate), _response(taps, 2 * doppler / phase_rate)
+    added = np.zeros(moving_cycles.shape)
+    for _ in range(2):
+        angle = 2 * np.pi * (leak.cycles + rest_cycles - (moving_cycles - added))
+        added = (once * ratio * np.sin(angle) - twice * 0.5 * ratio**2 * np.sin(2 * angle)) / (2 * np.pi)
+    return np.asarray(np.where(np.isfinite(added), added, 0.0))
+
+
+def _response(taps: Floats, frequency: Floats) -> Floats:
+    """Return the response of symmetric taps at frequencies in cycles a sample, looked up on a fine grid."""
+    size = 1 << int(np.ceil(np.log2(32 * taps.size)))
+    position = np.arange(size // 2 + 1) / size
+    gain = np.fft.rfft(taps, size) * np.exp(2j * np.pi * position * 0.5 * (taps.size - 1))
+    wrapped = np.abs(frequency - np.rint(frequency))
+    return np.asarray(np.interp(wrapped, position, gain.real / taps.sum()))

@@ -14,7 +14,7 @@ from instrument.drivers.byte_clock import ByteClock
 PACKET_BYTES = 512
 SETTLING_PACKETS = 8  # the first 2048 samples a channel are not to be trusted
 _HELD_PACKETS = 2  # whose continuity is told only by what follows
-_SAME_LOSS_S = 1.0  # the clock tells a loss later than the beat does
+_SAME_LOSS_S = 2.5  # the clock tells a loss up to so much later than the beat does
 
 
 class StreamedCodes:

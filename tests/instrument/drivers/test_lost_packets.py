@@ -84,21 +84,22 @@ def _clocked(received: np.ndarray, times_s: np.ndarray, rate: float) -> list[tup
     return told
 
 
-def test_the_clock_finds_a_loss_among_late_deliveries() -> None:
+@pytest.mark.parametrize(("lost_s", "told_after_s"), [(0.012, 2.2), (0.05, 0.5)])
+def test_the_clock_finds_a_loss_among_late_deliveries(lost_s: float, told_after_s: float) -> None:
     rng = np.random.default_rng(11)
     rate = 20e6
-    chunks = 600
+    chunks = 900
     size = 1 << 18
     due = np.arange(1, chunks + 1) * size / rate * (1 + 80e-6)  # its crystal is slow
     late = np.abs(rng.normal(0, 0.5e-3, chunks))
     late[200:206] += 0.06  # the host was away, the queue was not
+    late[300:360] += 0.01  # and busy for a good while
     times = np.maximum.accumulate(due + late)
     assert _clocked(np.full(chunks, size), times, rate) == []
-    lost_s = 0.012
-    times[400:] += lost_s
+    times[500:] += lost_s
     told = _clocked(np.full(chunks, size), times, rate)
     assert len(told) == 1
-    assert times[400] < told[0][0] < times[400] + 0.5
+    assert times[500] < told[0][0] < times[500] + told_after_s
     assert told[0][1] == pytest.approx(lost_s * rate, rel=0.15)
 
 
@@ -107,7 +108,7 @@ def test_a_loss_the_clock_tells_becomes_a_gap_without_a_reference() -> None:
     stream = StreamedCodes(2e6, None)
     now, told = 0.0, 0
     for i in range(60):
-        now += 32768 / 2e6 + (0.03 if i == 40 else 0.0)
+        now += 32768 / 2e6 + (0.05 if i == 30 else 0.0)
         stream.accept(Chunk(rng.integers(0, 256, 32768).astype(np.uint8), now))
         blocks: list = []
         _drain(stream, blocks)

@@ -2,23 +2,27 @@
 
 ``bench`` · ``replay:PATH`` · ``hantek6022`` · ``scpi:ADDRESS`` · ``niscope:RESOURCE``, the last three with options
 after a question mark, for example ``hantek6022?roles=switch,measurement&gains=1,5`` or
-``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling&level=1.2``.
+``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling&level=1.2``.  All three take what is known of the rig:
+``mass`` (kg), ``rest`` (the rest frequency in Hz, needed where no channel carries PD0) and ``wavelength`` (in air, m).
 """
 
 import importlib
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 from analysis.recording import Role, Setup
 from instrument.digitizer import Digitizer, DigitizerError
+from instrument.drivers.assumed_rig import assumed_rig
 from instrument.found_devices import FoundDevice, found_devices
 
 __all__ = ["SOURCES", "FoundDevice", "found_devices", "open_source"]
 
 SOURCES = ("bench", "replay:PATH", "hantek6022", "scpi:ADDRESS", "niscope:RESOURCE")
+_RIG = ("mass", "rest", "wavelength")
 _REMEDY = "use one of " + ", ".join(SOURCES)
 
 _USB_ADDRESS = re.compile(r"usb(?::([0-9a-f]{4}):([0-9a-f]{4}))?", re.IGNORECASE)
@@ -60,13 +64,13 @@ def _replay(rest: str, setup: Setup | None) -> Digitizer:
 def _hantek6022(rest: str, setup: Setup | None) -> Digitizer:
     from instrument.drivers.hantek6022 import Hantek6022
 
-    options = _options(rest.removeprefix("?"), "hantek6022", ("roles", "gains", "firmware"))
+    options = _options(rest.removeprefix("?"), "hantek6022", ("roles", "gains", "firmware", *_RIG))
     firmware = options.get("firmware")
     return Hantek6022(
         _roles(options.get("roles", "reference,measurement")),
         tuple(_integer(gain, "gain") for gain in options.get("gains", "2,2").split(",")),
         firmware=Path(firmware) if firmware else None,
-        setup=setup,
+        setup=_rig(options, setup, 8),
     )
 
 
@@ -74,7 +78,7 @@ def _scpi(rest: str, setup: Setup | None) -> Digitizer:
     from instrument.drivers.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
 
     address, _, given = rest.partition("?")
-    options = _options(given, "scpi", ("channels", "roles", "trigger", "slope", "level"))
+    options = _options(given, "scpi", ("channels", "roles", "trigger", "slope", "level", *_RIG))
     channels = [_integer(n, "channel") for n in options.get("channels", "1,2").split(",")]
     roles = _assigned(channels, options)
     source: int | str | None = options.get("trigger")
@@ -82,7 +86,7 @@ def _scpi(rest: str, setup: Setup | None) -> Digitizer:
         source = _integer(source, "trigger")
     level = options.get("level")
     trigger = HardwareTrigger(source, _slope(options), None if level is None else _number(level, "level"))
-    return ScpiOscilloscope(open_link(address), roles, trigger, setup=setup)
+    return ScpiOscilloscope(open_link(address), roles, trigger, setup=_rig(options, setup, None))
 
 
 def open_link(address: str) -> Any:
@@ -114,11 +118,11 @@ def _niscope(rest: str, setup: Setup | None) -> Digitizer:
     from instrument.drivers.niscope_card import CardTrigger, NiscopeCard
 
     resource, _, given = rest.partition("?")
-    options = _options(given, "niscope", ("channels", "roles", "trigger", "slope", "level", "range"))
+    options = _options(given, "niscope", ("channels", "roles", "trigger", "slope", "level", "range", *_RIG))
     channels = [str(_integer(n, "channel")) for n in options.get("channels", "0,1").split(",")]
     trigger = CardTrigger(options.get("trigger", "2"), _number(options.get("level", "1"), "level"), _slope(options))
     range_v = _number(options.get("range", "2"), "range")
-    return NiscopeCard(resource, _assigned(channels, options), trigger, range_v=range_v, setup=setup)
+    return NiscopeCard(resource, _assigned(channels, options), trigger, range_v=range_v, setup=_rig(options, setup, 16))
 
 
 _OPENERS: Mapping[str, Callable[[str, Setup | None], Digitizer]] = {
@@ -163,6 +167,22 @@ def _assigned(channels: list[Any], options: Mapping[str, str]) -> dict[Any, Role
     return dict(zip(channels, roles, strict=True))
 
 
+def _rig(options: Mapping[str, str], setup: Setup | None, bits: int | None) -> Setup | None:
+    """Return ``setup`` with what the options say of the rig; None where neither says anything."""
+    given: dict[str, float] = {}
+    for name, key in (("mass", "moving_mass_kg"), ("rest", "rest_frequency_hz"), ("wavelength", "wavelength_air_m")):
+        if name in options:
+            given[key] = _number(options[name], name)
+            if given[key] <= 0:
+                raise DigitizerError(f"{name}={options[name][:40]} is not above zero")
+    if not given:
+        return setup
+    rig = setup or assumed_rig(bits or 16)
+    if "mass" in options:
+        rig = replace(rig, extra={key: value for key, value in rig.extra.items() if key != "moving_mass_assumed"})
+    return replace(rig, **given)  # type: ignore[arg-type]
+
+
 def _slope(options: Mapping[str, str]) -> str:
     slope = options.get("slope", "rising")
     if slope not in ("rising", "falling"):
@@ -178,5 +198,5 @@ def _integer(text: str, what: str) -> int:
 
 def _number(text: str, what: str) -> float:
     if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?", text.strip()):
-        raise DigitizerError(f"{text[:40]!r} is no {what} in V")
+        raise DigitizerError(f"{text[:40]!r} is no {what}")
     return float(text)

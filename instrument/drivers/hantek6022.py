@@ -6,7 +6,6 @@ None and never filled.  Needs the vendor requests of the OpenHantek or the sigro
 differently: code 10 is 10 MS/s for one and 100 kS/s for the other.
 """
 
-import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -21,6 +20,7 @@ from analysis.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers import hantek6022_firmware as firmware_files
 from instrument.drivers import usb_bus
+from instrument.drivers.assumed_rig import assumed_rig
 from instrument.drivers.bulk_stream import BulkStream, QueuedBulkStream
 from instrument.drivers.hantek6022_calibration import EEPROM_BYTES, EEPROM_START, GAINS, scale_of
 from instrument.drivers.streamed_codes import StreamedCodes
@@ -60,7 +60,7 @@ class Hantek6022(Digitizer):
         self._roles = tuple(roles)
         self._gains = tuple(gains)
         self._firmware = firmware
-        self._setup = setup or Setup(moving_mass_kg=math.nan, digitizer_bits=8)
+        self._setup = setup or assumed_rig(8)
         self._backend = backend
         self._make_stream = make_stream
         self._device: Any = None
@@ -90,7 +90,7 @@ class Hantek6022(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup given; where none was, all but the bits is unknown (the mass NaN)."""
+        """Get the setup given; where none was, the paper's block is assumed and the setup says so."""
         return self._setup
 
     def arm(self, settings: CaptureSettings) -> None:

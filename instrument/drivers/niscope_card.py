@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.drivers.assumed_rig import assumed_rig
 
 PACKAGE_REMEDY = "pip install 'levimass[niscope]'"
 RUNTIME_REMEDY = "install the NI-SCOPE runtime from ni.com/downloads (Windows and Linux), then restart"
@@ -69,7 +70,7 @@ class NiscopeCard(Digitizer):
         self._roles = dict(roles)
         self._trigger = trigger or CardTrigger()
         self._range_v = range_v
-        self._setup = setup or Setup(moving_mass_kg=math.nan, digitizer_bits=16)
+        self._setup = setup or assumed_rig(16)
         self._scales = [(range_v / 65536, 0.0)] * len(roles)
         self._cancel = threading.Event()
         self._lock = threading.Lock()
@@ -97,7 +98,7 @@ class NiscopeCard(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup given; where none was, all but the bits is unknown (the mass NaN)."""
+        """Get the setup given; where none was, the paper's block is assumed and the setup says so."""
         return self._setup
 
     def arm(self, settings: CaptureSettings) -> None:

@@ -1,5 +1,6 @@
 """Deep-memory oscilloscopes over SCPI: one shot on a hardware trigger, then its memory in chunks."""
 
+import contextlib
 import math
 import queue
 import threading
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.drivers.assumed_rig import assumed_rig
 from instrument.drivers.scpi_dialects import Dialect, Scaling, Timing, dialect_of
 from instrument.drivers.scpi_transport import Cancelled, ScpiTransport
 
@@ -36,7 +38,7 @@ class ScpiOscilloscope(Digitizer):
     """An oscilloscope of the dialect table over any transport.
 
     ``roles`` says what its channels carry.  Ranges, coupling and, with ``trigger`` None, the trigger are taken as set
-    on the instrument.  The scales are known after the shot: read ``capabilities`` again when it has ended.
+    on the instrument.  The scales are read when it is opened, when it is armed, and with the shot.
     """
 
     def __init__(
@@ -72,12 +74,14 @@ class ScpiOscilloscope(Digitizer):
             raise
         model = identity.split(",")[1].strip() if identity.count(",") else ""
         self._name = f"{self._dialect.name.split()[0]} {model}".strip()
-        self._setup = setup or Setup(moving_mass_kg=math.nan, digitizer_bits=self._dialect.bits)
+        self._setup = setup or assumed_rig(self._dialect.bits)
         self._scales = {n: Scaling(1.0, 0.0) for n in self._roles}
+        with contextlib.suppress(DigitizerError):  # some tell them only of a finished shot
+            self._read_scales()
 
     @property
     def capabilities(self) -> Capabilities:
-        """Get what the instrument can do; scales are those of the last shot."""
+        """Get what the instrument can do; scales are those read last."""
         return Capabilities(
             name=self._name,
             channels=tuple(
@@ -93,7 +97,7 @@ class ScpiOscilloscope(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup given; where none was, all but the bits is unknown (the mass NaN)."""
+        """Get the setup given; where none was, the paper's block is assumed and the setup says so."""
         return self._setup
 
     @property
@@ -117,6 +121,8 @@ class ScpiOscilloscope(Digitizer):
             )
         self._set_time(settings)
         self._set_trigger()
+        with contextlib.suppress(DigitizerError):  # as above; those that count are read with the shot
+            self._read_scales()
         for command in self._dialect.single:
             self._link.write(command)
         self._cancel.clear()
@@ -197,6 +203,12 @@ class ScpiOscilloscope(Digitizer):
                 f"ask for {now.sample_rate_hz:g}, or set time base and memory depth on the instrument",
             )
 
+    def _read_scales(self) -> None:
+        for n in self._roles:
+            for command in self._dialect.select:
+                self._link.write(command.format(n=n))
+            self._scales[n] = self._dialect.scaling(self._link.query, n)
+
     def _set_trigger(self) -> None:
         words, trigger = self._dialect, self._trigger
         if trigger.source is None:
@@ -236,14 +248,9 @@ class ScpiOscilloscope(Digitizer):
                 return
 
     def _fetch(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
-        words, ask = self._dialect, self._link.query
-        timing: Timing | None = None
-        for n in self._roles:
-            for command in words.select:
-                self._link.write(command.format(n=n))
-            self._scales[n] = words.scaling(ask, n)
-            timing = words.timing(ask, n) if timing is None else timing
-        assert timing is not None
+        words = self._dialect
+        self._read_scales()
+        timing = words.timing(self._link.query, next(iter(self._roles)))
         if abs(timing.sample_rate_hz / settings.sample_rate_hz - 1) > RATE_TOLERANCE:
             raise DigitizerError(
                 f"{self._name} took {timing.sample_rate_hz:g} samples/s, not {settings.sample_rate_hz:g}", "re-arm"

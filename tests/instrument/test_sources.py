@@ -24,13 +24,14 @@ from tests.instrument.drivers.scripted_usb import In, Plugged, ScriptedUsb
         ("hantek6022?gains=x", "'x' is no gain number"),
         ("hantek6022?roles=switch,reference", "must carry the measuring beat"),
         ("hantek6022?roles=pd0,pd1", "names an unknown role: known are reference, measurement, switch"),
-        ("hantek6022?colour=red", "'colour=red' is no option: known are roles, gains, firmware"),
+        ("hantek6022?colour=red", "'colour=red' is no option: known are roles, gains, firmware, mass"),
         ("scpi:not an address", "is no address of an oscilloscope"),
         ("scpi:host:99999", "is no address of an oscilloscope"),
         ("scpi:host?channels=1,1", "must name each channel once"),
         ("scpi:host?slope=up", "neither rising nor falling"),
-        ("scpi:host?level=1e999999", "is no level in V"),
-        ("niscope:Dev1?trigger=2&range=wide", "is no range in V"),
+        ("scpi:host?level=1e999999", "is no level"),
+        ("hantek6022?mass=0", "mass=0 is not above zero"),
+        ("niscope:Dev1?trigger=2&range=wide", "is no range"),
     ],
 )
 def test_a_wrong_source_is_one_clear_line(text: str, line: str) -> None:
@@ -48,3 +49,14 @@ def test_roles_gains_and_firmware_reach_the_hantek(monkeypatch: pytest.MonkeyPat
     assert switch.volts_per_count == pytest.approx(10 * beat.volts_per_count)
     digitizer.close()
     bus.finish()
+
+
+def test_the_rig_is_assumed_until_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    setups = []
+    for text in ("hantek6022", "hantek6022?roles=switch,measurement&mass=0.0213&rest=2.73e6&wavelength=632.8e-9"):
+        bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [In(0xA2, 8, 80, b"")])
+        monkeypatch.setattr(usb_bus, "find_backend", lambda bus=bus: bus)
+        setups.append(open_source(text).setup)
+    assert (setups[0].moving_mass_kg, dict(setups[0].extra)) == (17.85e-3, {"moving_mass_assumed": True})
+    assert (setups[1].moving_mass_kg, setups[1].rest_frequency_hz) == (0.0213, 2.73e6)
+    assert (setups[1].wavelength_air_m, setups[1].digitizer_bits, dict(setups[1].extra)) == (632.8e-9, 8, {})

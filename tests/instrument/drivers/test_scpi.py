@@ -68,9 +68,9 @@ def test_the_rigols_words_in_their_order() -> None:
     fetch = [":WAV:SOUR CHAN2"]
     asked = [":ACQ:SRAT?", ":TIM:MAIN:OFFS?", ":ACQ:MDEP?"]
     assert scope.log == [
-        *("*IDN?", ":WAV:MODE RAW", ":WAV:FORM BYTE"),
+        *("*IDN?", ":WAV:MODE RAW", ":WAV:FORM BYTE", *fetch, ":WAV:PRE?"),
         *asked,
-        *(":TRIG:MODE EDGE", ":TRIG:EDG:SOUR CHAN3", ":TRIG:EDG:SLOP NEG", ":TRIG:EDG:LEV 1.25"),
+        *(":TRIG:MODE EDGE", ":TRIG:EDG:SOUR CHAN3", ":TRIG:EDG:SLOP NEG", ":TRIG:EDG:LEV 1.25", *fetch, ":WAV:PRE?"),
         *(":SING", ":TRIG:STAT?", ":TRIG:STAT?"),
         *fetch,
         ":WAV:PRE?",

@@ -69,7 +69,8 @@ class Testbed:
         plugged = Plugged(self.root, model, number)
         text = (
             f"P: /devices/emulated/1-{number}\nN: bus/usb/001/{number:03d}\n"
-            f"E: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DEVNAME=bus/usb/001/{number:03d}\nE: BUSNUM=001\nE: DEVNUM={number:03d}\n"
+            f"E: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DEVNAME=bus/usb/001/{number:03d}\n"
+            f"E: BUSNUM=001\nE: DEVNUM={number:03d}\n"
             f"A: busnum=1\\n\nA: devnum={number}\\n\nA: bConfigurationValue=1\\n\nA: speed=480\\n\n"
             f"H: descriptors={model.descriptors.hex().upper()}\n"
         )

@@ -1,0 +1,65 @@
+"""The guided set-up's verdicts on signals made for them."""
+
+import numpy as np
+import pytest
+
+from analysis.recording import Channel, Role
+from instrument.setup_check import check_setup
+
+RATE_HZ = 30e6
+BITS = 12
+VOLTS = 1.0 / 2048
+PD0, PD1, SWITCH = (Channel(role, VOLTS) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
+
+
+def _beat(frequency_hz: float, amplitude_v: float, noise_v: float = 0.005, n: int = 1 << 15) -> np.ndarray:
+    rng = np.random.default_rng(int(frequency_hz))
+    volts = amplitude_v * np.sin(2 * np.pi * frequency_hz / RATE_HZ * np.arange(n)) + rng.normal(0, noise_v, n)
+    return np.clip(np.round(volts / VOLTS), -2048, 2047).astype(np.int16)
+
+
+def _verdicts(*columns: tuple[Channel, np.ndarray], **known: float) -> dict[str, tuple[str, str]]:
+    channels = tuple(channel for channel, _ in columns)
+    counts = np.stack([values for _, values in columns], axis=1)
+    return {c.name: (c.grade.value, c.line) for c in check_setup(counts, channels, RATE_HZ, BITS, **known)}
+
+
+def test_a_good_rig_is_ok_throughout() -> None:
+    switch = np.where(np.arange(1 << 15) < 20_000, 1800, 100).astype(np.int16)
+    found = _verdicts((PD0, _beat(2.7301e6, 0.5)), (PD1, _beat(2.7299e6, 0.4)), (SWITCH, switch))
+    assert [grade for grade, _ in found.values()] == ["ok"] * 4
+    assert found["PD0"][1].startswith("beat at 2.730")
+    assert "0.5 V (50 % of the range)" in found["PD0"][1]
+    assert "toggled 1 time" in found["light switch"][1]
+
+
+@pytest.mark.parametrize(
+    ("values", "grade", "line"),
+    [
+        (_beat(2.73e6, 0.0), "fail", "no beat stands out of the noise"),
+        (_beat(2.73e6, 1.5), "fail", "lower the gain or the light"),
+        (_beat(2.73e6, 0.3, noise_v=0.15), "warn", "weak against the noise"),
+        (_beat(2.73e6, 0.02, noise_v=0.0005), "warn", "small for this range"),
+        (_beat(13.1e6, 0.5), "warn", "close to half the sample rate"),
+    ],
+)
+def test_each_fault_is_told_with_its_remedy(values: np.ndarray, grade: str, line: str) -> None:
+    found = _verdicts((PD0, values), (PD1, _beat(2.73e6, 0.5)))
+    assert found["PD0"][0] == grade
+    assert line in found["PD0"][1]
+
+
+def test_a_beat_elsewhere_asks_for_the_block_and_the_cable() -> None:
+    found = _verdicts((PD0, _beat(2.73e6, 0.5)), (PD1, _beat(3.1e6, 0.5)))
+    assert found["rest frequency"][0] == "warn"
+    assert "+370.0 kHz" in found["rest frequency"][1]
+
+
+def test_without_pd0_the_rest_frequency_must_be_given() -> None:
+    switch = np.full(1 << 15, 100, np.int16)
+    found = _verdicts((SWITCH, switch), (PD1, _beat(2.73e6, 0.5)))
+    assert found["rest frequency"] == ("fail", "no channel carries PD0: give the rest frequency")
+    assert found["light switch"][0] == "warn"
+    known = _verdicts((SWITCH, switch), (PD1, _beat(2.73e6, 0.5)), rest_frequency_hz=2.731e6, toggles=3)
+    assert known["rest frequency"][0] == "ok"
+    assert known["light switch"] == ("ok", "at 0.05 V, toggled 3 times")

@@ -17,6 +17,7 @@ from analysis.signal.plan import plans
 from analysis.signal.rest import Rest, smooth
 from analysis.signal.survey import survey
 from analysis.signal.track import Grid, Track, Wanted, read_tracks
+from analysis.signal.wander import wander
 
 Floats = NDArray[np.float64]
 HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat it bends the phase by as much
@@ -137,8 +138,15 @@ def _motion(
     rate = grid.rate_hz
     velocity, acceleration = derivatives(displacement, rate, settings.bandwidth_hz)
     velocity_gain, acceleration_gain = derivative_gains(np.isfinite(displacement), rate, settings.bandwidth_hz)
+    velocity_std, acceleration_std = std * velocity_gain, std * acceleration_gain
+    walk = wander(displacement, std, acceleration, acceleration_std, rate)
+    if walk > 0.0:
+        flags.append("wander")
+        walk_gains = derivative_gains(np.isfinite(displacement), rate, settings.bandwidth_hz, walk=True)
+        velocity_std = np.hypot(velocity_std, walk * walk_gains[0])
+        acceleration_std = np.hypot(acceleration_std, walk * walk_gains[1])
     mass = recording.setup.moving_mass_kg
-    for array in (displacement, velocity, acceleration, std):
+    for array in (displacement, velocity, acceleration, std, velocity_std, acceleration_std):
         array[~valid] = np.nan
     if max(t.wanted.survey.clipped_fraction for t in tracks) > 1e-4:
         flags.append("clipped")
@@ -153,9 +161,9 @@ def _motion(
         acceleration_m_per_s2=acceleration,
         force_n=mass * acceleration,
         displacement_std_m=std,
-        velocity_std_m_per_s=std * velocity_gain,
-        acceleration_std_m_per_s2=std * acceleration_gain,
-        force_std_n=mass * std * acceleration_gain,
+        velocity_std_m_per_s=velocity_std,
+        acceleration_std_m_per_s2=acceleration_std,
+        force_std_n=mass * acceleration_std,
         valid=valid,
         sample_rate_hz=rate,
         bandwidth_hz=settings.bandwidth_hz,
@@ -165,6 +173,7 @@ def _motion(
         wavelength_m=wavelength_m,
         rest_frequency_hz=rest,
         trigger_time_s=recording.trigger_time_s,
+        displacement_wander_m_per_sqrt_s=walk,
         reference=_quality(recording, Role.REFERENCE, tracks[1], grid) if len(tracks) > 1 else None,
         measurement=_quality(recording, Role.MEASUREMENT, track, grid),
         flags=tuple(dict.fromkeys(flags)),

@@ -126,27 +126,37 @@ def derivatives(displacement_m: Floats, sample_rate_hz: float, bandwidth_hz: flo
     return velocity, acceleration
 
 
-def derivative_gains(finite: NDArray[np.bool_], sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]:
+def derivative_gains(
+    finite: NDArray[np.bool_], sample_rate_hz: float, bandwidth_hz: float, walk: bool = False
+) -> tuple[Floats, Floats]:
     """Return the noise gains (1/s, 1/s^2) of each sample of ``derivatives``, shape (n,), NaN where it gives NaN.
 
     Times the white standard deviation of displacement they are the standard deviation of velocity and acceleration.
+    With ``walk`` they are those of a random walk instead (1/s^0.5, 1/s^1.5), per m/s^0.5 of its growth.
     """
     filters = derivative_filters(float(sample_rate_hz), float(bandwidth_hz))
-    velocity = np.full(finite.shape, np.nan)
-    acceleration = np.full(finite.shape, np.nan)
-    edge_velocity = np.sqrt(np.sum(filters.edge_velocity**2, axis=1))
-    edge_acceleration = np.sqrt(np.sum(filters.edge_acceleration**2, axis=1))
     half = filters.half
-    for start, stop in stretches(finite):
-        if stop - start < 2 * half + 1:
-            continue
-        velocity[start:stop] = filters.velocity_gain
-        acceleration[start:stop] = filters.acceleration_gain
-        velocity[start : start + half] = edge_velocity
-        velocity[stop - half : stop] = edge_velocity[::-1]
-        acceleration[start : start + half] = edge_acceleration
-        acceleration[stop - half : stop] = edge_acceleration[::-1]
-    return velocity, acceleration
+    out = []
+    for taps, edge_taps in (
+        (filters.velocity, filters.edge_velocity),
+        (filters.acceleration, filters.edge_acceleration),
+    ):
+        inner, edge = _gain(taps[None, :], sample_rate_hz, walk)[0], _gain(edge_taps, sample_rate_hz, walk)
+        gain = np.full(finite.shape, np.nan)
+        for start, stop in stretches(finite):
+            if stop - start < 2 * half + 1:
+                continue
+            gain[start:stop] = inner
+            gain[start : start + half] = edge
+            gain[stop - half : stop] = edge[::-1]
+        out.append(gain)
+    return out[0], out[1]
+
+
+def _gain(rows: Floats, sample_rate_hz: float, walk: bool) -> Floats:
+    if walk:  # a walk's steps, one a sample, reach every later sample
+        rows = np.cumsum(rows[:, ::-1], axis=1) / np.sqrt(sample_rate_hz)
+    return np.asarray(np.sqrt(np.sum(rows**2, axis=1)))
 
 
 def stretches(finite: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from analysis.motion import Motion
 from analysis.quantity import NotSeen
 from analysis.shot import AnalysisError
-from analysis.signal.filters import FLAT_SHARE, derivative_filters, derivative_gains, derivatives
+from analysis.signal.filters import FLAT_SHARE, derivative_gains, derivatives
 
 Floats = NDArray[np.float64]
 BANDWIDTH_SHARE = 0.2  # of the sample rate, where no bandwidth is asked for
@@ -70,7 +70,9 @@ def motion_from_displacement(
         displacement = np.concatenate(([0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1])))) / rate
         std = noise / rate * np.sqrt(np.arange(grid.size) + 1.0)
         velocity, acceleration = derivatives(displacement, rate, bandwidth)
-        velocity_std, acceleration_std = _integrated_std(noise, rate, bandwidth, grid.size)
+        gains = derivative_gains(np.isfinite(displacement), rate, bandwidth, walk=True)
+        growth = noise / np.sqrt(rate)  # of the walk that the integral of white noise is, in m/s^0.5
+        velocity_std, acceleration_std = growth * gains[0], growth * gains[1]
     valid = np.isfinite(displacement)
     std[~valid] = np.nan
 
@@ -158,18 +160,3 @@ def _noise(column: Floats, name: str) -> float:
     noise = float(np.sqrt(np.median(fourth**2) / 0.45494 / 70.0))
     levels = np.diff(np.unique(known))
     return max(noise, float(levels.min()) / np.sqrt(12.0) if levels.size < known.size / 2 else 0.0, 1e-30)
-
-
-def _integrated_std(noise: float, rate: float, bandwidth: float, size: int) -> tuple[Floats, Floats]:
-    """Return the noise of the derivatives of an integrated velocity: the filters, summed once, on white noise."""
-    filters = derivative_filters(float(rate), float(bandwidth))
-    summed = [np.sqrt(np.sum(np.cumsum(taps) ** 2)) / rate for taps in (filters.velocity, filters.acceleration)]
-    if size < 2 * filters.half + 1:
-        return np.full(size, np.nan), np.full(size, np.nan)
-    out = []
-    for gain, edge in zip(summed, (filters.edge_velocity, filters.edge_acceleration), strict=True):
-        std = np.full(size, noise * gain)
-        rows = noise / rate * np.sqrt(np.sum(np.cumsum(edge[:, ::-1], axis=1) ** 2, axis=1))
-        std[: filters.half], std[size - filters.half :] = rows, rows[::-1]
-        out.append(std)
-    return out[0], out[1]

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.quantity import Quantity
+from analysis.shot import AnalysisError
 
 Floats = NDArray[np.float64]
 _HIGHEST_DEGREE = 4
+_MEANS = 1024  # the phases are averaged down to, before curves are tried on them
 _WORTH = 25.0  # drop of chi^2 that a further term of the polynomial must bring (5 sigma)
 
 
@@ -35,25 +37,30 @@ def smooth(time_s: Floats, phase_cycles: Floats, std_cycles: float, oscillator_h
     A straight line is a constant frequency; further terms are taken only where they are worth 5 sigma.  The
     uncertainty of the frequency is that of the slope with the remainder that was really left.
     """
-    known = np.isfinite(phase_cycles)
     middle = 0.5 * (time_s[0] + time_s[-1])
     half = max(0.5 * (time_s[-1] - time_s[0]), 1e-12)
     u = (time_s - middle) / half
+    known = np.isfinite(phase_cycles)
+    each = max(1, int(known.sum()) // _MEANS)
+    count = int(known.sum()) // each
+    mean_u = u[known][: count * each].reshape(count, each).mean(axis=1)
+    mean_phase = phase_cycles[known][: count * each].reshape(count, each).mean(axis=1)
     best: tuple[int, Floats, float] | None = None
     for degree in range(1, _HIGHEST_DEGREE + 1):
-        if known.sum() <= 4 * degree:
+        if count <= 4 * degree:
             break
-        series = np.polynomial.Legendre.fit(u[known], phase_cycles[known], degree, domain=[-1, 1])
-        left = float(np.sum((phase_cycles[known] - series(u[known])) ** 2))
+        series = np.polynomial.Legendre.fit(mean_u, mean_phase, degree, domain=[-1, 1])
+        left = float(np.sum((mean_phase - series(mean_u)) ** 2)) * each
         if best is None or best[2] - left > _WORTH * max(std_cycles, 1e-9) ** 2:
             best = (degree, np.asarray(series.coef, dtype=np.float64), left)
-    assert best is not None
+    if best is None:
+        raise AnalysisError("reference channel: too short for a rest frequency")
     degree, coefficients, left = best
     series = np.polynomial.Legendre(coefficients)
     slope = series.deriv()
-    count = int(known.sum())
-    remainder = np.sqrt(left / max(1, count - degree - 1))
-    std = np.sqrt(3.0 / count) * max(remainder, std_cycles) / half
+    slow = np.sqrt(left / max(1, count - degree - 1))  # of a single phase, if the means' remainder were white
+    remainder = max(slow, float(np.sqrt(np.mean((phase_cycles[known] - series(u[known])) ** 2))))
+    std = np.sqrt(3.0 / known.sum()) * max(slow, std_cycles) / half
     ends = (float(slope(-1.0)) / half, float(slope(1.0)) / half)
     mean = oscillator_hz + float(series(1.0) - series(-1.0)) / (2 * half)
     return Rest(

@@ -1,0 +1,42 @@
+"""The slow part of the noise: what the optical path does by itself, as a random walk read from free flight."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signal.filters import stretches
+
+Floats = NDArray[np.float64]
+BLOCK = 32  # samples a mean
+_FORCED = 8.0  # standard deviations of acceleration: above it something pushes
+_SHIELD = 100  # samples about it that are left out
+_LEAST = 40  # second differences
+_CHI2_MEDIAN = 0.45494
+_SIGMA = 4.0
+
+
+def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, acceleration_std: Floats, rate: float) -> float:
+    """Return the growth w of a random walk in the displacement, in m/s^0.5; 0.0 where white noise accounts for all.
+
+    Arrays of shape (n,).  In flight the second difference of neighbouring means over tau has the variance
+    6 sigma^2 / BLOCK from white noise and w^2 tau from a walk; the median over the flight tells them apart.
+    """
+    with np.errstate(invalid="ignore"):
+        forced = ~(np.abs(acceleration) < _FORCED * acceleration_std)
+    near = np.convolve(forced, np.ones(2 * _SHIELD + 1), mode="same") > 0.5
+    squares = []
+    for start, stop in stretches(~near & np.isfinite(displacement_m)):
+        count = (stop - start) // BLOCK
+        if count >= 3:
+            means = displacement_m[start : start + count * BLOCK].reshape(count, BLOCK).mean(axis=1)
+            squares.append(np.diff(means, 2) ** 2)
+    if not squares:
+        return 0.0
+    joined = np.concatenate(squares)
+    if joined.size < _LEAST:
+        return 0.0
+    total = float(np.median(joined)) / _CHI2_MEDIAN
+    white = 6.0 * float(np.nanmedian(std_m)) ** 2 / BLOCK
+    unsure = 2.0 / np.sqrt(joined.size)  # relative, of a variance from a median
+    if total < white * (1 + _SIGMA * unsure):
+        return 0.0
+    return float(np.sqrt((total - white) * rate / BLOCK))

@@ -33,6 +33,8 @@ _EEPROM, _GAIN_1, _GAIN_2, _RATE, _RUN, _CHANNELS = 0xA2, 0xE0, 0xE1, 0xE2, 0xE3
 _RATES_OPENHANTEK = {1e5: 110, 2e5: 120, 5e5: 150} | {m * 1e6: m for m in (1, 2, 3, 4, 5, 6, 8, 10, 12, 15)}
 _RATES_SIGROK = {1e5: 10, 2e5: 20, 5e5: 50} | {m * 1e6: m for m in (1, 2, 4, 8, 12)}
 
+_EASY_HZ = 12e6  # two channels at 15 MS/s leave USB 2.0 little to spare
+
 StreamMaker = Callable[[Any, int, float, str], BulkStream]
 
 
@@ -82,7 +84,7 @@ class Hantek6022(Digitizer):
             name=NAME,
             channels=tuple(Channel(r, s.volts_per_count, s.offset_v) for r, s in zip(self._roles, scales, strict=True)),
             bits=8,
-            rates_hz=tuple(sorted(self._rates)),
+            rates_hz=tuple(sorted(self._rates, key=_preference)),
             max_samples=None,
             hardware_trigger=False,
             real_time=True,
@@ -92,6 +94,12 @@ class Hantek6022(Digitizer):
     def setup(self) -> Setup:
         """Get the setup given; where none was, the paper's block is assumed and the setup says so."""
         return self._setup
+
+    def default_settings(self) -> CaptureSettings:
+        """Return the fastest rate that USB carries with ease, over a sixth of a second."""
+        rate = self.capabilities.rates_hz[0]
+        samples = round(rate / 6)
+        return CaptureSettings(rate, samples, round(0.15 * samples))
 
     def arm(self, settings: CaptureSettings) -> None:
         """Start sampling; opens the device again after an unplugging.  Raises DigitizerError."""
@@ -207,3 +215,8 @@ class Hantek6022(Digitizer):
         device, self._device = self._device, None
         if device is not None:
             usb_bus.release(device)
+
+
+def _preference(rate_hz: float) -> tuple[bool, float]:
+    """Order rates: the fastest that is easy first, those that are not easy last."""
+    return rate_hz > _EASY_HZ, -rate_hz

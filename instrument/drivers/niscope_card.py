@@ -17,7 +17,7 @@ from instrument.drivers.assumed_rig import assumed_rig
 
 PACKAGE_REMEDY = "pip install 'levimass[niscope]'"
 RUNTIME_REMEDY = "install the NI-SCOPE runtime from ni.com/downloads (Windows and Linux), then restart"
-RATES_HZ = (1e6, 2e6, 4e6, 6e6, 10e6, 15e6, 20e6, 30e6, 60e6)
+RATES_HZ = (30e6, 60e6, 20e6, 15e6, 10e6, 6e6, 4e6, 2e6, 1e6)  # the paper's first
 EXTERNAL = "VAL_EXTERNAL"
 
 _ROLES: Mapping[str, Role] = {"0": Role.REFERENCE, "1": Role.MEASUREMENT}
@@ -100,6 +100,10 @@ class NiscopeCard(Digitizer):
     def setup(self) -> Setup:
         """Get the setup given; where none was, the paper's block is assumed and the setup says so."""
         return self._setup
+
+    def default_settings(self) -> CaptureSettings:
+        """Return the paper's 5 M samples at 30 MS/s."""
+        return CaptureSettings(30e6, 5_000_000, 750_000)
 
     def arm(self, settings: CaptureSettings) -> None:
         """Configure the card and wait for its trigger.  Raises DigitizerError, also when it rounds the rate."""

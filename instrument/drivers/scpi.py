@@ -58,6 +58,7 @@ class ScpiOscilloscope(Digitizer):
         self._trigger = trigger or HardwareTrigger()
         self._cancel = threading.Event()
         self._lock = threading.Lock()
+        self._talk = threading.RLock()  # one exchange at a time: the fetching thread and whoever asks for settings
         self._worker: threading.Thread | None = None
         self._blocks: queue.SimpleQueue[_Piece | DigitizerError | None] = queue.SimpleQueue()
         self._piece: _Piece | None = None
@@ -107,7 +108,8 @@ class ScpiOscilloscope(Digitizer):
 
     def default_settings(self) -> CaptureSettings:
         """Return what is set on the instrument: taking it as it is."""
-        timing = self._dialect.set_now(self._link.query, next(iter(self._roles)))
+        with self._talk:
+            timing = self._dialect.set_now(self._link.query, next(iter(self._roles)))
         return CaptureSettings(timing.sample_rate_hz, timing.samples, timing.trigger_sample or 0)
 
     def arm(self, settings: CaptureSettings) -> None:
@@ -119,12 +121,13 @@ class ScpiOscilloscope(Digitizer):
                 f"trigger",
                 f"at most {self._dialect.max_samples}",
             )
-        self._set_time(settings)
-        self._set_trigger()
-        with contextlib.suppress(DigitizerError):  # as above; those that count are read with the shot
-            self._read_scales()
-        for command in self._dialect.single:
-            self._link.write(command)
+        with self._talk:
+            self._set_time(settings)
+            self._set_trigger()
+            with contextlib.suppress(DigitizerError):  # as above; those that count are read with the shot
+                self._read_scales()
+            for command in self._dialect.single:
+                self._link.write(command)
         self._cancel.clear()
         self._blocks = queue.SimpleQueue()
         self._piece = None
@@ -242,15 +245,17 @@ class ScpiOscilloscope(Digitizer):
         while True:
             if self._cancel.wait(POLL_S):
                 raise Cancelled
-            done = self._dialect.is_done(self._link.query(self._dialect.status))
+            with self._talk:
+                done = self._dialect.is_done(self._link.query(self._dialect.status))
             seen_waiting = seen_waiting or not done
             if done and (seen_waiting or self._clock() - armed_s > ARMING_S):
                 return
 
     def _fetch(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
         words = self._dialect
-        self._read_scales()
-        timing = words.timing(self._link.query, next(iter(self._roles)))
+        with self._talk:
+            self._read_scales()
+            timing = words.timing(self._link.query, next(iter(self._roles)))
         if abs(timing.sample_rate_hz / settings.sample_rate_hz - 1) > RATE_TOLERANCE:
             raise DigitizerError(
                 f"{self._name} took {timing.sample_rate_hz:g} samples/s, not {settings.sample_rate_hz:g}", "re-arm"
@@ -263,7 +268,8 @@ class ScpiOscilloscope(Digitizer):
             count = min(step, end - at)
             counts = np.empty((count, len(self._roles)), np.int16)
             for column, n in enumerate(self._roles):
-                counts[:, column] = self._points(n, at, count, timing)
+                with self._talk:
+                    counts[:, column] = self._points(n, at, count, timing)
             self._fetched += count
             trigger = None if timing.trigger_sample is None else timing.trigger_sample - at
             out.put(_Piece(counts, trigger, at + count == end))

@@ -110,7 +110,8 @@ def test_the_firmware_is_loaded_and_the_device_found_again(tmp_path: Path) -> No
         EEPROM,
     ]
     scope = Hantek6022(firmware=path, backend=bus, make_stream=GivenStream([]))
-    assert scope.capabilities.rates_hz[-1] == 12e6  # the sigrok firmware's
+    assert scope.capabilities.rates_hz[:3] == (12e6, 8e6, 4e6)  # the sigrok firmware's
+    assert scope.default_settings() == CaptureSettings(12e6, 2_000_000, 300_000)
     scope.close()
     bus.finish()
 

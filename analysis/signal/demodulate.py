@@ -152,6 +152,8 @@ def _motion(
         flags.append("clipped")
     if max(t.wanted.survey.harmonics for t in tracks) > HARMONICS_ABOVE:
         flags.append("harmonics")
+    if np.count_nonzero(np.abs(track.offset_hz(grid)[: count - 1]) > track.wanted.tuning.half_width_hz) > 0:
+        flags.append("out_of_band")
     if any(gap.samples_lost is None for gap in recording.gaps):
         flags.append("gap_unknown")
     return Motion(

@@ -92,6 +92,14 @@ def effective_mass_kg(plate: Plate) -> float:
     return float(_masses(_numbers(plate, EXACT))[1])
 
 
+def arm_effective_mass_kg(plate: Plate) -> float:
+    """Return the arm's part of ``effective_mass_kg``; the rest is the disc's."""
+    _check(plate)
+    length, load, _ = _reach(_numbers(plate, EXACT))
+    arm = plate.density_kg_m3 * plate.thickness_m * plate.arm_width_m * plate.arm_length_m
+    return float(arm * _arm_ratio(length, load))
+
+
 def youngs_modulus_pa(
     stiffness: Quantity, plate: Plate, tolerance: PlateTolerance | None = None, disc: Disc = Disc.RIGID
 ) -> Quantity:

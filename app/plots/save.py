@@ -17,8 +17,9 @@ def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:
     """Write the plot as it looks, ``scale`` times finer than the screen.  Raises OSError."""
     image = QImage(view.size() * scale, QImage.Format.Format_RGB32)
     image.setDevicePixelRatio(scale)
+    image.fill(view.backgroundBrush().color())
     painter = QPainter(image)
-    view.render(painter)
+    view.render(painter, QRectF(0, 0, view.width(), view.height()))  # else it takes the device's pixels for its own
     painter.end()
     if not image.save(str(path), "PNG"):
         raise OSError(f"{path}: could not be written")
@@ -36,7 +37,7 @@ def save_svg(view: pg.GraphicsView, path: Path) -> None:
     if not painter.begin(generator):
         raise OSError(f"{path}: could not be written")
     painter.fillRect(QRectF(0, 0, size.width(), size.height()), view.backgroundBrush())
-    view.render(painter)
+    view.render(painter, QRectF(0, 0, size.width(), size.height()))
     painter.end()
 
 

@@ -6,10 +6,14 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as _installed_version
 from typing import Any
 
+from analysis.budget import budget
+from analysis.budget import to_result as budget_result
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.result import to_result as diagnosis_result
 from analysis.fit import Fit
 from analysis.quantity import to_json
+from analysis.series import series
+from analysis.series import to_result as series_result
 from analysis.shot import Shot
 
 SCHEMA = "levimass.result/1"
@@ -28,13 +32,14 @@ def result(shots: Sequence[Shot], diagnosis: Diagnosis | None) -> dict[str, Any]
     return {
         "schema": SCHEMA,
         "version": program_version(),
-        "shots": [shot_result(shot) for shot in shots],
+        "shots": [shot_result(shot, [other for other in shots if other is not shot]) for shot in shots],
+        "series": _finite(series_result(series(shots))) if len(shots) > 1 else None,
         "diagnosis": None if diagnosis is None else _finite(diagnosis_result(diagnosis)),
     }
 
 
-def shot_result(shot: Shot) -> dict[str, Any]:
-    """Return one shot's entry; what was not seen is null."""
+def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
+    """Return one shot's entry; what was not seen is null.  ``others`` of the same rig tell its repeatability."""
     impact = shot.impact
     kinetic = impact.cor_kinetic if impact else None
     entry: dict[str, Any] = {
@@ -68,6 +73,7 @@ def shot_result(shot: Shot) -> dict[str, Any]:
     ):
         entry[key] = to_json(getattr(impact, key)) if impact else None
     entry["fit"] = fit_result(shot.fit)
+    entry["budget"] = budget_result(budget(shot, others=others)) if impact else None
     entry["seconds"] = {key: shot.seconds.get(key, 0.0) for key in ("load", "demodulate", "impact", "fit")}
     finite: dict[str, Any] = _finite(entry)
     return finite

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.budget import COLUMNS as BUDGET_COLUMNS
+from analysis.budget import budget, to_rows
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
 from instrument.recording_writer import write_text_beside
@@ -40,7 +42,10 @@ FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m
 
 
 def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
-    """Write one motion file a shot and ``shots.csv``; return the paths.  Raises OSError or RecordingError."""
+    """Write one motion file a shot, ``shots.csv`` and ``budget.csv``; return the paths.
+
+    Raises OSError or RecordingError.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     files = [
         name if shot.motion is not None else ""
@@ -50,12 +55,13 @@ def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
         if name:
             write_motion(shot, folder / name)
     write_shots([shot_row(shot, name) for shot, name in zip(shots, files, strict=True)], folder / "shots.csv")
-    return [*(folder / name for name in files if name), folder / "shots.csv"]
+    write_table(BUDGET_COLUMNS, _budget_rows(shots), folder / "budget.csv")
+    return [*(folder / name for name in files if name), folder / "shots.csv", folder / "budget.csv"]
 
 
 def motion_file_names(shot_names: Sequence[str]) -> list[str]:
     """Return a file name for each shot, no two alike: shots of two folders often share their names."""
-    taken = {"shots.csv"}
+    taken = {"shots.csv", "budget.csv"}
     names = []
     for shot_name in shot_names:
         stem = re.sub(r"[^\w.-]+", "_", shot_name).strip("._") or "shot"
@@ -89,11 +95,24 @@ def write_shots(rows: Sequence[Sequence[str]], path: Path) -> None:
     for kind in KINETIC:
         header += _pair(f"cor_kinetic_{kind}", "1")
     header += [f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")] + ["reduced_chi2"]
+    write_table(header, rows, path)
+
+
+def write_table(header: Sequence[str], rows: Sequence[Sequence[str]], path: Path) -> None:
+    """Write a table as CSV, whole or not at all."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(header)
     table.writerows(rows)
     write_text_beside(path, text.getvalue(), sync=True)
+
+
+def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:
+    rows: list[list[str]] = []
+    for shot in shots:
+        if shot.impact is not None:
+            rows += to_rows(budget(shot, others=[other for other in shots if other is not shot]))
+    return rows
 
 
 def _pair(name: str, unit: str) -> list[str]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.motion import Motion
+from analysis.noise import Noise
 
 Floats = NDArray[np.float64]
 
@@ -31,8 +32,8 @@ class ContactSpan:
 class Flight:
     """A polynomial through the displacement of a free flight, about ``time_zero_s``.
 
-    ``coefficients`` are position, velocity, half acceleration, ... (SI); ``covariance`` is over them and carries the
-    correlation of the remainder, not only its size.
+    ``coefficients`` are position, velocity, half acceleration, ... (SI); ``covariance`` is over them.
+    ``noise_std_m`` is that of one sample against its neighbours.
     """
 
     time_zero_s: float
@@ -107,11 +108,12 @@ def _find_reversal(motion: Motion, threshold_n: float, force_std_n: float) -> Co
     return ContactSpan(edges[0], edges[1], threshold_n, force_std_n)
 
 
-def fit_flight(motion: Motion, first: int, last: int, *, nearest: int) -> Flight | None:
+def fit_flight(motion: Motion, first: int, last: int, *, nearest: int, noise: Noise | None = None) -> Flight | None:
     """Fit the flight between samples ``first`` and ``last`` (inclusive), keeping the part close to sample ``nearest``.
 
     Quadratic where the flight is long enough, so that drag and tilt do not bend the velocity at its end; straight
-    where it is short.  None when fewer than 4 valid samples are left.
+    where it is short.  With ``noise`` data and polynomial are whitened alike (generalised least squares): a floor that
+    wanders moves the velocity more than its size among white noise would tell.  None with fewer than 4 valid samples.
     """
     longest = max(round(LONGEST_FLIGHT_S * motion.sample_rate_hz), FEWEST_SAMPLES)
     if nearest >= last:
@@ -127,27 +129,33 @@ def fit_flight(motion: Motion, first: int, last: int, *, nearest: int) -> Flight
     degree = 2 if tau[-1] - tau[0] >= SHORTEST_CURVED_S and index.size >= 12 else 1
     scale = float(np.abs(tau).max())
     design = np.vander(tau / scale, degree + 1, increasing=True)
-    solution, *_ = np.linalg.lstsq(design, motion.displacement_m[index], rcond=None)
-    residual = motion.displacement_m[index] - design @ solution
+    values = motion.displacement_m[index]
     freedom = max(index.size - degree - 1, 1)
-    stated = float(np.nanmedian(motion.displacement_std_m[index]))
-    std = float(np.sqrt(residual @ residual / freedom)) if freedom >= 8 else stated
-    inverse = np.linalg.inv(design.T @ design)
-    covariance = inverse * (max(std, 1e-30) ** 2 * _correlation_factor(residual))
+    if noise is None:
+        solution, *_ = np.linalg.lstsq(design, values, rcond=None)
+        residual = values - design @ solution
+        stated = float(np.nanmedian(motion.displacement_std_m[index]))
+        std = float(np.sqrt(residual @ residual / freedom)) if freedom >= 8 else stated
+        covariance = np.linalg.inv(design.T @ design) * max(std, 1e-30) ** 2
+    else:
+        std = noise.white_std_m
+        solution, covariance = _whitened_fit(noise, np.column_stack([values - values[0], design]), index)
+        solution[0] += values[0]
     unscale = scale ** -np.arange(degree + 1.0)
     return Flight(zero, solution * unscale, covariance * np.outer(unscale, unscale), std, int(index[0]), int(index[-1]))
 
 
-def _correlation_factor(residual: Floats) -> float:
-    """Return how many times larger a sum's variance is than for white noise (Bartlett-weighted autocovariances)."""
-    n = residual.size
-    lags = min(n // 4, 200)
-    if lags < 2:
-        return 1.0
-    variance = float(residual @ residual) / n
-    if variance == 0.0:
-        return 1.0
-    spectrum = np.abs(np.fft.rfft(residual, 2 * n)) ** 2
-    covariance = np.fft.irfft(spectrum)[1 : lags + 1] / n
-    weights = 1.0 - np.arange(1, lags + 1) / (lags + 1)
-    return max(1.0, 1.0 + 2.0 * float(weights @ covariance) / variance)
+def _whitened_fit(noise: Noise, columns: Floats, index: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    """Return generalised least-squares solution and covariance; the first column is the data, holes stay holes."""
+    span = int(index[-1] - index[0]) + 1
+    valid = np.zeros(span, dtype=np.bool_)
+    valid[index - index[0]] = True
+    spread = np.zeros((span, columns.shape[1]))
+    spread[valid] = columns
+    white = noise.whiten(spread, valid)
+    solution, *_ = np.linalg.lstsq(white[:, 1:], white[:, 0], rcond=None)
+    residual = white[:, 0] - white[:, 1:] @ solution
+    freedom = max(white.shape[0] - solution.size, 1)
+    inverse = np.linalg.inv(white[:, 1:].T @ white[:, 1:])
+    scatter = max(1.0, float(residual @ residual) / freedom)  # Birge: never better known than it fits
+    return np.asarray(solution, dtype=np.float64), np.asarray(inverse * scatter, dtype=np.float64)

@@ -5,13 +5,16 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from analysis.motion import Motion
+from analysis.noise import Noise
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.reading.edges import Edge
+from analysis.signal.filters import derivative_filters
 
 Floats = NDArray[np.float64]
 
 SMOOTH_HZ = (100.0, 250.0, 500.0)  # PHYSICS.md section 3: the smooth pulse is the force low-passed at 100-500 Hz
 SLOPE_SPAN = (0.209, 0.975)  # of the contact: 6 to 28 ms of 28.7, clear of bounces and release
+FREQUENCIES = 8192  # of the transform a noise is weighed with
 SPLIT_NOISE = 0.6  # of a velocity's noise is left in the turning point, a line through 18 samples
 TOP_FRACTION = 0.04  # of the contact time, to each side of the top, that a parabola follows
 
@@ -29,25 +32,39 @@ def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
     return out
 
 
-def read_peak(motion: Motion, touch: Edge, release: Edge) -> tuple[Reading, float]:
-    """Return the peak force in N and its time in s: the top of the pulse, past the bounces, by a local parabola."""
+def read_peak(motion: Motion, touch: Edge, release: Edge, noise: Noise) -> Reading:
+    """Return the peak force in N: the top of the pulse, past the bounces, by a local parabola."""
     span = release.time_s - touch.time_s
     index = np.flatnonzero(
         (motion.time_s > touch.time_s + SLOPE_SPAN[0] * span) & (motion.time_s < touch.time_s + SLOPE_SPAN[1] * span)
     )
     if index.size < 5 or not np.isfinite(motion.force_n[index]).all():
-        return NotSeen("the contact is too short or interrupted"), touch.time_s + span / 2
+        return NotSeen("the contact is too short or interrupted")
     rough = _running_mean(motion.force_n[index], max(1, round(0.02 * span * motion.sample_rate_hz)))
     middle = motion.time_s[index[int(rough.argmax())]]
     around = index[np.abs(motion.time_s[index] - middle) <= max(TOP_FRACTION * span, 2.0 / motion.sample_rate_hz)]
     tau = motion.time_s[around] - middle
-    (top, slope, curve), std_top = _parabola(tau, motion.force_n[around], motion, around)
+    inverse = np.linalg.pinv(np.vander(tau, 3, increasing=True))
+    top, slope, curve = inverse @ motion.force_n[around]
     if curve >= 0.0:
-        return NotSeen("the force has no single top"), float(middle)
+        return NotSeen("the force has no single top")
     vertex = float(np.clip(-slope / (2 * curve), tau[0], tau[-1]))
-    value = top + slope * vertex + curve * vertex**2
+    value = float(top + slope * vertex + curve * vertex**2)
+    weights = np.array([1.0, vertex, vertex**2]) @ inverse
     how = f"parabola over ±{tau[-1] * 1e3:.1f} ms about {(middle + vertex) * 1e3:.2f} ms, {motion.bandwidth_hz:g} Hz"
-    return Quantity(float(value), _with_mass(motion, float(value), std_top), how), float(middle + vertex)
+    return Quantity(value, _with_mass(motion, value, _force_std(motion, weights, noise)), how)
+
+
+def _force_std(motion: Motion, weights: Floats, noise: Noise) -> float:
+    """Return the std in N of a weighted sum of neighbouring forces, through the filters they share.
+
+    The force's noise rises with f^2 in amplitude, so a smooth weighting quiets it far more than independent samples.
+    """
+    taps = derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).acceleration
+    response = np.fft.rfft(np.convolve(weights, taps), FREQUENCIES)
+    frequency_hz = np.asarray(np.fft.rfftfreq(FREQUENCIES, 1.0 / motion.sample_rate_hz), dtype=np.float64)
+    density = noise.psd(frequency_hz) * np.abs(response) ** 2
+    return motion.moving_mass_kg * float(np.sqrt(np.trapezoid(density, frequency_hz)))
 
 
 def read_fwhm(motion: Motion, touch: Edge, release: Edge) -> Reading:
@@ -161,13 +178,6 @@ def find_turnaround(motion: Motion, touch: Edge, release: Edge) -> float | None:
     near = inside[max(crossing[0] - 8, 0) : crossing[0] + 10]  # a line over some samples steadies the noise
     slope, offset = np.polyfit(motion.time_s[near] - motion.time_s[near[0]], motion.velocity_m_per_s[near], 1)
     return float(motion.time_s[near[0]] - offset / slope)
-
-
-def _parabola(tau: Floats, force: Floats, motion: Motion, index: NDArray[np.intp]) -> tuple[Floats, float]:
-    solution, *_ = np.linalg.lstsq(np.vander(tau, 3, increasing=True), force, rcond=None)
-    independent = max(1.0, index.size * 2.0 * motion.bandwidth_hz / motion.sample_rate_hz)
-    std = float(np.nanmedian(motion.force_std_n[index])) * 1.5 / float(np.sqrt(independent))
-    return np.asarray(solution, dtype=np.float64), std
 
 
 def _with_mass(motion: Motion, value: float, std: float) -> float:

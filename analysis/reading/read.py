@@ -4,6 +4,7 @@ import numpy as np
 
 from analysis.impact import Impact, KineticCor
 from analysis.motion import Motion
+from analysis.noise import Noise, estimate
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.reading import pulse
 from analysis.reading.bounces import Bounces, find_bounces
@@ -28,6 +29,8 @@ def read_impact(motion: Motion) -> Impact:
     flight_out, release = _side(motion, span, incoming=False)
     if flight_in is None or touch is None:
         raise NoImpact("no free flight before the contact: the record starts too late")
+    noise = _learn_noise(motion, flight_in, flight_out)
+    flight_in = _weighed(motion, flight_in, flight_in.last + 1, noise)
     v_in = _velocity(flight_in, touch, "before the touch")
     if v_in.value >= 0.0:
         raise NoImpact("the block does not move towards the plate before the contact")
@@ -36,6 +39,7 @@ def read_impact(motion: Motion) -> Impact:
     turnaround = pulse.find_turnaround(motion, touch, release)
     if turnaround is None:
         return _unfinished(motion, touch, v_in, "the block does not turn round")
+    flight_out = _weighed(motion, flight_out, flight_out.first - 1, noise)
     v_out = _velocity(flight_out, release, "after the release")
     quasi_static = _ratio(v_out, v_in, "|v_out / v_in| of the two free flights")
     drag = (
@@ -45,7 +49,7 @@ def read_impact(motion: Motion) -> Impact:
     impulse = pulse.read_impulse_ratio(motion, turnaround, touch, release, drag)
     bounces = find_bounces(motion, touch, release, flight_in)
     touch_position = float(flight_in.position_m(np.array([touch.time_s]))[0])
-    peak, _ = pulse.read_peak(motion, touch, release)
+    peak = pulse.read_peak(motion, touch, release, noise)
     flags = ["bounces_disturbed"] if _disturbed(bounces) else []
     if not _agree(quasi_static, impulse):
         flags.append("impulse_disagrees")
@@ -93,6 +97,22 @@ def _side(motion: Motion, span: ContactSpan, *, incoming: bool) -> tuple[Flight 
         edge_sample = int(np.searchsorted(motion.time_s, edge.time_s))
         guard = max(3, round(1.0 / motion.bandwidth_hz * motion.sample_rate_hz))
     return flight, edge
+
+
+def _learn_noise(motion: Motion, flight_in: Flight, flight_out: Flight | None) -> Noise:
+    """Return the noise that the flights themselves show."""
+    incoming, outgoing = (
+        motion.displacement_m[f.first : f.last + 1] if f is not None else np.empty(0) for f in (flight_in, flight_out)
+    )
+    interval_s = 1.0 / motion.sample_rate_hz
+    return estimate(incoming[np.isfinite(incoming)], outgoing[np.isfinite(outgoing)], interval_s)
+
+
+def _weighed(motion: Motion, flight: Flight, nearest: int, noise: Noise) -> Flight:
+    """Return the flight fitted again, weighed by its noise where that is known."""
+    if not noise.trusted:
+        return flight
+    return fit_flight(motion, flight.first, flight.last, nearest=nearest, noise=noise) or flight
 
 
 def _coarse(motion: Motion, sample: int) -> Edge:

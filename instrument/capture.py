@@ -121,6 +121,7 @@ class Capture:
                 folder_problem=capture.folder_problem,
                 samples_lost=stream.lost if stream is not None else 0,
                 losses=stream.losses if stream is not None else 0,
+                samples_read=stream.ring.total - stream.start if stream is not None else 0,
             ),
             live=live.view if live is not None else empty_view(),
             doing=doing,

@@ -234,7 +234,7 @@ class CaptureThread:
         state = self.machine.status.state
         if state is State.TRIGGERED and self.shot is not None and (self.shot.room == 0 or piece.ended):
             self._do(self.machine.handle(Event.COMPLETE))
-        elif piece.ended and state is State.ARMED:
+        elif piece.ended and state is State.ARMED and not self.closing:
             raise DigitizerError("the stream ended before the light switch fired", "check it and its thresholds")
 
     def _look(self, piece: Piece) -> None:

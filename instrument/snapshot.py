@@ -38,6 +38,7 @@ class SignalLine:
     folder_problem: str | None = None
     samples_lost: int = 0  # since the last arm; the device's own count
     losses: int = 0  # how many times
+    samples_read: int = 0  # a channel, of the running stream
 
 
 @dataclass(frozen=True, slots=True)

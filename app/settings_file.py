@@ -52,7 +52,10 @@ def save(path: Path, settings: Settings) -> str | None:
 
 
 def _read(path: Path) -> tuple[Settings, list[str]]:
-    document: Any = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        document: Any = json.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
     if not isinstance(document, dict):
         raise ValueError("not an object")
     version = document.pop("levimass_settings", None)

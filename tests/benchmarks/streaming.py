@@ -106,7 +106,7 @@ def report(seen: Seen, seconds: float, stream_s: float, busy_s: float, threads: 
     print(f"screen late by        {max(0.0, seen.longest_s - FRAME_S) * 1e3:.1f} ms     (target 50 ms)")
     print(f"passed over on screen {end.live.skipped / max(1.0, RATE_HZ * seconds):.1%} of the samples")
     print(f"memory                {max(warm) / 1e6:.0f} MB after warm-up, {max(half) / 1e6:.0f} MB at most after that")
-    print(f"processor             {busy_s / stream_s:.2f} s a second of samples, bench included, {os.cpu_count()} cores")
+    print(f"processor             {busy_s / stream_s:.2f} s a second of samples with the bench; {os.cpu_count()} cores")
     for name, spent in sorted(threads.items(), key=lambda item: -item[1]):
         print(f"    {spent / stream_s:5.2f}  {name}")
 

@@ -1,5 +1,6 @@
 """Spoiling files at random: bits, bytes, pieces, and the values inside JSON and TOML."""
 
+import copy
 import json
 import random
 from typing import Any
@@ -42,12 +43,13 @@ def spoilt_json(value: Any, random_: random.Random) -> bytes:
             break
         inside, key = random_.choice(places)
         kind = random_.randrange(4)
+        nasty = copy.deepcopy(random_.choice(NASTY))
         if kind == 0:
             del inside[key]
         elif kind == 1 and isinstance(inside, dict):
-            inside[random_.choice(("core:dataset", "extra", "role", "core:sample_start", ""))] = random_.choice(NASTY)
+            inside[random_.choice(("core:dataset", "extra", "role", "core:sample_start", ""))] = nasty
         else:
-            inside[key] = random_.choice(NASTY)
+            inside[key] = nasty
     if random_.random() < 0.02:
         return b'{"global":' * 50_000
     return json.dumps(whole).encode("utf-8", "surrogatepass")

@@ -19,7 +19,7 @@ PERMISSION_REMEDY = (
     if sys.platform.startswith("linux")
     else "give the device the WinUSB driver with Zadig (Windows), or close the program that holds it"
 )
-LIBRARY_REMEDY = "install it (Debian: apt install libusb-1.0-0; elsewhere: pip install libusb-package)"
+LIBRARY_REMEDY = "install it (Debian: apt install libusb-1.0-0; elsewhere: pip install 'levimass[usb]')"
 
 _GONE = {errno.ENODEV, errno.ENOENT, errno.ESHUTDOWN, errno.ENXIO}
 

@@ -79,6 +79,10 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             effect=options.effect,
             undeclared=options.undeclared,
         )
+    if options.paper is not None:
+        from app.paper import paper
+
+        return paper(options.json, options.figures, None if options.paper == Path() else options.paper)
     if options.doctor:
         from app.doctor import doctor
 
@@ -99,6 +103,14 @@ def _parser() -> argparse.ArgumentParser:
         "--acquire", type=_positive_int, metavar="N", help="arm, wait for the light switch, record N shots"
     )
     mode.add_argument("--simulate", type=Path, metavar="DIR", help="write recordings from the simulated bench")
+    mode.add_argument(
+        "--paper",
+        nargs="?",
+        const=Path(),
+        type=Path,
+        metavar="RECORDING",
+        help="print the paper's numbers beside this program's (and beside a recording's)",
+    )
     mode.add_argument("--doctor", action="store_true", help="check this machine, one line each")
     group = parser.add_argument_group("with --replay")
     group.add_argument("--json", metavar="FILE", help="write the result (- for standard output)")
@@ -107,6 +119,8 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper)")
     group.add_argument("--jobs", type=_positive_int, metavar="N", help="a campaign over N processes, resumable")
     group.add_argument("--scheduler", metavar="ADDRESS", help="a campaign over the machines of a dask scheduler")
+    group = parser.add_argument_group("with --paper (and --json)")
+    group.add_argument("--figures", type=Path, metavar="DIR", help="draw figures 4 to 7, PNG and SVG")
     group = parser.add_argument_group("with --acquire")
     group.add_argument(
         "--source", metavar="SOURCE", help="bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE"
@@ -128,8 +142,12 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     names = ("json", "export", "model", "jobs", "scheduler")
     given = {name for name in names if getattr(options, name) is not None}
     given |= {"no-diagnose"} if options.no_diagnose else set()
+    if options.paper is not None:
+        given -= {"json"}
     if given and options.replay is None:
         parser.error(f"--{sorted(given)[0]} goes with --replay")
+    if options.figures is not None and options.paper is None:
+        parser.error("--figures goes with --paper")
     if options.model is not None and options.model not in MODELS:
         parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
     if options.jobs is not None and options.scheduler is not None:

@@ -11,6 +11,8 @@ import numpy as np
 from analysis.budget import COLUMNS as BUDGET_COLUMNS
 from analysis.budget import budget, to_rows
 from analysis.quantity import Quantity, Reading
+from analysis.series import series
+from analysis.series import to_rows as series_rows
 from analysis.shot import Shot
 from instrument.recording_writer import write_text_beside
 
@@ -42,9 +44,9 @@ FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m
 
 
 def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
-    """Write one motion file a shot, ``shots.csv`` and ``budget.csv``; return the paths.
+    """Write one motion file a shot, ``shots.csv``, ``budget.csv`` and, of several shots, ``series.csv``.
 
-    Raises OSError or RecordingError.
+    Returns the paths.  Raises OSError or RecordingError.
     """
     folder.mkdir(parents=True, exist_ok=True)
     files = [
@@ -56,12 +58,17 @@ def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
             write_motion(shot, folder / name)
     write_shots([shot_row(shot, name) for shot, name in zip(shots, files, strict=True)], folder / "shots.csv")
     write_table(BUDGET_COLUMNS, _budget_rows(shots), folder / "budget.csv")
-    return [*(folder / name for name in files if name), folder / "shots.csv", folder / "budget.csv"]
+    tables = ["shots.csv", "budget.csv"]
+    if len(shots) > 1:
+        header, *rows = series_rows(series(shots))
+        write_table(header, rows, folder / "series.csv")
+        tables.append("series.csv")
+    return [folder / name for name in (*files, *tables) if name]
 
 
 def motion_file_names(shot_names: Sequence[str]) -> list[str]:
     """Return a file name for each shot, no two alike: shots of two folders often share their names."""
-    taken = {"shots.csv", "budget.csv"}
+    taken = {"shots.csv", "budget.csv", "series.csv"}
     names = []
     for shot_name in shot_names:
         stem = re.sub(r"[^\w.-]+", "_", shot_name).strip("._") or "shot"

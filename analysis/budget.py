@@ -12,11 +12,12 @@ from analysis.budget_sources import ShotSources
 from analysis.instrument_uncertainty import InstrumentUncertainty
 from analysis.measurement_equations import results
 from analysis.quantity import Quantity
-from analysis.series import KEYS, excess_spread, read, speed
+from analysis.series import KEYS, ONE_SPEED, excess_spread, read, speed
 from analysis.shot import Shot
 
 COVERAGE_FACTOR = 2.0
 ALIKE = 0.1  # shots whose impact speed differs by no more than this share tell the repeatability
+ENOUGH_FOR_A_LINE = 4
 COLUMNS = (
     "shot",
     "quantity",
@@ -195,9 +196,13 @@ def _repeatability(key: str, shot: Shot, others: Sequence[Shot]) -> BudgetRow:
                 and math.isfinite(reading.value)
                 and math.isfinite(reading.std)
             ):
-                readings.append(reading)
+                readings.append((v.value, reading.value, reading.std))
     if len(readings) < 2:
         return BudgetRow("repeatability", "A", None, unit, 1.0, "not seen: no other shot at a like speed")
-    values, stds = (np.array([getattr(r, name) for r in readings]) for name in ("value", "std"))
-    how = f"scatter of {len(readings)} shots at a like speed, beyond their own noise"
-    return BudgetRow("repeatability", "A", excess_spread(values, stds), unit, 1.0, how)
+    speeds, values, stds = (np.array(column) for column in zip(*readings, strict=True))
+    # A number that changes with speed is not scatter: a line is taken off where the shots can tell one.
+    sloped = len(readings) >= ENOUGH_FOR_A_LINE and np.ptp(speeds) > ONE_SPEED * speeds.mean()
+    spread = excess_spread(values, stds, 1 if sloped else 0, speeds - speeds.mean())
+    about = " about their line over speed" if sloped else ""
+    how = f"scatter of {len(readings)} shots at a like speed{about}, beyond their own noise"
+    return BudgetRow("repeatability", "A", spread, unit, 1.0, how)

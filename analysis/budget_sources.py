@@ -58,11 +58,8 @@ class ShotSources:
         self.timebase = self.ledger.number(
             1.0, instrument.timebase_u, "timebase", "B", "1", "digitizer's clock, rectangular limit"
         )
-        alignment = self.ledger.number(
-            1.0, instrument.alignment_u, "alignment (cosine)", "B", "1", "1/cos a, a uniform in a cone, not corrected"
-        )
         self.mass_kg, self._mass_value = self._mass()
-        self.length_scale = self._wavelength() * alignment  # of displacement; velocity also takes the timebase
+        self.length_scale = self._length()  # of displacement; velocity also takes the timebase
         self.velocity_scale = self.length_scale / self.timebase
         self.rest_velocity_m_per_s = self._rest()
 
@@ -122,11 +119,21 @@ class ShotSources:
         how = "balance read to 0.01 g (none stated with the recording)"
         return self.ledger.number(value, self._instrument.mass_u_kg, "mass", "B", "kg", how), value
 
-    def _wavelength(self) -> Number:
-        setup = self._shot.setup
-        motion = self._shot.motion
+    def _length(self) -> Number:
+        setup, motion = self._shot.setup, self._shot.motion
         if setup is None or (motion is not None and motion.wavelength_m is None):
             return 1.0  # a motion record: its length scale is its maker's
+        alignment = self.ledger.number(
+            1.0,
+            self._instrument.alignment_u,
+            "alignment (cosine)",
+            "B",
+            "1",
+            "1/cos a, a uniform in a cone, not corrected",
+        )
+        return self._wavelength(setup) * alignment
+
+    def _wavelength(self, setup: Setup) -> Number:
         ledger, known = self.ledger, self._instrument
         if setup.wavelength_air_m is None and setup.wavelength_vacuum_m is not None:
             used = setup.wavelength_vacuum_m

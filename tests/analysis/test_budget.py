@@ -156,6 +156,25 @@ def test_repeatability_is_what_like_shots_scatter_beyond_their_noise() -> None:
     assert row.std is None and row.contribution == 0.0
 
 
+def test_a_trend_over_speed_is_no_scatter() -> None:
+    speeds = np.linspace(0.25, 0.27, 6)
+    shots = [at_speed(f"s{i}", v, 0.99 - 0.5 * v, 1e-6) for i, v in enumerate(speeds)]
+    cor = budget(shots[3], others=shots).of("cor_quasi_static")
+    assert cor is not None
+    row = next(row for row in cor.rows if row.source == "repeatability")
+    assert row.std == 0.0 and "line over speed" in row.how
+    fewer = budget(shots[0], others=[shots[5]]).of("cor_quasi_static")
+    assert fewer is not None  # two shots cannot tell a line from scatter
+    assert next(row for row in fewer.rows if row.source == "repeatability").contribution > 1e-3
+
+
+def test_a_motion_record_brings_its_own_length() -> None:
+    """What another instrument measured has no wavelength and no beam to align."""
+    record = shot_of(setup=None, motion=replace(motion_of(Rig()), wavelength_m=None))
+    velocity = of(record, "velocity_in_m_per_s")
+    assert {row.source for row in velocity.rows} == {"beat noise, flight in", "timebase"}
+
+
 def test_a_shot_that_shows_little_has_a_short_budget() -> None:
     nothing = shot_of(impact=None, fit=None, setup=None)
     assert budget(nothing).quantities == ()

@@ -1,22 +1,36 @@
 """From a path to an analysed shot, whatever lies there; a failure is the shot's ``problem``."""
 
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from analysis.pipeline import analyse, analyse_motion
-from analysis.shot import AnalysisError, AnalysisSettings, Shot
+from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
 from instrument.motion_file import read_motion
 from instrument.recording_error import RecordingError
 from instrument.recording_file import read_recording
 from instrument.recording_search import is_motion_record
 
+Cancel = Callable[[], bool]
 BASE_OF_RECORD = {"plate": "paper", "contact": "contact", "driven": "driven"}  # RECORDING.md's names, the model's
 
 
-def load_and_analyse(path: Path, model: str | None = None) -> Shot:
-    """Read one recording or motion record and analyse it; a failure is the shot's ``problem``."""
+def load_and_analyse(
+    path: Path,
+    model: str | None = None,
+    *,
+    settings: AnalysisSettings | None = None,
+    progress: Progress | None = None,
+    cancelled: Cancel | None = None,
+) -> Shot:
+    """Read one recording or motion record and analyse it; a failure is the shot's ``problem``.
+
+    ``model`` overrides the base model of ``settings``; without it a motion record's own rules.  Raises Cancelled.
+    """
     started = time.perf_counter()
+    chosen = settings or AnalysisSettings()
     try:
         if is_motion_record(path):
             record = read_motion(path)
@@ -30,26 +44,31 @@ def load_and_analyse(path: Path, model: str | None = None) -> Shot:
             )
             return analyse_motion(
                 motion,
-                AnalysisSettings(model=model or BASE_OF_RECORD[record.model]),
+                replace(chosen, model=model or BASE_OF_RECORD[record.model]),
                 name=path.stem,
                 path=str(path),
                 load_seconds=time.perf_counter() - started,
+                progress=progress,
+                cancelled=cancelled,
             )
         recording = read_recording(path)
         loaded = time.perf_counter() - started
-        return analyse(recording, AnalysisSettings(model=model or "paper"), load_seconds=loaded)
+        chosen = replace(chosen, model=model or chosen.model)
+        return analyse(recording, chosen, load_seconds=loaded, progress=progress, cancelled=cancelled)
+    except Cancelled:
+        raise
     except (RecordingError, AnalysisError) as error:
-        return _failed(path, str(error))
+        return _failed(path, chosen, str(error))
     except Exception as error:  # a fault of the program's own must not cost the other shots their analysis
         cause = " ".join(str(error).split())
-        return _failed(path, f"a fault of the program: {type(error).__name__}: {cause}")
+        return _failed(path, chosen, f"a fault of the program: {type(error).__name__}: {cause}")
 
 
-def _failed(path: Path, problem: str) -> Shot:
+def _failed(path: Path, settings: AnalysisSettings, problem: str) -> Shot:
     return Shot(
         name=path.name.removesuffix(".sigmf-meta").removesuffix(".sigmf-data"),
         path=str(path),
-        settings=AnalysisSettings(),
+        settings=settings,
         setup=None,
         sample_rate_hz=None,
         samples=None,

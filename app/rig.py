@@ -52,13 +52,14 @@ class Rig:
         self,
         options: Callable[[str, Digitizer], CaptureOptions],
         analysis: Callable[[], AnalysisSettings],
+        wait_for_kernels: Callable[[Callable[[], bool]], None],
         *,
         source: str = BENCH,
         deadlines: Deadlines | None = None,
         open_digitizer: Open = open_patiently,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._options, self._analysis = options, analysis
+        self._options, self._analysis, self._kernels = options, analysis, wait_for_kernels
         self._deadlines, self._open, self._clock = deadlines or Deadlines(), open_digitizer, clock
         self._running: _Running | None = None
         self._orders: deque[str | None] = deque()
@@ -249,4 +250,6 @@ class Rig:
         self._running = _Running(source, digitizer, capture, able.channels, rate)
 
     def _analyse(self, recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+        progress("waiting for the kernels", 0.0)
+        self._kernels(cancelled)
         return analyse(recording, self._analysis(), progress=progress, cancelled=cancelled)

@@ -40,6 +40,7 @@ class Session:
         self._path = path
         self._entries: tuple[Entry, ...] = ()
         self._undo: list[_State] = []
+        self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
         self.revision = 0
 
@@ -64,7 +65,7 @@ class Session:
 
     def add(self, shot: Shot, note: str | None = None, copy_of: int | None = None) -> Entry:
         """Add an analysed shot and return its entry."""
-        number = 1 + max((entry.number for entry in self._entries), default=0)
+        number = self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
         words = shot.note if note is None else note
         entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, copy_of=copy_of)
         self._set((*self._entries, entry))

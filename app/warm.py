@@ -1,19 +1,93 @@
-"""Compile or load the kernels while the window opens, so that the first shot is as quick as the tenth."""
+"""Kernels made ready while the window opens: compiled in a process of their own, so that no frame waits for a compiler.
 
-import numpy as np
+The first start after an installation compiles for some ten seconds; the result is kept on disk, and every later start
+only loads it.
+"""
 
-from analysis.pipeline import analyse
-from analysis.recording import Channel, Recording, Role, Setup
-from analysis.shot import AnalysisSettings
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+from numba import config
+
+from analysis.shot import Cancelled
 from app.jobs import Asked, Report
+from app.load import load_and_analyse
+from instrument.bench.simulate import simulate
+
+_LOOK_S = 0.05
 
 
-def warm(report: Report, cancelled: Asked) -> None:
-    """Run the whole road once over a few milliseconds of a plain beat; what comes out is thrown away."""
-    report("preparing", 0.1)
-    rate, samples = 10e6, 100_000
-    phase = 2 * np.pi * 2.7e6 * np.arange(samples) / rate
-    beat = np.round(8000 * np.cos(phase)).astype(np.int16)
-    counts = np.stack((beat, beat), axis=1)
-    channels = (Channel(Role.REFERENCE, 1e-4), Channel(Role.MEASUREMENT, 1e-4))
-    analyse(Recording("warm-up", counts, rate, channels, Setup(0.01785)), AnalysisSettings(), cancelled=cancelled)
+def run_once() -> None:
+    """Run the whole road once over a short simulated shot; what comes out is thrown away.
+
+    The shot goes over the disk, as a kernel for arrays that are only read is another one than for arrays of its own.
+    """
+    with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
+        (path,) = simulate(folder, 1, duration_s=0.05)
+        load_and_analyse(path)
+
+
+class Kernels:
+    """Whether the kernels are ready, for whoever is about to need them."""
+
+    def __init__(self) -> None:
+        self._ready = threading.Event()
+
+    def work(self, report: Report, cancelled: Asked) -> None:
+        """Make them ready; a job.  Where the other process fails they are compiled here, when they are needed."""
+        try:
+            if not _mark().exists():
+                report("compiling, once after an installation", 0.2)
+                _in_another_process(cancelled)
+            report("loading", 0.8)
+            if not cancelled():
+                run_once()
+        finally:
+            self._ready.set()
+
+    def wait(self, cancelled: Asked) -> None:
+        """Return when they are ready.  Raises Cancelled."""
+        while not self._ready.wait(_LOOK_S):
+            if cancelled():
+                raise Cancelled
+
+
+def _mark() -> Path:
+    return Path(str(config.CACHE_DIR or ".")) / "complete"
+
+
+def _in_another_process(cancelled: Asked) -> None:
+    house = str(Path(__file__).resolve().parent.parent)
+    paths = os.pathsep.join(filter(None, (house, os.environ.get("PYTHONPATH"))))
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen(
+        [sys.executable, "-m", "app.warm"],
+        env=os.environ | {"PYTHONPATH": paths},
+        stdin=quiet,
+        stdout=quiet,
+        stderr=quiet,
+    ) as process:
+        while process.poll() is None:
+            if cancelled():
+                process.kill()
+                raise Cancelled
+            threading.Event().wait(_LOOK_S)
+
+
+def main() -> int:
+    """Compile everything into the cache, politely, and mark it as complete."""
+    if hasattr(os, "nice"):
+        os.nice(5)
+    run_once()
+    mark = _mark()
+    if mark.parent.is_dir():
+        mark.touch()
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

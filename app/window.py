@@ -12,13 +12,13 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from app import keyboard
 from app.choices import Choices
 from app.layout import Layout
-from app.rig import Rig
+from app.rig import Open, Rig, open_patiently
 from app.rig_desk import RigDesk
 from app.session import Entry, Session
 from app.session_desk import SessionDesk
 from app.theme import Theme, Tone
 from app.view_desk import ViewDesk
-from app.warm import warm
+from app.warm import Kernels
 from app.workbench import Workbench
 from instrument.snapshot import FinishedShot
 
@@ -28,7 +28,7 @@ PULL_MS = 35
 class MainWindow(QMainWindow):
     """The one window.  Whatever takes longer than a frame runs in the rig's threads or in the jobs' thread."""
 
-    def __init__(self, rig: Rig, bench: Workbench, theme: Theme, choices: Choices) -> None:
+    def __init__(self, rig: Rig, bench: Workbench, theme: Theme, choices: Choices, kernels: Kernels) -> None:
         super().__init__()
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
@@ -49,7 +49,7 @@ class MainWindow(QMainWindow):
             self.say(bench.session.problem, Tone.WARNING)
         for words in choices.warnings:
             self.say(words, Tone.WARNING)
-        bench.jobs.submit("kernels", warm, "warm")
+        bench.jobs.submit("kernels", kernels.work, "warm")
         bench.read_unread()
         self._dress()
         self.pull()
@@ -111,13 +111,20 @@ class MainWindow(QMainWindow):
         event.accept()
 
 
-def open_window(folder: Path) -> MainWindow:
+def open_window(folder: Path, open_digitizer: Open = open_patiently) -> MainWindow:
     """Return the window, not shown yet, with settings and session kept in ``folder``."""
     choices = Choices(folder / "settings.json")
     theme = Theme(choices.settings.appearance)
-    rig = Rig(choices.options, choices.analysis, source=choices.settings.source)
+    kernels = Kernels()
+    rig = Rig(
+        choices.options,
+        choices.analysis,
+        kernels.wait,
+        source=choices.settings.source,
+        open_digitizer=open_digitizer,
+    )
     bench = Workbench(Session.reopen(folder / "session.json"), choices.analysis)
-    window = MainWindow(rig, bench, theme, choices)
+    window = MainWindow(rig, bench, theme, choices, kernels)
     theme.setParent(window)
     window.resize(1480, 920)
     return window

@@ -15,7 +15,7 @@ from analysis.recording import Recording
 from analysis.shot import AnalysisError, AnalysisSettings, Shot
 from app.export import export
 from app.jobs import Asked, Job, Jobs, Report
-from app.read_shot import read_shot
+from app.load import load_and_analyse
 from app.session import Entry, Session
 from app.verdict import verdict_words
 from instrument.recording_error import RecordingError
@@ -191,7 +191,7 @@ class Workbench:
 
     def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
         def work(report: Report, cancelled: Asked) -> _Opened:
-            return _Opened(read_shot(path, settings, report, cancelled), copy_of)
+            return _Opened(load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled), copy_of)
 
         self.jobs.submit(f"{path.name}", work, "open")
 
@@ -199,7 +199,7 @@ class Workbench:
         path, number, settings = Path(entry.path or ""), entry.number, entry.settings
 
         def work(report: Report, cancelled: Asked) -> _Filled:
-            return _Filled(((number, read_shot(path, settings, report, cancelled)),))
+            return _Filled(((number, load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled)),))
 
         self.jobs.submit(entry.name, work, "open")
 

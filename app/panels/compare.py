@@ -222,6 +222,15 @@ class ComparePanel(QWidget):
         self._trend_chosen(0)
         self.show_whole()
 
+    def choose_trend(self, name: str) -> None:
+        """Show the trend of the number of this name in ``TRENDS``."""
+        self._which.setCurrentIndex(self._which.findData(name))
+
+    @property
+    def repeatability(self) -> str:
+        """Get what is said of the trend."""
+        return self._repeatability.text()
+
     @Slot()
     def show_whole(self) -> None:
         """Show the whole length."""

@@ -265,6 +265,10 @@ class DiagnosisPanel(QWidget):
                 widget.setParent(None)
                 widget.deleteLater()
 
+    def effect_button(self, name: str) -> QPushButton:
+        """Return the button that adds an effect, or takes it out."""
+        return next(b for b in self.findChildren(QPushButton) if b.property("effect") == name)
+
     def _effect_row(self, name: str, words: str, in_model: bool) -> None:
         row = QWidget(self)
         line = QHBoxLayout(row)

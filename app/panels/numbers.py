@@ -165,6 +165,10 @@ class NumbersPanel(QScrollArea):
         """Return what is shown for a number."""
         return self._values[name].text()
 
+    def hover(self, name: str) -> str:
+        """Return how a number was read, or why it was not."""
+        return self._values[name].toolTip()
+
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours

@@ -33,6 +33,11 @@ def trajectory(speed: float, count: int) -> dict[str, np.ndarray]:
     return dict(zip(("x", "v", "f", "y", "gap"), out, strict=True))
 
 
+def bare_shot(name: str) -> Shot:
+    """Return a shot of which nothing is known."""
+    return Shot(name, None, AnalysisSettings(), None, None, None, None, None, None, None)
+
+
 def shot(
     name: str = "shot-1", speed: float = 0.265, seed: int = 1, count: int = 14000, problem: str | None = None
 ) -> Shot:

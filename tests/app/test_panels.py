@@ -1,0 +1,188 @@
+"""Panels, each by itself, on shots whose numbers are known."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+
+from analysis.quantity import NotSeen
+from app.panels.compare import ComparePanel
+from app.panels.diagnosis import DiagnosisPanel
+from app.panels.numbers import NumbersPanel
+from app.panels.session_table import NOTE, SessionTable
+from app.panels.shot import ShotPanel
+from app.plots import save
+from app.session import Session
+from app.theme import DARK, LIGHT
+from tests.app import synthetic
+
+
+@pytest.fixture(scope="module")
+def shot():
+    return synthetic.shot()
+
+
+@pytest.fixture
+def shot_panel(qtbot, shot):
+    panel = ShotPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.resize(1000, 700)
+    panel.show()
+    panel.show_shot(shot)
+    return panel
+
+
+def test_numbers_state_value_uncertainty_and_how_they_were_read(qtbot, shot):
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show_shot(shot)
+    assert panel.text("quasi-static") == "0.9875560 ± 0.0000070"
+    assert panel.text("pulse width") == "19.100 ± 0.040"
+    assert panel.text("m_p*") == "0.19840 ± 0.00040"
+    assert panel.text("kinetic, flights") == "–"
+    assert "shorter than the filter" in panel.hover("kinetic, flights")
+    assert "speeds of both flights" in panel.hover("quasi-static")
+    assert "agree" in panel.agreement.text()
+
+
+def test_numbers_of_a_fit_that_did_not_converge_are_not_shown(qtbot, shot):
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show_shot(replace(shot, fit=replace(shot.fit, converged=False)))
+    assert panel.text("k_p") == "–"
+    assert "did not converge" in panel.hover("k_p")
+
+
+def test_numbers_warn_where_the_two_ratios_differ(qtbot, shot):
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    apart = replace(shot.impact.cor_impulse, value=0.9)
+    panel.show_shot(replace(shot, impact=replace(shot.impact, cor_impulse=apart)))
+    assert "differ" in panel.agreement.text()
+    panel.show_shot(replace(shot, impact=replace(shot.impact, cor_impulse=NotSeen("no unloading"))))
+    assert panel.agreement.text() == ""
+
+
+def test_the_shots_plots_are_linked_and_zoom_to_a_bounce_that_is_clicked(shot_panel):
+    shot_panel.stack.zoom(-1.0, 8.0)
+    shot_panel.stack.clicked.emit(1.7708)
+    for plot in shot_panel.stack.plots:
+        (left, right), _ = plot.view.viewRange()
+        assert left == pytest.approx(1.7708 - 0.6, abs=1e-3)
+        assert right == pytest.approx(1.7708 + 0.6, abs=1e-3)
+    shot_panel.reset()
+    assert shot_panel.stack.span[0] == pytest.approx(-60.0, abs=0.1)
+
+
+def test_cursors_measure_what_lies_between_them_on_every_curve(shot_panel, shot):
+    shot_panel.toggle_cursors()
+    shot_panel.stack.cursors.place(-40.0, -10.0)
+    measures = {m.name: m for m in shot_panel.stack.cursors.measures()}
+    assert len(measures) == 5
+    flight = measures["velocity, measured"]
+    assert flight.mean == pytest.approx(-0.265, abs=1e-6)
+    assert abs(flight.slope_per_s) < 1e-4
+    assert shot_panel.stack.cursors.text().count("\n") == 6
+
+
+def test_the_samples_in_view_are_saved_undecimated_with_units(shot_panel, tmp_path):
+    shot_panel.stack.zoom(0.0, 5.0)
+    save.save_csv(shot_panel.stack, tmp_path / "view.csv")
+    with (tmp_path / "view.csv").open() as file:
+        head, *rows = csv.reader(file)
+    assert head[:3] == ["time (ms)", "velocity simulated (m/s)", "velocity measured (m/s)"]
+    assert len(rows) == 501
+    force = np.array([float(row[head.index("force measured (N)")]) for row in rows])
+    assert force.max() > 0.25
+
+
+def test_plots_are_saved_as_picture_and_drawing(shot_panel, tmp_path):
+    save.save_png(shot_panel.stack, tmp_path / "plot.png")
+    save.save_svg(shot_panel.stack, tmp_path / "plot.svg")
+    assert (tmp_path / "plot.png").read_bytes()[:4] == b"\x89PNG"
+    assert "<svg" in (tmp_path / "plot.svg").read_text()[:500]
+    with pytest.raises(OSError):
+        save.save_png(shot_panel.stack, tmp_path / "nowhere" / "plot.png")
+
+
+def test_at_most_two_points_a_pixel_are_drawn(shot_panel):
+    for plot in shot_panel.stack.plots:
+        for curve in plot.sampled:
+            x, _ = curve.getData()
+            assert len(x) <= 2 * max(64, plot.view.width())
+
+
+def test_every_view_stands_in_both_schemes_and_for_shots_with_parts_missing(shot_panel, shot):
+    lacking = (
+        shot,
+        None,
+        replace(shot, fit=None),
+        replace(shot, impact=None, fit=None),
+        replace(shot, impact=replace(shot.impact, touch_time_s=NotSeen("none"), bounce_peaks_s=())),
+        synthetic.shot("bad", problem="no beat on PD1"),
+    )
+    for candidate in lacking:
+        for view in ("whole", "contact", "deflection", "gap", "raw"):
+            shot_panel.show_shot(candidate)
+            shot_panel.set_view(view)
+            shot_panel.reset()
+    shot_panel.dress(DARK)
+
+
+def test_the_table_shows_shots_and_passes_notes_on(qtbot, shot):
+    session = Session()
+    session.add(shot)
+    session.add(synthetic.shot("bad", seed=4, problem="no beat on PD1"))
+    table = SessionTable()
+    qtbot.addWidget(table)
+    table.show_session(session)
+    model = table.model
+    assert model.rowCount() == 2
+    assert model.data(model.index(0, 5)) == "0.9875560(70)"
+    assert model.data(model.index(1, 5)) == "–"
+    assert model.data(model.index(1, 9)) == "no beat on PD1"
+    with qtbot.waitSignal(table.note_edited) as noted:
+        model.setData(model.index(1, NOTE), "again", Qt.ItemDataRole.EditRole)
+    assert noted.args == [2, "again"]
+    table.select([1, 2])
+    assert table.numbers == [1, 2]
+    session.add(synthetic.bare_shot("later"))
+    table.show_session(session)
+    assert table.numbers == [1, 2]
+
+
+def test_compare_overlays_and_shows_the_trend_against_speed(qtbot):
+    session = Session()
+    for index, speed in enumerate((0.2, 0.25, 0.3), 1):
+        session.add(synthetic.shot(f"shot-{index}", speed, index))
+    panel = ComparePanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show()
+    panel.show_entries(list(session.entries))
+    assert sorted(round(x, 3) for x, _ in panel.trend.points) == [0.2, 0.25, 0.3]
+    panel.choose_trend("plate_stiffness_n_per_m")
+    assert panel.trend.points[1][1] == pytest.approx(221.44)
+    assert "3 shots" in panel.repeatability
+    panel.show_entries([])
+    assert panel.trend.points == []
+
+
+def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show()
+    panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
+    assert panel.sentence.startswith("Quadratic drag on the block")
+    with qtbot.waitSignal(panel.add_wanted) as added:
+        panel.effect_button("quadratic_drag").click()
+    assert added.args == ["quadratic_drag"]
+    panel.show_diagnosis(synthetic.diagnosis(shot), [shot], ("quadratic_drag",))
+    with qtbot.waitSignal(panel.remove_wanted) as removed:
+        panel.effect_button("quadratic_drag").click()
+    assert removed.args == ["quadratic_drag"]
+    panel.show_progress("scoring", 0.4)
+    assert not panel.diagnose.isEnabled() and panel.cancel.isVisible()
+    panel.show_progress(None, 0.0)
+    assert panel.diagnose.isEnabled()

@@ -1,0 +1,66 @@
+"""A session survives being closed, spoilt and regretted."""
+
+from dataclasses import replace
+
+from analysis.shot import AnalysisSettings
+from app.session import Session
+from tests.app import synthetic
+
+
+def _saved(name: str, path: str):
+    return replace(synthetic.bare_shot(name), path=path)
+
+
+def test_reopens_with_notes_settings_and_verdicts(tmp_path):
+    session = Session(tmp_path / "session.json")
+    shot = replace(_saved("shot-1", "/data/shot-1.sigmf-meta"), settings=AnalysisSettings(bandwidth_hz=5e3))
+    session.add(shot)
+    session.set_note(1, "plate cleaned")
+    session.set_verdict(1, "adequate")
+    again = Session.reopen(tmp_path / "session.json")
+    (entry,) = again.entries
+    assert entry.note == "plate cleaned"
+    assert entry.verdict == "adequate"
+    assert entry.settings.bandwidth_hz == 5e3
+    assert entry.shot is None
+    assert again.problem is None
+
+
+def test_a_spoilt_file_is_kept_aside_and_said(tmp_path):
+    path = tmp_path / "session.json"
+    for text in ("{", "[]", '{"schema": "other"}', '{"schema": "levimass.session/1", "shots": [{}]}', "\x00"):
+        path.write_text(text)
+        session = Session.reopen(path)
+        assert session.entries == ()
+        assert session.problem
+        assert path.with_name("session.json.unreadable").read_text() == text
+        session.add(_saved("shot-1", "/data/x.sigmf-meta"))
+        assert len(Session.reopen(path).entries) == 1
+
+
+def test_a_folder_that_cannot_be_written_is_said_and_nothing_is_lost(tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    session = Session(blocked / "session.json")
+    session.add(_saved("shot-1", "/data/x.sigmf-meta"))
+    assert len(session.entries) == 1
+    assert "could not be saved" in (session.problem or "")
+
+
+def test_undo_brings_back_notes_and_removed_shots_and_keeps_later_ones():
+    session = Session()
+    for number in range(3):
+        session.add(_saved(f"shot-{number}", f"/data/{number}.sigmf-meta"))
+    session.set_note(1, "first")
+    session.set_note(1, "second")
+    session.remove([2, 3])
+    session.add(_saved("late", "/data/late.sigmf-meta"))
+    assert [entry.number for entry in session.entries] == [1, 4]
+    assert session.undo() is not None
+    assert {entry.name for entry in session.entries} == {"shot-0", "shot-1", "shot-2", "late"}
+    assert len({entry.number for entry in session.entries}) == 4
+    session.undo()
+    assert session.entry(1).note == "first"
+    session.undo()
+    assert session.entry(1).note == ""
+    assert session.undo() is None

@@ -1,0 +1,198 @@
+"""The window driven as a person would: by keys and buttons, on the simulated bench."""
+
+import csv
+import json
+import threading
+
+import pytest
+from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
+from PySide6.QtGui import QDropEvent
+
+from app.layout import Layout
+from app.window import open_window
+from instrument.acquisition import State
+from tests.app import rigs
+
+WAIT_MS = 60_000
+
+
+@pytest.fixture
+def opened(qtbot, tmp_path, warm_kernels):
+    """Return a function that opens a window; at the end every one is closed and no thread is left."""
+    windows = []
+
+    def make(open_digitizer=rigs.quick_bench, settings=None):
+        chosen = {"levimass_settings": 1, "folder": str(tmp_path / "data"), "duration_s": 0.12} | (settings or {})
+        (tmp_path / "settings.json").write_text(json.dumps(chosen))
+        window = open_window(tmp_path, open_digitizer)
+        qtbot.addWidget(window)
+        windows.append(window)
+        window.show()
+        window.activateWindow()
+        qtbot.waitUntil(window.isActiveWindow, timeout=WAIT_MS)
+        return window
+
+    yield make
+    for window in windows:
+        window.close()
+    left = [thread.name for thread in threading.enumerate() if thread.name.startswith("levimass")]
+    assert left == []
+
+
+def _ready(qtbot, window):
+    qtbot.waitUntil(lambda: window.panels.controls.arm.isEnabled() and window.rig.channels != (), timeout=WAIT_MS)
+
+
+def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tmp_path):
+    window = opened()
+    panels = window.panels
+    _ready(qtbot, window)
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    words = set()
+
+    def taken():
+        words.add(panels.banner.word)
+        return len(window.bench.session.entries) == 1
+
+    qtbot.waitUntil(taken, timeout=WAIT_MS)
+    assert {"ARMED", "ANALYSING"} <= words
+    entry = window.bench.session.entries[0]
+    assert entry.shot.problem is None
+    assert entry.shot.impact.cor_quasi_static.value == pytest.approx(0.98756, abs=2e-3)
+    assert panels.tabs.currentIndex() == Layout.SHOT
+    assert panels.tabs.tabText(Layout.SHOT) == "SHOT 1"
+    assert panels.numbers.text("quasi-static").startswith("0.98")
+    qtbot.waitUntil(lambda: "restitution 0.98" in panels.banner.detail, timeout=WAIT_MS)
+    for key, view in zip("23451", ("contact", "deflection", "gap", "raw", "whole"), strict=True):
+        qtbot.keyClick(window, getattr(Qt.Key, f"Key_{key}"))
+        assert panels.shot.view == view
+    qtbot.keyClick(window, Qt.Key.Key_C)
+    assert panels.shot.stack.cursors.shown
+    assert "B-A" in panels.shot.stack.cursors.text()
+    window.session_desk.export_to(tmp_path / "csv")
+    qtbot.waitUntil(lambda: (tmp_path / "csv" / "shots.csv").exists(), timeout=WAIT_MS)
+    with (tmp_path / "csv" / "shots.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["cor_quasi_static"]) == pytest.approx(entry.shot.impact.cor_quasi_static.value)
+
+
+def test_live_moves_before_arming_and_the_signal_line_answers(opened, qtbot):
+    window = opened()
+    _ready(qtbot, window)
+    panels = window.panels
+    qtbot.waitUntil(lambda: panels.live.text("velocity") != "–", timeout=WAIT_MS)
+    seen = set()
+
+    def moved():
+        seen.add(panels.live.text("velocity"))
+        return len(seen) > 5
+
+    qtbot.waitUntil(moved, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: "MHz" in panels.signals.text("pd0"), timeout=WAIT_MS)
+    assert "MHz" in panels.signals.text("pd1")
+    assert "free" in panels.signals.text("disk")
+
+
+def test_abort_brings_back_ready_and_keeps_no_shot(opened, qtbot):
+    window = opened(rigs.still_bench)
+    _ready(qtbot, window)
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    assert not window.panels.controls.source.isEnabled()
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: window.panels.banner.word == "READY", timeout=WAIT_MS)
+    assert window.bench.session.entries == ()
+
+
+def test_a_fault_says_what_happened_what_was_saved_and_what_to_do(opened, qtbot):
+    bench = rigs.UnpluggedBench(memory_s=3600.0, push_every_s=0.0)
+    window = opened(lambda _: bench)
+    _ready(qtbot, window)
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    bench.pulled = True
+    qtbot.waitUntil(lambda: window.panels.banner.word == "FAULT", timeout=WAIT_MS)
+    said = window.panels.banner.detail
+    assert "unplugged" in said and "No shot was lost" in said and "Plug it in" in said
+    bench.pulled = False
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+
+
+def test_a_source_that_cannot_be_opened_is_a_fault_and_another_can_be_chosen(opened, qtbot):
+    devices = {"bench": rigs.no_device, "other": rigs.still_bench}
+    window = opened(lambda name: devices[name](name))
+    qtbot.waitUntil(lambda: window.panels.banner.word == "FAULT", timeout=WAIT_MS)
+    assert "no Hantek 6022 found".capitalize()[:2] in window.panels.banner.detail
+    window.panels.controls.source_chosen.emit("other")
+    qtbot.waitUntil(lambda: window.rig.channels != () and window.panels.banner.word == "READY", timeout=WAIT_MS)
+
+
+def test_spoilt_settings_and_session_do_not_stop_the_start(opened, qtbot, tmp_path):
+    (tmp_path / "session.json").write_text("{")
+    window = opened(settings={"moving_mass_kg": "heavy"})
+    _ready(qtbot, window)
+    assert "could not be" in window.panels.work.notices.words
+
+
+def test_closing_while_armed_and_while_a_shot_comes_in_ends_every_thread(opened, qtbot):
+    window = opened(rigs.still_bench)
+    _ready(qtbot, window)
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    qtbot.keyClick(window, Qt.Key.Key_T)
+    qtbot.waitUntil(lambda: window.rig.latest().state is not State.ARMED, timeout=WAIT_MS)
+    window.close()
+
+
+def test_closing_before_the_source_is_open_ends_every_thread(opened):
+    opened().close()
+
+
+def test_recordings_are_opened_by_dropping_them_and_a_broken_one_says_why(opened, qtbot, recordings, tmp_path):
+    window = opened(rigs.still_bench)
+    broken = tmp_path / "broken.sigmf-meta"
+    broken.write_text("{")
+    paths = [recordings / "plain" / "shot-1.sigmf-meta", broken]
+    data = QMimeData()
+    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    event = QDropEvent(
+        QPointF(5, 5), Qt.DropAction.CopyAction, data, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+    )
+    window.dropEvent(event)
+    qtbot.waitUntil(lambda: len(window.bench.session.entries) == 2, timeout=WAIT_MS)
+    good, bad = window.bench.session.entries
+    assert good.shot.impact is not None
+    assert "broken" in bad.shot.problem
+    window.panels.table.select([1])
+    window.panels.table.model.setData(window.panels.table.model.index(0, 11), "clean plate")
+    assert window.bench.session.entry(1).note == "clean plate"
+    qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    assert window.bench.session.entry(1).note == ""
+
+
+def test_settings_are_refused_in_words_and_kept_when_right(opened, qtbot, tmp_path):
+    window = opened(rigs.still_bench)
+    sheet = window.panels.settings
+    qtbot.keyClick(window, Qt.Key.Key_F2)
+    assert sheet.isVisible()
+    sheet.set_value("moving_mass_kg", "-3")
+    sheet.apply()
+    assert "outside" in sheet.problem
+    sheet.set_value("moving_mass_kg", "18.5")
+    sheet.set_value("temperature_c", "20")
+    sheet.apply()
+    assert "pressure" in sheet.problem
+    sheet.set_value("temperature_c", "")
+    sheet.apply()
+    assert json.loads((tmp_path / "settings.json").read_text())["moving_mass_kg"] == pytest.approx(0.0185)
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    assert not sheet.isVisible()
+
+
+def test_every_key_of_the_sheet_is_bound_to_something(opened, qtbot):
+    window = opened(rigs.still_bench)
+    qtbot.keyClick(window, Qt.Key.Key_F1)
+    assert window.panels.keys.isVisible()
+    qtbot.keyClick(window, Qt.Key.Key_F1)
+    assert not window.panels.keys.isVisible()

@@ -1,0 +1,40 @@
+"""Numbers as the screen states them."""
+
+import pytest
+from PySide6.QtCore import QLocale
+
+from analysis.quantity import NotSeen, Quantity
+from app import wording
+
+
+@pytest.fixture
+def german():
+    before = QLocale()
+    QLocale.setDefault(QLocale(QLocale.Language.German))
+    yield
+    QLocale.setDefault(before)
+
+
+def test_not_seen_is_a_dash_with_its_reason_and_never_zero():
+    assert wording.value_text(NotSeen("too short")) == "–"
+    assert wording.concise_text(None) == "–"
+    assert "too short" in wording.how_text("COR", NotSeen("too short"))
+
+
+def test_value_and_uncertainty_are_scaled_and_rounded_together():
+    assert wording.value_text(Quantity(19.1034e-3, 4.2e-5), 1e3) == "19.103 ± 0.042"
+    assert wording.concise_text(Quantity(0.9875562, 2.1e-5)) == "0.987556(21)"
+    assert wording.concise_text(Quantity(221.4, 0.0)) == "221.4"
+    assert wording.concise_text(Quantity(10003.0, 61.0)) == "10003 ± 61"
+
+
+def test_the_screen_follows_the_systems_decimal_sign(german):
+    assert wording.value_text(Quantity(0.5119, 0.0012)) == "0,5119 ± 0,0012"
+    assert wording.number(1.5) == "1,5"
+
+
+def test_parameters_are_said_with_their_unit():
+    words = wording.parameter_words("coefficient_n_s2_per_m2", Quantity(1.9e-3, 1e-4))
+    assert words == "coefficient 0.00190 ± 0.00010 N s²/m²"
+    assert wording.parameter_words("force_n", Quantity(2e-5, 1e-6)).endswith(" N")
+    assert wording.parameter_words("damping_ratio", Quantity(0.1, 0.01)) == "damping ratio 0.100 ± 0.010"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 HALF_POWER_SHARE = 0.5  # of the output rate: where the decimator is 3 dB down, which keeps decimated noise white
-FLAT_SHARE = 0.32  # of the output rate: below it the decimator is flat (0.1 %) and free of aliases (-60 dB)
+FLAT_SHARE = 0.3  # of the output rate: below it the decimator is flat (0.1 %) and its aliases are 37 dB down
 MAX_BANDWIDTH_SHARE = 0.35  # of the motion rate: the widest bandwidth the derivative filters can honestly have
 _HALF_LENGTH = 3.0  # of the derivative filters, in 1 / bandwidth
 _KAISER = 5.65  # 60 dB
@@ -25,18 +25,20 @@ def decimator_taps(factor: int) -> Floats:
     """Return the symmetric low-pass, shape (12 factor + 1,), that decimates a phase by ``factor``.
 
     Kaiser-windowed sinc with its half-power point at half the output rate: its power response and the response's
-    mirror image add up to one there, so white phase noise stays white.  Unit gain at zero frequency.
+    mirror image add up to one there, so white phase noise stays white.  Cubics pass unchanged (factor > 2).
     """
     if factor == 1:
         return _frozen(np.ones(1))
     half = 6 * factor
     n = np.arange(-half, half + 1)
+    u = n / half
     window = np.kaiser(2 * half + 1, 6.2)
     low, high = 0.4, 0.6
+    taps = window
     for _ in range(40):
         cut = 0.5 * (low + high)
-        taps = np.sinc(2 * cut * n / factor) * window
-        taps /= taps.sum()
+        sinc = np.sinc(2 * cut * n / factor) * window
+        taps = sinc / sinc.sum() if factor == 2 else _with_moments(u, (sinc, sinc * u**2), (0, 2), (1.0, 0.0))
         if np.sum(taps * np.cos(2 * np.pi * HALF_POWER_SHARE / factor * n)) > np.sqrt(0.5):
             high = cut
         else:
@@ -72,10 +74,12 @@ class Derivatives:
 
 @lru_cache(maxsize=32)
 def derivative_filters(sample_rate_hz: float, bandwidth_hz: float) -> Derivatives:
-    """Return the derivative filters: flat to about 0.6 ``bandwidth_hz``, half amplitude at it, 60 dB down beyond 1.5.
+    """Return the derivative filters: flat (0.3 %) to 0.6 ``bandwidth_hz``, half amplitude near it, 60 dB down beyond 1.5.
 
-    They are the first and second derivative of a sinc low-pass, Kaiser-windowed and scaled so that a ramp and a
-    parabola come out exact.  Raises ValueError where the rate cannot carry the bandwidth.
+    They are the first and second derivative of a sinc low-pass, Kaiser-windowed and trimmed so that polynomials up to
+    the fourth (velocity) and fifth degree (acceleration) come out exact: no bias from jerk.
+
+    Raises ValueError where the rate cannot carry the bandwidth.
     """
     if not 0 < bandwidth_hz <= MAX_BANDWIDTH_SHARE * sample_rate_hz * (1 + 1e-9):
         raise ValueError(
@@ -89,11 +93,12 @@ def derivative_filters(sample_rate_hz: float, bandwidth_hz: float) -> Derivative
     safe = np.where(n == 0, 1.0, x)
     first = np.where(n == 0, 0.0, (np.cos(x) - np.sin(safe) / safe) / safe)
     second = np.where(n == 0, -1 / 3, -(np.sin(x) + 2 * (np.cos(x) - np.sin(safe) / safe) / safe) / safe)
-    velocity = -first * window  # minus: a dot product, not a convolution
-    velocity *= sample_rate_hz / np.sum(velocity * n)
-    acceleration = second * window
-    acceleration -= window * (acceleration.sum() / window.sum())
-    acceleration *= 2 * sample_rate_hz**2 / np.sum(acceleration * n**2)
+    odd = -first * window  # minus: a dot product, not a convolution
+    even = second * window
+    u = n / half
+    slope = sample_rate_hz / half  # of u, per second
+    velocity = _with_moments(u, (odd, odd * u**2), (1, 3), (slope, 0.0))
+    acceleration = _with_moments(u, (even, even * u**2, even * u**4), (0, 2, 4), (0.0, 2 * slope**2, 0.0))
     edge_velocity, edge_acceleration = _edge_filters(2 * half + 1, half, sample_rate_hz)
     return Derivatives(
         half, _frozen(velocity), _frozen(acceleration), _frozen(edge_velocity), _frozen(edge_acceleration)
@@ -163,6 +168,13 @@ def stretches(finite: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return (start, stop) of every run of True in an array of shape (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], finite, [False])).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _with_moments(u: Floats, shapes: tuple[Floats, ...], powers: tuple[int, ...], moments: tuple[float, ...]) -> Floats:
+    """Return the combination of ``shapes`` whose sums with u^power are ``moments``."""
+    basis = np.stack(shapes)
+    weights = np.linalg.solve(np.stack([basis @ u**power for power in powers]), np.array(moments))
+    return np.asarray(weights @ basis)
 
 
 def _edge_filters(length: int, rows: int, sample_rate_hz: float) -> tuple[Floats, Floats]:

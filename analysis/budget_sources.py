@@ -108,7 +108,9 @@ class ShotSources:
             std = getattr(self._instrument.plate, name)
             words = "plate: " + name.rsplit("_", 1)[0].replace("_", " ")
             numbers[name] = self.ledger.number(value, std, words, "B", units.get(name, "m"), "stated tolerance")
-        return numbers
+        theory = self._instrument.plate.beam_theory
+        how = "clamp and disc bend as a plate, not as beams"
+        return numbers | {"beam_theory": self.ledger.number(1.0, theory, "plate: beam theory", "B", "1", how)}
 
     def _mass(self) -> tuple[Number, float]:
         setup, motion = self._shot.setup, self._shot.motion

@@ -14,6 +14,7 @@ from analysis import plate as plates
 from analysis.plate import Disc, PlateTolerance
 from analysis.quantity import Quantity
 from analysis.recording import Plate
+from tests.analysis import thin_plate
 
 PAPER_PLATE = Plate(
     arm_length_m=15e-3,
@@ -96,14 +97,31 @@ def test_both_ways_round(disc: Disc) -> None:
     assert modulus.value == pytest.approx(PAPER_PLATE.youngs_modulus_pa, rel=1e-12)
 
 
+def test_a_plate_in_two_dimensions_agrees_within_the_stated_share() -> None:
+    """Thin-plate elements, nothing shared with the beams: without Poisson's effect the narrow arm is a beam."""
+    beam = plates.stiffness_n_per_m(PAPER_PLATE, Disc.BENDING_NECK)
+    assert thin_plate.stiffness_n_per_m(PAPER_PLATE, 0.0, 0.2e-3) == pytest.approx(beam, rel=3e-3)
+    # Held flat at the clamp, a real alloy is stiffer than its beam: that is what beam_theory allows for.
+    real = thin_plate.stiffness_n_per_m(PAPER_PLATE, 0.3, 0.2e-3)
+    assert real > beam
+    assert abs(real / beam - 1.0) < 1.2 * PlateTolerance().beam_theory
+    for disc in Disc:
+        assert real == pytest.approx(
+            plates.stiffness_n_per_m(PAPER_PLATE, disc), rel=1.2 * PlateTolerance().beam_theory
+        )
+
+
 def test_uncertainties_are_those_of_random_plates() -> None:
     """First-order propagation against a Monte Carlo draw of plates (GUM supplement 1)."""
-    tolerance = PlateTolerance()
+    tolerance = PlateTolerance(beam_theory=0.0)
     rng = np.random.default_rng(3)
     drawn = [
         replace(
             PAPER_PLATE,
-            **{f.name: rng.normal(getattr(PAPER_PLATE, f.name), getattr(tolerance, f.name)) for f in fields(tolerance)},
+            **{
+                f.name: rng.normal(getattr(PAPER_PLATE, f.name), getattr(tolerance, f.name))
+                for f in fields(PAPER_PLATE)
+            },
         )
         for _ in range(4000)
     ]
@@ -116,6 +134,13 @@ def test_uncertainties_are_those_of_random_plates() -> None:
         (said.coefficient_c, [plates.coefficient_c(p) for p in drawn]),
     ):
         assert quantity.std == pytest.approx(float(np.std(values)), rel=0.06)
+
+
+def test_the_theory_itself_is_uncertain() -> None:
+    sure, doubted = (plates.report(PAPER_PLATE, PlateTolerance(beam_theory=share)) for share in (0.0, 0.02))
+    extra = math.sqrt(doubted.stiffness_n_per_m.std**2 - sure.stiffness_n_per_m.std**2)
+    assert extra == pytest.approx(0.02 * sure.stiffness_n_per_m.value, rel=1e-6)
+    assert doubted.effective_mass_kg.std == pytest.approx(sure.effective_mass_kg.std)
 
 
 def test_modulus_uncertainty_has_no_part_of_the_stated_modulus() -> None:

@@ -12,7 +12,7 @@ from instrument.bench.bench import Rig, Stage
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
-_CHUNK = 1 << 16
+_CHUNK = 1 << 17
 _LOWEST_HZ, _HIGHEST_HZ = 8e6, 60e6  # below, the beat of a fast block is no longer resolved
 
 

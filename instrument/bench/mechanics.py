@@ -139,8 +139,8 @@ def collide(
     p = parameters(bodies or Bodies(), extra)
     fastest = max(p[slot.W_HIDDEN], p[slot.W_MODE], p[slot.W_CLAMP])
     if fastest > 0.0:
-        step_s = min(step_s, 0.05 / fastest)
-        flight_step_s = min(flight_step_s, 0.05 / fastest)
+        step_s = min(step_s, 0.1 / fastest)  # 1e-9 of the ringing a step
+        flight_step_s = min(flight_step_s, 0.1 / fastest)
     if p[slot.F_BRISTLE] > 0.0:
         flight_step_s = min(flight_step_s, 0.1 * p[slot.F_BRISTLE] / p[slot.K_BRISTLE] / abs(velocity_m_per_s))
         step_s = min(step_s, flight_step_s)

@@ -17,12 +17,14 @@ from instrument.bench.blind import RATE_HZ, Record, Truth, drawn, records
 from instrument.bench.effects import BEYOND, CATALOGUE
 from instrument.bench.noise import Noise, NoiseKind
 from instrument.bench.optics import Optics
+from instrument.bench.separation import separation
 from instrument.bench.simulate import record_shot
-from instrument.bench.strength import at_snr, base_tangents, cramer_rao
+from instrument.bench.strength import at_snr, base_tangents, cramer_rao, residual_snr
 
 SNRS = (13.0, 20.0, 40.0, 100.0, 300.0)
 RAW = ("eight_bit", "low_light", "no_reference")
 LEAST_SNR = 12.0
+APART = 5.0  # noise norms: below, no method could tell an effect from its nearest look-alike
 _DRAWS = 6  # of a rig, until its effect can stand out as asked for
 
 
@@ -30,9 +32,9 @@ _DRAWS = 6  # of a rig, until its effect can stand out as asked for
 class Case:
     """One blind set before it is drawn."""
 
-    kind: str  # "clean" | "single" | "pair" | "beyond" | "raw"
+    kind: str  # "clean" | "single" | "natural" | "pair" | "beyond" | "raw"
     names: tuple[str, ...]
-    snr: float
+    snr: float  # asked for; 0: the size it was drawn with
     noise: str
     seed: int
     raw: str = ""
@@ -54,6 +56,8 @@ class Outcome:
     noise_m: float = 0.0
     seconds: float = 0.0
     problem: str = ""
+    nearest: str = ""  # the catalogue effect that could imitate it best
+    apart: float | None = None  # what even that one cannot imitate, over the noise
 
     def as_json(self) -> dict[str, Any]:
         """Return a plain dictionary."""
@@ -61,7 +65,7 @@ class Outcome:
 
 
 def cases(runs: dict[str, int], seed: int) -> list[Case]:
-    """Return the cases for ``runs`` a cell: clean (a noise kind), single and beyond (an effect), pair, raw (a kind)."""
+    """Return the cases for ``runs`` a cell: clean (a noise kind), single, natural, beyond (an effect), pair, raw."""
     random = np.random.default_rng((seed, 0x100))
     result: list[Case] = []
 
@@ -74,6 +78,8 @@ def cases(runs: dict[str, int], seed: int) -> list[Case]:
     for name in CATALOGUE:
         for i in range(runs["single"]):
             add("single", (name,), SNRS[i % len(SNRS)])
+        for _ in range(runs["natural"]):
+            add("natural", (name,), 0.0)
     for i in range(runs["pair"]):
         add("pair", [str(n) for n in random.choice(list(CATALOGUE), 2, replace=False)], (40.0, 100.0, 300.0)[i % 3])
     for name in BEYOND:
@@ -86,15 +92,28 @@ def cases(runs: dict[str, int], seed: int) -> list[Case]:
     return result
 
 
-def draw(case: Case) -> tuple[Truth, float, dict[str, dict[str, float]]]:
-    """Return the rig of a case, the SNR its effects reach, and the Cramer-Rao bound of their parameters."""
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """The rig of a case, how far its effects stand out, and what could be known of them at best."""
+
+    truth: Truth
+    snr: float = 0.0
+    bound: dict[str, dict[str, float]] = field(default_factory=dict)
+    nearest: str = ""
+    apart: float | None = None
+
+
+def draw(case: Case) -> Drawn:
+    """Draw the rig of a case; one that cannot stand out as asked is drawn again a few times."""
     noise = Noise(NoiseKind(case.noise), white_m=_white_m(case))
     if not case.names:
-        return drawn((), case.seed, noise), 0.0, {}
+        return Drawn(drawn((), case.seed, noise))
     for attempt in range(_DRAWS):
         truth = drawn(case.names, case.seed + 7919 * attempt, noise)
         tangents = base_tangents(truth)
-        if len(case.names) == 1:
+        if case.snr == 0.0:
+            reached = residual_snr(truth, tangents)
+        elif len(case.names) == 1:
             truth, reached = at_snr(truth, case.snr, tangents)
         else:  # each by itself, so that neither drowns in the other
             parts = [at_snr(replace(truth, effects={n: truth.effects[n]}), case.snr, tangents) for n in case.names]
@@ -102,7 +121,12 @@ def draw(case: Case) -> tuple[Truth, float, dict[str, dict[str, float]]]:
             truth = replace(truth, effects={n: part[0].effects[n] for n, part in zip(case.names, parts, strict=True)})
         if reached >= LEAST_SNR:
             break
-    return truth, reached, cramer_rao(truth, tangents)
+    nearest, apart = "", None
+    if case.kind in ("single", "beyond") and reached >= LEAST_SNR:
+        others = separation(truth, tangents)
+        nearest = min(others, key=others.__getitem__)
+        apart = others[nearest]
+    return Drawn(truth, reached, cramer_rao(truth, tangents), nearest, apart)
 
 
 def motions(truth: Truth, case: Case) -> tuple[Motion, ...]:
@@ -125,13 +149,15 @@ def as_motion(record: Record) -> Motion:
 
 def judge(case: Case, diagnose: Callable[[Sequence[Motion]], Any]) -> Outcome:
     """Draw a case, have it diagnosed, and write down what was said beside what was true."""
-    truth, snr, bound = draw(case)
+    rig = draw(case)
+    truth, snr = rig.truth, rig.snr
     shown = motions(truth, case)
     began = time.perf_counter()
     try:
         said = diagnose(shown)
     except Exception as error:
-        return Outcome(case, snr, "failed", truth=dict(truth.effects), problem=f"{type(error).__name__}: {error}"[:200])
+        problem = f"{type(error).__name__}: {error}"[:200]
+        return Outcome(case, snr, "failed", truth=dict(truth.effects), problem=problem, apart=rig.apart)
     seconds = time.perf_counter() - began
     held = None
     if said.error_held_out_before is not None and said.error_held_out_after is not None:
@@ -150,10 +176,12 @@ def judge(case: Case, diagnose: Callable[[Sequence[Motion]], Any]) -> Outcome:
         classes=tuple(tuple(effect.indistinguishable_from) for effect in said.effects),
         truth={name: dict(values) for name, values in truth.effects.items()},
         found=found,
-        bound=bound,
+        bound=rig.bound,
         held_out=held,
         noise_m=truth.noise.white_m,
         seconds=seconds,
+        nearest=rig.nearest,
+        apart=rig.apart,
     )
 
 

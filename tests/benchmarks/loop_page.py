@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from instrument.bench.effects import BEYOND, CATALOGUE
-from tests.benchmarks.loop_cases import LEAST_SNR, Outcome
+from tests.benchmarks.loop_cases import APART, LEAST_SNR, Outcome
 from tests.benchmarks.loop_score import exact, lines, named_alone, named_at_all, share, truth_reported
 
 
@@ -14,7 +14,7 @@ def confusion(outcomes: Sequence[Outcome]) -> tuple[list[str], list[str], list[l
     rows = ["nothing", *CATALOGUE, *BEYOND]
     counts: dict[str, Counter[str]] = {row: Counter() for row in rows}
     for outcome in outcomes:
-        if outcome.case.kind in ("clean", "single", "beyond"):
+        if outcome.case.kind in ("clean", "single", "natural", "beyond"):
             counts[outcome.case.names[0] if outcome.case.names else "nothing"][_said(outcome)] += 1
     return rows, columns, [[counts[row][column] for column in columns] for row in rows]
 
@@ -36,7 +36,9 @@ def page(outcomes: Sequence[Outcome], command: str) -> str:
         f"Regenerate with `{command}`. Every set holds three shots at different speeds from the simulated bench, which "
         "shares no code with the analysis. The signal-to-noise ratio (SNR) of an effect is the norm of what the best "
         "base fit leaves of the noise-free set, over the noise of one sample; figures are for SNR >= "
-        f"{LEAST_SNR:g} unless said otherwise. Intervals are Wilson's at 95 %.\n\n"
+        f"{LEAST_SNR:g} unless said otherwise. An effect can be told where the nearest other effect of the catalogue, "
+        f"offered its best imitation with the base parameters free, still leaves {APART:g} noise norms. Intervals are "
+        "Wilson's at 95 %.\n\n"
     )
     table = ["| figure | measured | target | met |", "|---|---|---|---|"]
     marks = {True: "yes", False: "**no**", None: ""}
@@ -71,11 +73,12 @@ def _by_strength(outcomes: Sequence[Outcome]) -> str:
 
 
 def _misses(outcomes: Sequence[Outcome]) -> str:
-    text = ["## Misses\n", "| kind | true | SNR | noise | seed | said |", "|---|---|---|---|---|---|"]
+    text = ["## Misses\n", "| kind | true | SNR | noise | seed | said | nearest look-alike |", "|---" * 7 + "|"]
     for o in outcomes:
         bad = {
             "clean": named_at_all(o),
             "single": o.snr >= LEAST_SNR and not exact(o),
+            "natural": o.snr >= LEAST_SNR and not exact(o),
             "pair": o.snr >= LEAST_SNR and not exact(o),
             "beyond": named_alone(o),
             "raw": not truth_reported(o) or (not o.case.names and named_at_all(o)),
@@ -88,5 +91,6 @@ def _misses(outcomes: Sequence[Outcome]) -> str:
             where = o.case.raw or o.case.noise
             true = " + ".join(o.case.names) or "nothing"
             said = said or o.problem or o.verdict
-            text.append(f"| {o.case.kind} | {true} | {o.snr:.0f} | {where} | {o.case.seed} | {said} |")
+            near = f"{o.nearest} {o.apart:.1f}" if o.apart is not None else ""
+            text.append(f"| {o.case.kind} | {true} | {o.snr:.0f} | {where} | {o.case.seed} | {said} | {near} |")
     return "\n".join(text) + "\n"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.benchmarks.loop_cases import LEAST_SNR, RAW, Outcome
+from tests.benchmarks.loop_cases import APART, LEAST_SNR, RAW, Outcome
 
 _Z95 = 1.959964
 
@@ -72,6 +72,19 @@ def named_alone(outcome: Outcome) -> bool:
     return any(not others for others in outcome.classes)
 
 
+def _not_named_alone(outcome: Outcome) -> bool:
+    return not named_alone(outcome)
+
+
+def _tellable(outcome: Outcome) -> bool:
+    return outcome.apart is not None and outcome.apart >= APART
+
+
+def _no_lone_wrong_name(outcome: Outcome) -> bool:
+    pairs = zip(outcome.named, outcome.classes, strict=True)
+    return not any(not others and name not in outcome.case.names for name, others in pairs)
+
+
 def named_at_all(outcome: Outcome) -> bool:
     """Return whether anything was named."""
     return bool(outcome.named)
@@ -94,6 +107,10 @@ def lines(outcomes: Sequence[Outcome]) -> list[Line]:
         result.append(Line(what, str(found), f"<= {100 * value:.0f} %", met))
 
     at_least("one effect, exact name", share(strong, exact), 0.95, 0.90)
+    tellable = [o for o in strong if _tellable(o)]
+    at_least("one effect, exact name, where it can be told", share(tellable, exact), 0.95, 0.90)
+    alike = [o for o in strong if not _tellable(o)]
+    at_least("one effect, look-alike too near: no lone wrong name", share(alike, _no_lone_wrong_name), 0.99)
     at_least("one effect, true one reported", share(strong, truth_reported), 0.99)
     at_least("two effects, true ones reported", share(pairs, truth_reported), 0.99)
     result.append(Line("two effects, both exact", str(share(pairs, exact)), "shown", None))
@@ -102,7 +119,12 @@ def lines(outcomes: Sequence[Outcome]) -> list[Line]:
         at_most(f"clean, {noise} noise, false name", share(quiet, named_at_all), 0.01)
         calm = share(quiet, lambda o: o.verdict == "adequate")
         result.append(Line(f"clean, {noise} noise, called adequate", str(calm), "shown", None))
-    at_least("off the catalogue, no single name", share(beyond, lambda o: not named_alone(o)), 0.99)
+    strange = [o for o in beyond if _tellable(o)]
+    at_least("off the catalogue, no single name, where it can be told", share(strange, _not_named_alone), 0.99)
+    at_least("off the catalogue, no single name", share(beyond, _not_named_alone), 0.99)
+    natural = [o for o in outcomes if o.case.kind == "natural" and o.snr >= LEAST_SNR]
+    result.append(Line("one effect of natural size, exact name", str(share(natural, exact)), "shown", None))
+    result.append(Line("one effect of natural size, reported", str(share(natural, truth_reported)), "shown", None))
     for raw in RAW:
         some = [o for o in outcomes if o.case.kind == "raw" and o.case.raw == raw]
         result.append(Line(f"from counts, {raw}, true one reported", str(share(some, truth_reported)), "shown", None))

@@ -47,6 +47,20 @@ def test_figures_say_when_a_target_is_missed():
     assert met(good) and not met(good + bad) and met([]) is None
 
 
+def test_an_effect_that_nobody_could_tell_is_scored_apart():
+    near = [_outcome(named=("sensor_drift",), classes=(("tilt",),), nearest="sensor_drift", apart=1.0)] * 10
+    alone = [_outcome(named=("sensor_drift",), nearest="sensor_drift", apart=1.0)] * 10
+    far = [_outcome(nearest="sensor_drift", apart=9.0)] * 80
+
+    def judged(outcomes):
+        return {line.what: line.met for line in lines(outcomes)}
+
+    told = "one effect, exact name, where it can be told"
+    fair = "one effect, look-alike too near: no lone wrong name"
+    assert judged(far + near)[told] and judged(far + near)[fair]
+    assert judged(far + alone)[told] and not judged(far + alone)[fair]
+
+
 def test_perfect_estimates_sit_on_the_bound():
     some = []
     for quantile in (np.arange(500) + 0.5) / 500:
@@ -84,11 +98,11 @@ def test_confusion_and_misses_are_published():
 
 
 def test_cases_are_all_there_and_reproducible():
-    runs = {"clean": 2, "single": 1, "pair": 3, "beyond": 1, "raw": 2}
+    runs = {"clean": 2, "single": 1, "natural": 1, "pair": 3, "beyond": 1, "raw": 2}
     some = cases(runs, 1)
     assert some == cases(runs, 1) and len({case.seed for case in some}) == len(some)
     kinds = [case.kind for case in some]
-    assert [kinds.count(k) for k in runs] == [8, 19, 3, 6, 6]
+    assert [kinds.count(k) for k in runs] == [8, 19, 19, 3, 6, 6]
 
 
 def test_a_case_runs_from_draw_to_outcome():
@@ -106,6 +120,7 @@ def test_a_case_runs_from_draw_to_outcome():
 
     outcome = judge(TILT, oracle)
     assert outcome.snr == pytest.approx(20.0, rel=0.06)
+    assert outcome.nearest and 5.0 < outcome.apart < outcome.snr
     assert outcome.named == ("tilt",) and outcome.classes == (("sensor_drift",),)
     assert set(outcome.bound["tilt"]) == {"angle_rad"} and outcome.bound["tilt"]["angle_rad"] > 0
     assert len(seen) == 3 and seen[0].displacement_std_m[0] == pytest.approx(1e-10)
@@ -120,7 +135,7 @@ def test_a_case_runs_from_draw_to_outcome():
 @pytest.mark.parametrize("raw", ["eight_bit", "low_light", "no_reference"])
 def test_noise_of_sets_from_counts_is_what_is_scored_with(raw):
     case = Case("raw", (), 0.0, "white", 5, raw)
-    truth, _, _ = draw(case)
+    truth = draw(case).truth
     shot = motions(truth, case)[0]
     jitter = np.diff(shot.displacement_m[30:900], 4).std() / np.sqrt(70)
     assert jitter == pytest.approx(truth.noise.white_m, rel=0.12)

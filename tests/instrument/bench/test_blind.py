@@ -5,11 +5,14 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from analysis.model.fitting import fit_shots
 from analysis.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
+from analysis.signal.record import motion_from_displacement
 from instrument.bench.bench import Rig
 from instrument.bench.blind import RATE_HZ, Record, clean_m, drawn, records
 from instrument.bench.noise import Noise, NoiseKind
+from instrument.bench.separation import separation
 from instrument.bench.simulate import record_shot
 from instrument.bench.strength import at_snr, base_tangents, cramer_rao, residual_snr
 
@@ -99,3 +102,26 @@ def test_snr_and_the_best_possible_uncertainty_agree(tilted):
 def test_what_differs_from_shot_to_shot_has_no_bound():
     truth = drawn(["frame_vibration"], 2)
     assert set(cramer_rao(truth)["frame_vibration"]) == {"amplitude_m_per_s", "frequency_hz"}
+
+
+def test_a_look_alike_is_near_and_a_stranger_far():
+    truth = drawn(["plate_damping"], 3)
+    tangents = base_tangents(truth)
+    weak, reached = at_snr(truth, 20.0, tangents)
+    apart = separation(weak, tangents)
+    assert len(apart) == 18 and "plate_damping" not in apart
+    assert apart["viscoelastic_arm"] < 1.0  # a short relaxation is a dashpot
+    assert apart["cyclic_error"] > 0.95 * reached and all(value <= reached * 1.01 for value in apart.values())
+
+
+def test_two_formulations_agree():
+    """The analysis, which shares no code with this rig, fits its clean sets to the noise and finds the plate."""
+    truth = drawn((), 6, Noise(white_m=1e-12))
+    shown = []
+    for record in records(truth):
+        motion = motion_from_displacement(record.time_s, record.displacement_m, None, None, record.moving_mass_kg)
+        shown.append(replace(motion, displacement_std_m=np.full(record.time_s.size, record.noise_m)))
+    fit = fit_shots(shown)
+    assert fit.converged and fit.reduced_chi2 == pytest.approx(1.0, abs=0.05)
+    for name in ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m"):
+        assert fit.parameters[name].value == pytest.approx(getattr(truth.bodies, name), rel=1e-5)

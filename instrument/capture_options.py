@@ -14,7 +14,8 @@ class CaptureOptions:
 
     ``settings`` None: see usual_settings; ``setup`` None the rig the digitizer knows.  Thresholds of
     the light switch are in V, None learns them.  ``watch``: signals are read before arming too, where the digitizer
-    streams.  The folder must exist.
+    streams.  Where no channel carries a light switch and the hardware has no trigger, the block itself fires as soon
+    as it moves faster than ``trigger_speed_m_per_s``; None leaves it to the operator.  The folder must exist.
     """
 
     folder: Path
@@ -23,5 +24,6 @@ class CaptureOptions:
     edge: Edge = Edge.EITHER
     switch_low_v: float | None = None
     switch_high_v: float | None = None
+    trigger_speed_m_per_s: float | None = 0.05
     watch: bool = True
     prefix: str = "shot"

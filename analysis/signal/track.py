@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from analysis.signal.survey import Survey
 from analysis.signal.tuning import PHASE_STEPS, Tuning
 
 Floats = NDArray[np.float64]
-BLOCK_SAMPLES = 1 << 17
+BLOCK_SAMPLES = 1 << 18
 MIN_MOTION_SAMPLES = 64
 DARK_SHARE = 0.3  # of the amplitude the survey saw: below it there is no phase to speak of
 _STEADY_VARIANCE = 0.005  # of the power's box means, relative, so that noise alone is never taken for darkness
@@ -203,14 +202,13 @@ def _read(recording: Recording, wanted: Wanted, grid: Grid, advance: Callable[[i
 
 def local_variance(rough: Floats) -> Floats:
     """Return the variance behind squares of normal deviates, shape (n,): medians of 512, joined by straight lines."""
-    count = max(1, rough.size // _NOISE_BLOCK)
-    edges = np.linspace(0, rough.size, count + 1).astype(int)
-    centres, levels = [], []
-    for a, b in pairwise(edges):
-        known = rough[a:b][np.isfinite(rough[a:b])]
-        if known.size > 8:
-            centres.append(0.5 * (a + b))
-            levels.append(float(np.median(known)) / _CHI2_MEDIAN)
-    if not levels:
+    each = min(_NOISE_BLOCK, rough.size)
+    count = rough.size // each
+    blocks = rough[: count * each].reshape(count, each)
+    enough = np.count_nonzero(np.isfinite(blocks), axis=1) > 8
+    if not enough.any():
         return np.full(rough.shape, np.nan)
-    return np.interp(np.arange(rough.size), centres, levels)
+    blocks = blocks[enough]
+    levels = np.median(blocks, axis=1) if np.isfinite(blocks).all() else np.nanmedian(blocks, axis=1)
+    centres = (np.flatnonzero(enough) + 0.5) * each
+    return np.asarray(np.interp(np.arange(rough.size), centres, levels / _CHI2_MEDIAN))

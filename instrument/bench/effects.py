@@ -2,8 +2,9 @@
 
 Where a name alone leaves a choice, this rig chooses: the bearing's force is zero where the plate at rest is touched;
 a hidden mass is part of the block's mass; the clamp is a mass 1 / (C omega^2) on a spring 1 / C, undamped; adhesion
-pulls with a constant force wherever the gap is below its range, overlap included; the contact's reference overlap is
-10 um; a demodulation lag follows the path in first order; drift and vibration add to what is seen, not to the block.
+pulls with a constant force while the bodies are apart by less than its range; the contact's reference overlap is
+10 um; a demodulation lag follows the path in first order; drift and vibration add to what is seen, not to the block,
+and run on the recording's clock.
 """
 
 import math

@@ -59,7 +59,7 @@ def gap_m(y: Floats) -> float:
 def pair_force_n(y: Floats, p: Floats, on: NDArray[np.int64]) -> float:
     """Return the force in N with which the plate pushes the block (paper Eq. 9, and what may be added to it).
 
-    k_N xi (xi/xi_0)^delta (1 + a (1 - exp(-xi/xi_a))) + (gamma_N + c xi) xi' - F_a [gap < d] + F_m exp(-gap/l)
+    k_N xi (xi/xi_0)^delta (1 + a (1 - exp(-xi/xi_a))) + (gamma_N + c xi) xi' - F_a [0 <= gap < d] + F_m exp(-gap/l)
     """
     gap = gap_m(y)
     force = 0.0

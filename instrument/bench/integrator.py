@@ -70,7 +70,7 @@ def _switches(y: Floats, p: Floats, before: NDArray[np.int64], now: NDArray[np.i
     gap = gap_m(y)
     now[IN_CONTACT] = 1 if gap < 0.0 else 0
     now[MOVING_RIGHT] = 1 if y[BLOCK_V] > 0.0 else 0
-    now[WITHIN_REACH] = 1 if p[F_ADHESION] != 0.0 and gap < p[D_ADHESION] else 0
+    now[WITHIN_REACH] = 1 if p[F_ADHESION] != 0.0 and 0.0 <= gap < p[D_ADHESION] else 0
     passed = p[JUMP_MASS] != 0.0 and y[BLOCK_V] > 0.0 and y[BLOCK_X] > p[JUMP_X]
     now[JUMPED] = 1 if passed or before[JUMPED] == 1 else 0
     different = False

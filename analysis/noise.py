@@ -128,9 +128,7 @@ def white(std_m: float, sample_interval_s: float = 1e-5, *, samples: int = 0, tr
     return Noise(std_m, 0.0, 1.0, np.ones(1), sample_interval_s, samples, trusted)
 
 
-def estimate(
-    incoming: Floats, outgoing: Floats, sample_interval_s: float, *, order: int = 8, trend: int = 2
-) -> Noise:
+def estimate(incoming: Floats, outgoing: Floats, sample_interval_s: float, *, order: int = 8, trend: int = 2) -> Noise:
     """Learn the noise from the two stretches of quiet flight (displacement in m, no gaps; either may be short).
 
     A polynomial of degree ``trend`` is taken out of each (the flight, and drags too slow to tell from it).  White
@@ -211,9 +209,7 @@ def _structured(spectra: Sequence[tuple[Floats, Floats, float]], sample_interval
     if alone - least < 4.0:  # two more numbers must earn their keep
         return white(float(np.sqrt(flat)), sample_interval_s, samples=samples)
     _, time_s, white_, floor = [t for t in tried if t[0] < least + 2.0][-1]
-    return Noise(
-        float(np.sqrt(white_)), float(np.sqrt(floor)), float(time_s), np.ones(1), sample_interval_s, samples
-    )
+    return Noise(float(np.sqrt(white_)), float(np.sqrt(floor)), float(time_s), np.ones(1), sample_interval_s, samples)
 
 
 def _two_levels(power: Floats, shape: Floats) -> tuple[float, float]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from analysis.fit import Fit
 from analysis.impact import Impact
 from analysis.kinetic_contact import with_contact_cor
+from analysis.model.driven import fit_driven
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.reading.read import NoImpact, read_impact
@@ -109,7 +110,10 @@ def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Cancel 
         _tell(progress, cancelled, "fitting the model", 0.6)
         started = time.perf_counter()
         try:
-            fit = fit_shots([shot.motion], model=shot.settings.model, cancelled=cancelled)
+            if driven:
+                fit = fit_driven([shot.motion])
+            else:
+                fit = fit_shots([shot.motion], model=shot.settings.model, cancelled=cancelled)
             flags = _merged(flags, fit.flags, () if fit.converged else ("fit_not_converged",))
         except AnalysisError as error:
             flags = _merged(flags, ("fit_failed",))

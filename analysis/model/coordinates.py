@@ -57,7 +57,7 @@ class Coordinates:
                 raise Infeasible("the contact spring alone is softer than the record's slowest swing")
             k_p = k_n * square * m_b / rest + square * m_p
             by_square = k_n * m_b / rest + k_n * square * m_b * m_b / rest**2 + m_p
-            by_contact = -(square * m_b / rest) ** 2
+            by_contact = -((square * m_b / rest) ** 2)
             out[:4] = [k_p, m_p, k_n, z[3] * m_p]
             slope[:4, :4] = [
                 [square * by_square, k_n * by_contact + square * m_p, k_n * by_contact, 0.0],

@@ -132,6 +132,4 @@ def solve(collision: Collision, time_s: Floats, *, derivatives: bool = False) ->
                     event_d_state[k].copy() if last else np.empty((0, 4)),
                 )
             )
-    return Trajectory(
-        collision, times, states[:, 0], states[:, 1], states[:, 2], states[:, 3], tuple(events), d_x
-    )
+    return Trajectory(collision, times, states[:, 0], states[:, 1], states[:, 2], states[:, 3], tuple(events), d_x)

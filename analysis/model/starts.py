@@ -149,5 +149,3 @@ def quiet_stretches(course: Course, displacement_m: Floats, valid: NDArray[np.bo
         best = int(np.argmax(lengths))
         found.append(np.asarray(displacement_m[part][edges[2 * best] : edges[2 * best + 1]]))
     return found
-
-

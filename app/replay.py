@@ -5,10 +5,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis
 from analysis.quantity import Quantity, Reading
 from analysis.report import result
-from analysis.shot import Shot
+from analysis.shot import AnalysisError, Shot
 from app.export import export
 from app.load import complaint, load_and_analyse
 from instrument.recording_error import RecordingError
@@ -32,7 +33,22 @@ def replay(
 
 
 def _diagnosis(shots: Sequence[Shot]) -> Diagnosis | None:
-    return None
+    """Return one diagnosis over the shots that can take part in it; None, and one line, where there is none."""
+    fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
+    if not fitted:
+        return None
+    models = {shot.settings.model for shot in fitted}
+    if len(models) > 1:
+        names = ", ".join(sorted(models))
+        print(f"levimass: no joint diagnosis: the shots are of different models ({names})", file=sys.stderr)
+        return None
+    try:
+        if models == {"driven"}:
+            return diagnose_driven([shot.motion for shot in fitted if shot.motion is not None])
+        return None
+    except AnalysisError as error:
+        print(f"levimass: no diagnosis: {error}", file=sys.stderr)
+        return None
 
 
 def _write(shots: Sequence[Shot], diagnosis: Diagnosis | None, json_to: str | None, export_to: Path | None) -> bool:

@@ -75,16 +75,16 @@ def cases(runs: dict[str, int], seed: int) -> list[Case]:
     for noise in NoiseKind:
         for _ in range(runs["clean"]):
             add("clean", (), 0.0, noise.value)
-    for name in CATALOGUE:
+    for place, name in enumerate(CATALOGUE):
         for i in range(runs["single"]):
-            add("single", (name,), SNRS[i % len(SNRS)])
+            add("single", (name,), SNRS[(place + i) % len(SNRS)])
         for _ in range(runs["natural"]):
             add("natural", (name,), 0.0)
     for i in range(runs["pair"]):
         add("pair", [str(n) for n in random.choice(list(CATALOGUE), 2, replace=False)], (40.0, 100.0, 300.0)[i % 3])
-    for name in BEYOND:
+    for place, name in enumerate(BEYOND):
         for i in range(runs["beyond"]):
-            add("beyond", (name,), SNRS[i % len(SNRS)])
+            add("beyond", (name,), SNRS[(place + i) % len(SNRS)])
     for raw in RAW:
         for i in range(runs["raw"]):
             names = () if i % 4 == 0 else (str(random.choice(list(CATALOGUE))),)

@@ -9,6 +9,7 @@ import numpy as np
 from tests.benchmarks.loop_cases import APART, LEAST_SNR, RAW, Outcome
 
 _Z95 = 1.959964
+_ENOUGH = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +100,11 @@ def lines(outcomes: Sequence[Outcome]) -> list[Line]:
 
     def at_least(what: str, found: Share, value: float, low: float | None = None) -> None:
         target = f">= {100 * value:.0f} %" + (f", lower bound >= {100 * low:.0f} %" if low else "")
-        met = found.value >= value and (low is None or found.bounds[0] >= low) if found.runs else None
-        result.append(Line(what, str(found), target, met))
+        met = found.value >= value and (low is None or found.bounds[0] >= low)
+        result.append(Line(what, str(found), target, _if_enough(found, met)))
 
     def at_most(what: str, found: Share, value: float) -> None:
-        met = found.value <= value if found.runs else None
+        met = _if_enough(found, found.value <= value)
         result.append(Line(what, str(found), f"<= {100 * value:.0f} %", met))
 
     at_least("one effect, exact name", share(strong, exact), 0.95, 0.90)
@@ -138,6 +139,11 @@ def lines(outcomes: Sequence[Outcome]) -> list[Line]:
         figure = f"median {np.median(seconds):.2f} s, 95th percentile {np.quantile(seconds, 0.95):.2f} s"
         result.append(Line("time a set of three", figure, "<= 2 s", bool(np.median(seconds) <= 2.0)))
     return result
+
+
+def _if_enough(found: Share, met: bool) -> bool | None:
+    """Return ``met``, but None for a target that so few runs would meet by luck."""
+    return None if not found.runs or (met and found.runs < _ENOUGH) else met
 
 
 def _parameters(named: Sequence[Outcome]) -> list[Line]:

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit bench bench-loop screenshots clean
+.PHONY: run test lint types unit bench bench-loop bench-soak bench-streaming screenshots clean
 
 run: $(READY)
 	$(BIN)/python -m app.start
@@ -22,6 +22,15 @@ unit: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m tests.benchmarks
+
+# >= 2,000 simulated shots, 100 kills, 12,000 spoilt files: half an hour on two cores
+bench-soak: $(READY)
+	$(BIN)/python -m tests.benchmarks.soak --shots 2000
+	$(BIN)/python -m tests.benchmarks.kill --times 100
+	$(BIN)/python -m tests.benchmarks.fuzz --times 12000
+
+bench-streaming: $(READY)
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.benchmarks.streaming --seconds 60
 
 bench-loop: $(READY)
 	$(BIN)/python -m tests.benchmarks.loop --keep .bench/loop.jsonl --page docs/closed-loop-benchmark.md

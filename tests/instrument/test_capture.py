@@ -1,5 +1,6 @@
 """Taking shots end to end with a digitizer whose every sample is known."""
 
+import builtins
 import threading
 import time
 from collections.abc import Callable
@@ -347,6 +348,25 @@ def test_a_folder_removed_or_missing_is_said(tmp_path: Path) -> None:
         rig.capture.arm()
         until(rig.capture, lambda s: s.shots == 2)
     assert any("does not exist" in line for line in rig.said)
+
+
+def test_a_folder_that_cannot_be_written_to_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = builtins.open
+
+    def read_only(name: object, mode: str = "r", *more: object, **how: object) -> object:
+        if str(name).startswith(str(tmp_path)) and mode[0] in "awx":
+            raise OSError(30, "Read-only file system")
+        return real(name, mode, *more, **how)  # type: ignore[call-overload]
+
+    with Rig(tmp_path, live=False) as rig:
+        monkeypatch.setattr(builtins, "open", read_only)
+        rig.capture.arm()
+        fault = until(rig.capture, lambda s: s.state is State.FAULT)
+        assert "cannot be written to (Read-only file system)" in fault.message and "another folder" in fault.remedy
+        monkeypatch.undo()
+        rig.capture.arm()
+        until(rig.capture, lambda s: s.shots == 1)
+    assert verify(tmp_path / "shot-0001")
 
 
 def test_a_second_instance_is_refused_politely(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from analysis.signal.wander import wander
 Floats = NDArray[np.float64]
 HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat it bends the phase by as much
 _UNSTEADY_SIGMA = 3.0
+_WORTH_ANOTHER = 0.8  # of the samples missed so far: a wider band must do this well to be preferred
 _REST_REACH = 2000
 
 
@@ -59,9 +60,10 @@ def demodulate(
             wanted.append(Wanted(plan.rest_tuning, plan.rest_guide, reference_column, seen_reference))
         tracks = read_tracks(recording, wanted, grid, progress, cancelled)
         missed = _missed(tracks[0], grid)
-        if best is None or missed < best[0]:
+        better = best is None or missed < _WORTH_ANOTHER * best[0]
+        if better:
             best = (missed, grid, tracks)
-        if missed == 0:
+        if missed == 0 or not better:  # what a wider band does not mend is not the band's fault
             break
     assert best is not None
     _, grid, tracks = best

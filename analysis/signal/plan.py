@@ -12,6 +12,7 @@ from analysis.signal.survey import Survey
 from analysis.signal.tuning import Tuning, tune
 
 FOLLOWED_HZ = (130e3, 400e3)  # how far the beat may lie from the oscillator that follows it, first and second try
+NARROW_HZ = 40e3  # the same where the beat comes so near zero that nothing wider can be told from its image
 SPAN_MARGIN_HZ = 60e3  # beyond the frequencies seen, where one oscillator serves the whole recording
 PHASE_RATE_HZ = 0.45e6  # where light is plentiful: short windows, so that a fault spoils little
 PHASE_VARIANCE = 0.025  # rad^2 of one phase: above it a whole cycle may slip, so less light asks for longer windows
@@ -40,8 +41,10 @@ def plans(seen: Survey, reference: Survey | None, recording: Recording, settings
     """
     made = False
     problem: AnalysisError | None = None
-    widths: tuple[float | None, ...] = (*FOLLOWED_HZ, None)
+    widths: tuple[float | None, ...] = (*FOLLOWED_HZ, None, NARROW_HZ)
     for width in widths:
+        if width == NARROW_HZ and made:
+            break
         try:
             yield _plan(width, seen, reference, recording, settings)
             made = True

@@ -11,6 +11,7 @@ import tracemalloc
 from collections.abc import Callable
 
 import numpy as np
+from scipy.signal import fftconvolve
 
 from analysis.motion import Motion
 from analysis.recording import Recording
@@ -18,7 +19,7 @@ from analysis.shot import AnalysisSettings
 from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator
 from analysis.signal.demodulate import demodulate
-from analysis.signal.filters import derivative_filters
+from analysis.signal.filters import decimator_taps, derivative_filters
 from analysis.signal.plan import plans
 from analysis.signal.survey import survey
 from analysis.signal.track import Grid, Wanted, read_tracks
@@ -42,6 +43,28 @@ def _bound_m(snr_db: float, input_rate_hz: float, motion: Motion) -> float:
     """Return the standard deviation of white displacement at the motion's rate that the bound allows."""
     density = 2.0 / (10 ** (snr_db / 10) * input_rate_hz)
     return float(WAVELENGTH_M / (4 * np.pi) * np.sqrt(0.5 * density * motion.sample_rate_hz))
+
+
+def _velocity_bound(snr_db: float, recording: Recording, motion: Motion) -> float:
+    """Return the bound on velocity through the very chain: window, decimator and derivative as one filter.
+
+    White noise on the counts gives each of them the phase variance 1 / SNR in quadrature to the beat.
+    """
+    settings = AnalysisSettings(motion_rate_hz=motion.sample_rate_hz, bandwidth_hz=motion.bandwidth_hz)
+    seen = survey(recording.counts[:, 1], recording.sample_rate_hz, 16, "measurement")
+    tuning = next(iter(plans(seen, None, recording, settings))).tuning
+    step = round(recording.sample_rate_hz / motion.sample_rate_hz)
+    chain = _spread(decimator_taps(step // tuning.decimation), tuning.decimation)
+    chain = fftconvolve(chain, tuning.full_window)
+    velocity = derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).velocity
+    chain = fftconvolve(_spread(velocity, step), chain)
+    return float(WAVELENGTH_M / (4 * np.pi) * np.sqrt(np.sum(chain**2) / 10 ** (snr_db / 10)))
+
+
+def _spread(taps: Floats, factor: int) -> Floats:
+    out = np.zeros((taps.size - 1) * factor + 1)
+    out[::factor] = taps
+    return out
 
 
 def _in_turns(work: dict[str, Callable[[], object]], rounds: int, threads: bool = False) -> dict[str, float]:
@@ -138,7 +161,7 @@ def noise() -> None:
             for output, sums in total.items():
                 motion = demodulate(recording, AnalysisSettings(motion_rate_hz=output, bandwidth_hz=0.3 * output))
                 filters = derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz)
-                bound = _bound_m(snr_db, rate, motion) * filters.velocity_gain
+                bound = _velocity_bound(snr_db, recording, motion)
                 inner = motion.velocity_m_per_s[filters.half : -filters.half] - velocity
                 sums[0] += float(np.sum((inner / bound) ** 2))
                 sums[1] += inner.size

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 HALF_POWER_SHARE = 0.5  # of the output rate: where the decimator is 3 dB down, which keeps decimated noise white
-FLAT_SHARE = 0.3  # of the output rate: below it the decimator is flat (0.1 %; the band-pass before it droops by up to 2 %)
+FLAT_SHARE = 0.3  # of the output rate: below it the decimator is flat (0.1 %; the band-pass before it droops by 2 %)
 MAX_BANDWIDTH_SHARE = 0.35  # of the motion rate: the widest bandwidth the derivative filters can honestly have
 _HALF_LENGTH = 3.0  # of the derivative filters, in 1 / bandwidth
 _KAISER = 5.65  # 60 dB

@@ -83,8 +83,9 @@ class Tuning:
         """
         rows = self.decimation // 2 if self.halved else self.decimation
         position = np.arange(self.window.size) - 0.5 * (self.window.size - 1)
-        scale = 0.125 if self.halved else 1.0  # the halving's own gain
-        mixed = scale * self.window * np.exp((-2j * np.pi / (PHASE_STEPS * rows)) * steps[:, None] * position)
+        mixed = self.window * np.exp((-2j * np.pi / (PHASE_STEPS * rows)) * steps[:, None] * position)
+        if self.halved:  # its own gain there, off again
+            mixed /= (8 * np.cos(np.pi * steps / (PHASE_STEPS * self.decimation)) ** 3)[:, None]
         return np.asarray(mixed, np.complex128)
 
 

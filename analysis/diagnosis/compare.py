@@ -1,0 +1,119 @@
+"""Fit one hypothesis and say how likely it makes the data, the floor learnt anew from what it leaves over."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.floor import Floor, learn
+from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
+from analysis.model.least_squares import Infeasible, Minimum, Square, covariance, minimise
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A hypothesis at its best: ``log_likelihood`` with its own ``floor``, ``residual_m`` averaged (shot by shot)."""
+
+    hypothesis: Hypothesis
+    z: Floats
+    floor: Floor
+    log_likelihood: float
+    residual_m: tuple[Floats, ...]
+    inverse: Floats
+    converged: bool
+
+    @property
+    def point(self) -> Point:
+        """Get the parameters."""
+        return self.hypothesis.unpack(self.z)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Get the names of the effects."""
+        return tuple(kind.name for kind in self.hypothesis.effects)
+
+    @property
+    def samples(self) -> int:
+        """Get the number of valid averaged samples."""
+        return sum(int(shot.valid.sum()) for shot in self.hypothesis.rig.shots)
+
+    @property
+    def bic(self) -> float:
+        """Get the Bayesian information criterion (Schwarz 1978): k ln n - 2 ln L; smaller is better."""
+        return self.hypothesis.size * math.log(self.samples) - 2 * self.log_likelihood
+
+
+def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
+    """Return the whitened sum of squares at ``z`` with its derivatives."""
+    curvature, gradient = np.zeros((z.size, z.size)), np.zeros(z.size)
+    chi2, samples = 0.0, 0
+    for shot, (here, columns) in zip(hypothesis.rig.shots, hypothesis.linearised(z), strict=True):
+        both = floor.whiten(np.column_stack([here - shot.displacement_m, columns]), shot.valid)
+        if not np.all(np.isfinite(both)):
+            raise Infeasible("the trajectory is not finite")
+        curvature += both[:, 1:].T @ both[:, 1:]
+        gradient += both[:, 1:].T @ both[:, 0]
+        chi2 += float(both[:, 0] @ both[:, 0])
+        samples += both.shape[0]
+    return Square(chi2, curvature, gradient, samples)
+
+
+def residuals(hypothesis: Hypothesis, z: Floats) -> tuple[Floats, ...]:
+    """Return measured minus model, averaged, shot by shot."""
+    shots = hypothesis.rig.shots
+    return tuple(shot.displacement_m - x for shot, x in zip(shots, hypothesis.displacement(z), strict=True))
+
+
+def learn_floor(rig: Rig, left: Sequence[Floats], start: Floor | None = None) -> tuple[Floor, float]:
+    """Return the floor of what is left over, and the log-likelihood."""
+    return learn(left, [shot.valid for shot in rig.shots], rig.shots[0].spacing_s, start=start)
+
+
+def search(
+    hypothesis: Hypothesis,
+    z: Floats,
+    floor: Floor,
+    *,
+    evaluations: int = 25,
+    cancelled: Callable[[], bool] | None = None,
+) -> Minimum:
+    """Minimise with a given floor from ``z``; Infeasible where not even the start has a trajectory."""
+    low, high = hypothesis.bounds
+    return minimise(
+        lambda at: square_of(hypothesis, floor, at),
+        z,
+        lower=low,
+        upper=high,
+        evaluations=evaluations,
+        tolerance=1e-2,
+        cancelled=cancelled,
+    )
+
+
+def finish(hypothesis: Hypothesis, found: Minimum) -> Fitted:
+    """Learn the floor of a found minimum and give it its likelihood."""
+    left = residuals(hypothesis, found.parameters)
+    floor, value = learn_floor(hypothesis.rig, left)
+    inverse = covariance(found.square)
+    if inverse is None:
+        inverse = np.full((hypothesis.size, hypothesis.size), np.nan)
+    return Fitted(hypothesis, found.parameters, floor, value, left, inverse, found.converged)
+
+
+def fit(
+    hypothesis: Hypothesis,
+    z: Floats,
+    floor: Floor,
+    *,
+    evaluations: int = 25,
+    cancelled: Callable[[], bool] | None = None,
+) -> Fitted:
+    """Fit from ``z``: with the floor given, then once more with the floor that this leaves."""
+    first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled))
+    second = search(hypothesis, first.z, first.floor, evaluations=8, cancelled=cancelled)
+    final = finish(hypothesis, second)
+    return final if final.log_likelihood >= first.log_likelihood else first

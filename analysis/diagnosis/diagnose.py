@@ -1,0 +1,255 @@
+"""The closed loop over one or several shots: what is left, what it is traced to, what is left then."""
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from analysis.diagnosis import words
+from analysis.diagnosis.as_fit import as_fit, effect_parameters
+from analysis.diagnosis.compare import Fitted, finish, search
+from analysis.diagnosis.compare import fit as fit_hypothesis
+from analysis.diagnosis.errors import errors
+from analysis.diagnosis.explore import LEAST_FALL, Trail, explore, without
+from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.held_out import Foretold, choose, foretell
+from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
+from analysis.diagnosis.knobs import Kind, kinds
+from analysis.diagnosis.remainder import Remainder, judge
+from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
+from analysis.diagnosis.samples import spacing, take
+from analysis.diagnosis.screen import Projector, projector
+from analysis.diagnosis.separate import least_seen, separation
+from analysis.fit import Fit
+from analysis.model.fitting import base_named, fit_shots
+from analysis.motion import Motion
+from analysis.quantity import Quantity
+from analysis.shot import AnalysisError, Cancelled, Progress
+
+LEAST_LEAD = 6.0  # of the criterion over the runner-up
+
+
+def diagnose(
+    motions: Sequence[Motion],
+    *,
+    fit: Fit | None = None,
+    model: str = "paper",
+    accepted: Sequence[str] = (),
+    hold_out: int | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> Diagnosis:
+    """Diagnose ``motions`` (one or several shots of one rig) against the base ``model`` with ``accepted`` effects.
+
+    ``fit`` is a joint base fit of these motions, where there is one already; ``hold_out`` the index of the shot that
+    is foretold from the others (default: the middle speed; with one shot nothing is held out).  Everything is judged
+    in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there is nothing to judge,
+    Cancelled when asked to stop.
+    """
+    began = time.perf_counter()
+    stop = cancelled or (lambda: False)
+    tell = progress or (lambda _what, _fraction: None)
+    if not motions:
+        raise ValueError("no shot to diagnose")
+    catalogue = kinds()
+    tell("fitting the base model", 0.0)
+    shots = tuple(take(motion) for motion in motions)
+    spacing(shots)
+    rig = Rig(shots, base_named(model))
+    base = _base_fit(rig, motions, model, fit, stop)
+    before = _accept(base, catalogue, accepted, stop)
+    tell("scoring the catalogue", 0.15)
+    best, trail = explore(before, catalogue, stop)
+    tell("testing what is left", 0.6)
+    at = projector(best)
+    rest = judge(best, at)
+    tell("telling look-alikes apart", 0.7)
+    effects = [
+        _found(best, at, name, before, catalogue, trail, stop) for name in best.names if name not in before.names
+    ]
+    tell("foretelling a held-out shot", 0.8)
+    held = choose(rig) if hold_out is None else hold_out
+    told = _foretold(before, best, held, stop)
+    effects, verdict = _gates(effects, rest, told, before, best)
+    after = best if effects else before
+    if after is before and best is not before:
+        told = (told[0], told[0]) if told else None
+    tell("errors before and after", 0.9)
+    error_before, error_after = (_errors(motions, f, after.floor) for f in (before, after))
+    fall = error_after.displacement_rms_m / error_before.displacement_rms_m
+    diagnosis = Diagnosis(
+        verdict=verdict,
+        sentence=words.verdict(verdict, effects, rest.text, fall),
+        effects=tuple(effects),
+        candidates=_candidates(before, trail, best),
+        error_before=error_before,
+        error_after=error_after,
+        error_held_out_before=_held(motions, rig, held, told[0] if told else None, after.floor),
+        error_held_out_after=_held(motions, rig, held, told[1] if told else None, after.floor),
+        fit_before=fit if fit is not None and not accepted else as_fit(before, motions, model, 0.0),
+        fit_after=as_fit(after, motions, model, time.perf_counter() - began),
+        remainder=rest.text,
+        blind_spots=_blind(at, catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
+        separating_shot=_separating(effects, rig),
+        seconds=time.perf_counter() - began,
+    )
+    tell("diagnosed", 1.0)
+    return diagnosis
+
+
+def _base_fit(rig: Rig, motions: Sequence[Motion], model: str, fit: Fit | None, stop: Callable[[], bool]) -> Fitted:
+    """Return the base model's best fit at the diagnosis' rate, from a fit given or made."""
+    given = fit or fit_shots(motions, model=model, cancelled=stop)
+    names = rig.base.names
+    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
+    point = Point(
+        np.array([given.parameters[name].value for name in names]), np.array(own), tuple({} for _ in rig.shots)
+    )
+    hypothesis = Hypothesis(rig, ())
+    quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in rig.shots])
+    if quick.size < 100:
+        raise AnalysisError("too few samples for a diagnosis")
+    white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
+    floor = Floor(white, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s)
+    return fit_hypothesis(hypothesis, hypothesis.pack(point), floor, cancelled=stop)
+
+
+def _accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], stop: Callable[[], bool]) -> Fitted:
+    """Return the fit with the effects that the model already has."""
+    here = base
+    for name in accepted:
+        if name not in {kind.name for kind in catalogue}:
+            raise ValueError(f"no effect is called {name!r}; there are {', '.join(k.name for k in catalogue)}")
+    for name in accepted:
+        kind = next(k for k in catalogue if k.name == name)
+        better, _ = explore(here, [kind], stop, most=1)
+        if name not in better.names:
+            hypothesis = Hypothesis(here.hypothesis.rig, (*here.hypothesis.effects, kind), here.hypothesis.fixed)
+            values = tuple({**v, name: dict(kind.starts[0])} for v in here.point.values)
+            z = hypothesis.pack(Point(here.point.base, here.point.own, values))
+            better = finish(hypothesis, search(hypothesis, z, here.floor, cancelled=stop))
+        here = better
+    return here
+
+
+def _found(
+    best: Fitted,
+    at: Projector,
+    name: str,
+    before: Fitted,
+    catalogue: Sequence[Kind],
+    trail: Trail,
+    stop: Callable[[], bool],
+) -> FoundEffect:
+    """Return an effect with its evidence and with what else it may be."""
+    if stop():
+        raise Cancelled
+    rest = without(best, name, trail, stop)
+    fall = (rest.bic if rest else before.bic) - best.bic
+    apart = separation(best, at, name, catalogue)
+    others = list(apart.too_close())
+    lead = np.inf
+    fewer = [n for n in best.names if n != name]
+    for key, other in trail.fits.items():
+        swapped = set(key) - set(best.names)
+        if len(key) == len(best.names) and len(swapped) == 1 and set(fewer) <= set(key):
+            gap = other.bic - best.bic
+            lead = min(lead, gap)
+            new = next(iter(swapped))
+            if gap < LEAST_LEAD and new not in others:
+                others.append(new)
+    parameters = effect_parameters(best)[name]
+    evidence = {
+        "snr": apart.snr,
+        "delta_bic": -float(fall),
+        "least_separation": float(min(apart.from_other.values(), default=0.0)),
+    }
+    if np.isfinite(lead):
+        evidence["lead_over_runner_up"] = float(lead)
+    return FoundEffect(name, parameters, evidence, tuple(others), words.found(name, parameters, others))
+
+
+Told = tuple[Foretold, Foretold]
+
+
+def _foretold(before: Fitted, best: Fitted, held: int | None, stop: Callable[[], bool]) -> Told | None:
+    if held is None:
+        return None
+    first = foretell(before, held, best.floor, stop)
+    if first is None:
+        return None
+    second = first if best is before else foretell(best, held, best.floor, stop)
+    return (first, second) if second is not None else None
+
+
+def _gates(
+    effects: list[FoundEffect], rest: Remainder, told: Told | None, before: Fitted, best: Fitted
+) -> tuple[list[FoundEffect], Verdict]:
+    """Return the effects that may be named, and the verdict."""
+    if not effects:
+        return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
+    if not best.converged or (told is not None and told[1].chi2 >= told[0].chi2):
+        return [], Verdict.UNEXPLAINED
+    if rest.rough:
+        return [], Verdict.UNEXPLAINED
+    if rest.significant:
+        explained = 2 * (best.log_likelihood - before.log_likelihood)
+        keep = effects if rest.coherence < 0.05 * explained else []
+        return keep, Verdict.UNEXPLAINED
+    return effects, Verdict.EFFECT_FOUND
+
+
+def _errors(motions: Sequence[Motion], fitted: Fitted, floor: Floor) -> Errors:
+    hypothesis = fitted.hypothesis
+    return errors(motions, hypothesis.rig.shots, hypothesis.full(fitted.point), floor, hypothesis.size)
+
+
+def _held(motions: Sequence[Motion], rig: Rig, held: int | None, told: Foretold | None, floor: Floor) -> Errors | None:
+    if held is None or told is None:
+        return None
+    return errors([motions[held]], [rig.shots[held]], [told.displacement_m], floor, 3)
+
+
+def _candidates(before: Fitted, trail: Trail, best: Fitted) -> tuple[Candidate, ...]:
+    """Return every effect tried, best first: by itself on top of the model before."""
+    out = []
+    for name, score in trail.scores.items():
+        fitted = trail.of((*before.names, name))
+        parameters: dict[str, Quantity] = effect_parameters(fitted)[name] if fitted else {}
+        delta = fitted.bic - before.bic if fitted else None
+        if name in best.names:
+            remark = "in the model now"
+        elif fitted is None:
+            remark = "scored only"
+        else:
+            remark = "does not pay" if delta is None or delta > -LEAST_FALL else "another does better"
+        out.append(Candidate(name, float(score.gain), delta, parameters, remark))
+    out.sort(key=lambda c: (c.delta_bic if c.delta_bic is not None else 0.0, -c.score))
+    return tuple(out)
+
+
+def _blind(at: Projector, catalogue: Sequence[Kind], best: Fitted) -> tuple[str, ...]:
+    """Return what this data could not have shown, with the size from which it would have stood out by 5 sigma."""
+    out = []
+    for kind in catalogue:
+        if kind.name in best.names or len(kind.starts) > 12:
+            continue
+        if best.hypothesis.rig.base.one_body and not kind.one_body:
+            continue
+        least = least_seen(at, kind)
+        name = kind.amplitude[0]
+        if least is None:
+            out.append(f"{words.plain(kind.name)} of any size")
+        else:
+            out.append(f"{words.plain(kind.name)} below {least:.1g} {words.unit_of(name)}".strip())
+    out.append("a wrong wavelength, a cosine error and a wrong mass, which only rescale the parameters")
+    return tuple(out)
+
+
+def _separating(effects: Sequence[FoundEffect], rig: Rig) -> str:
+    speeds = [abs(s.course.velocity_in_m_per_s) for s in rig.shots]
+    return "; ".join(
+        dict.fromkeys(
+            words.separating(e.name, e.indistinguishable_from, speeds) for e in effects if e.indistinguishable_from
+        )
+    )

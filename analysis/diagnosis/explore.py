@@ -1,0 +1,165 @@
+"""Which effects, and how many: score all, refit the best jointly from several starts, keep what pays its way."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.compare import Fitted, fit
+from analysis.diagnosis.hypothesis import Hypothesis, Point
+from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.screen import Projector, Score, fixed_of, projector, scores
+from analysis.model.least_squares import Infeasible
+from analysis.shot import Cancelled
+
+Floats = NDArray[np.float64]
+LEAST_FALL = 10.0  # of the Bayesian information criterion, for an effect to join
+REFITTED = 5
+MOST_EFFECTS = 3
+
+
+@dataclass
+class Trail:
+    """What was tried on the way: every effect's best score and fit in the round in which it did best."""
+
+    scores: dict[str, Score] = field(default_factory=dict)
+    fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
+    gains: dict[str, float] = field(default_factory=dict)  # first round, in units of -2 ln L
+
+    def keep(self, fitted: Fitted) -> None:
+        """Keep a fit unless a better one of the same effects is there."""
+        key = tuple(sorted(fitted.names))
+        if key not in self.fits or fitted.bic < self.fits[key].bic:
+            self.fits[key] = fitted
+
+    def of(self, names: Sequence[str]) -> Fitted | None:
+        """Return the best fit of these effects, if there is one."""
+        return self.fits.get(tuple(sorted(names)))
+
+
+Stop = Callable[[], bool]
+
+
+def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int = MOST_EFFECTS) -> tuple[Fitted, Trail]:
+    """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
+    trail = Trail()
+    trail.keep(start)
+    here = start
+    for _ in range(most):
+        best = extend(here, catalogue, trail, stop, first=here is start)
+        if best is None or here.bic - best.bic < LEAST_FALL:
+            break
+        here = prune(best, start, trail, stop)
+    return here, trail
+
+
+def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *, first: bool = False) -> Fitted | None:
+    """Return the best fit with one effect more, or None where nothing scored."""
+    at = projector(here)
+    free = [kind for kind in catalogue if kind.name not in here.names]
+    if here.hypothesis.rig.base.one_body:
+        free = [kind for kind in free if kind.one_body]
+    found: dict[str, list[Score]] = {}
+    for kind in free:
+        if stop():
+            raise Cancelled
+        listed = scores(at, kind)
+        if listed:
+            found[kind.name] = listed
+            if first:
+                trail.gains[kind.name] = listed[0].gain
+                trail.scores[kind.name] = listed[0]
+    ranked = sorted(found.values(), key=lambda listed: -listed[0].worth(here.samples))
+    strong = float(at.left @ at.left) > 1.5 * at.left.size or not here.converged
+    best: Fitted | None = None
+    for place, listed in enumerate(ranked):
+        worth = listed[0].worth(here.samples)
+        if place >= REFITTED and not strong:
+            break
+        if place >= 2 * REFITTED or (worth < -2 * math.log(here.samples) and not strong and place >= 2):
+            break
+        for score in _starts(listed)[: 1 if place >= 3 else 2]:
+            if stop():
+                raise Cancelled
+            trial = refit(here, score.kind, score.start, stop)
+            if trial is None:
+                continue
+            trail.keep(trial)
+            if best is None or trial.bic < best.bic:
+                best = trial
+    return best
+
+
+def refit(
+    here: Fitted, kind: Kind, start: Sequence[Mapping[str, float]], stop: Stop, evaluations: int = 14
+) -> Fitted | None:
+    """Fit ``here`` with one effect more from its start values a shot; None where there is no trajectory."""
+    hypothesis = Hypothesis(
+        here.hypothesis.rig,
+        (*here.hypothesis.effects, kind),
+        {**here.hypothesis.fixed, kind.name: fixed_of(kind, start[0])},
+    )
+    point = here.point
+    values = tuple({**v, kind.name: s} for v, s in zip(point.values, start, strict=True))
+    low, high = hypothesis.bounds
+    try:
+        z = np.clip(hypothesis.pack(Point(point.base, point.own, values)), low, high)
+        return fit(hypothesis, z, here.floor, evaluations=evaluations, cancelled=stop)
+    except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
+        return None
+
+
+def without(fitted: Fitted, name: str, trail: Trail, stop: Stop) -> Fitted | None:
+    """Return the fit with one effect taken out, from the trail or made now."""
+    names = tuple(n for n in fitted.names if n != name)
+    known = trail.of(names)
+    if known is not None:
+        return known
+    hypothesis = Hypothesis(
+        fitted.hypothesis.rig,
+        tuple(kind for kind in fitted.hypothesis.effects if kind.name != name),
+        {key: value for key, value in fitted.hypothesis.fixed.items() if key != name},
+    )
+    point = fitted.point
+    values = tuple({key: value for key, value in v.items() if key != name} for v in point.values)
+    try:
+        trial = fit(hypothesis, hypothesis.pack(Point(point.base, point.own, values)), fitted.floor, cancelled=stop)
+    except Infeasible:
+        return None
+    trail.keep(trial)
+    return trial
+
+
+def prune(fitted: Fitted, start: Fitted, trail: Trail, stop: Stop) -> Fitted:
+    """Take out again what an effect found later has made needless."""
+    while True:
+        removable = [name for name in fitted.names if name not in start.names]
+        if len(removable) < 2:
+            return fitted
+        fewer = [f for f in (without(fitted, name, trail, stop) for name in removable) if f is not None]
+        best = min(fewer, key=lambda f: f.bic, default=None)
+        if best is None or best.bic - fitted.bic >= LEAST_FALL:
+            return fitted
+        fitted = best
+
+
+def _starts(listed: Sequence[Score]) -> list[Score]:
+    """Return starts that lie apart: the best, and the next that is not its neighbour on a frequency grid."""
+    out = [listed[0]]
+    for score in listed[1:]:
+        mine, best = score.start[0], listed[0].start[0]
+        apart = [k for k in mine if k in ("frequency_hz", "relaxation_time_s", "range_m", "order")]
+        if score.gain > 0.3 * listed[0].gain and any(abs(math.log(mine[k] / best[k])) > 0.12 for k in apart):
+            out.append(score)
+            break
+    return out
+
+
+def split(at: Projector, name: str) -> Floats:
+    """Return one effect's whitened part of a fit that has it, with all other parameters projected out."""
+    fitted = at.fitted
+    hypothesis = fitted.hypothesis
+    rows = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.knobs) if effect == name]
+    return np.asarray(rows)

@@ -1,0 +1,198 @@
+"""One hypothesis: the base model with some effects, its parameters laid out for a search over all shots at once."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.knobs import Kind, Knob
+from analysis.diagnosis.quick_shot import COARSE, FINE, Optics, Run, Values, respond
+from analysis.diagnosis.samples import Samples
+from analysis.model.coordinates import Coordinates
+from analysis.model.response import Base
+
+Floats = NDArray[np.float64]
+POOL = ThreadPoolExecutor(2)  # the kernels let go of the interpreter
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """The shots that are judged together, and the base model."""
+
+    shots: tuple[Samples, ...]
+    base: Base
+
+    @property
+    def count(self) -> int:
+        """Get the number of shared base parameters."""
+        return len(self.base.names)
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Parameters of a hypothesis: base, shape (b,); own (v_i, touch, offset) a shot, shape (s, 3); effects a shot."""
+
+    base: Floats
+    own: Floats
+    values: tuple[Values, ...]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Base and ``effects`` (in that order): the map between a search vector and parameters, and what they give.
+
+    The vector holds the base and own parameters of ``Coordinates``, then each effect's shared knobs, then each shot's
+    own knobs of every effect.  ``fixed`` holds what is not searched (a cyclic error's order).
+    """
+
+    rig: Rig
+    effects: tuple[Kind, ...]
+    fixed: Values = field(default_factory=dict)
+
+    @property
+    def knobs(self) -> list[tuple[str, Knob, int]]:
+        """Get (effect, knob, shot or -1) of every searched effect parameter, in order."""
+        out = [(kind.name, knob, -1) for kind in self.effects for knob in kind.shared]
+        for shot in range(len(self.rig.shots)):
+            out += [(kind.name, knob, shot) for kind in self.effects for knob in kind.own]
+        return out
+
+    @property
+    def offset(self) -> int:
+        """Get where the effects' knobs begin in the vector."""
+        return self.rig.count + 3 * len(self.rig.shots)
+
+    @property
+    def size(self) -> int:
+        """Get the length of the vector."""
+        return self.offset + len(self.knobs)
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """Get the map of base and own parameters."""
+        shots = self.rig.shots
+        return Coordinates(
+            block_mass_kg=shots[0].moving_mass_kg,
+            plate=not self.rig.base.one_body,
+            own_at=tuple(self.rig.count + 3 * i for i in range(len(shots))),
+            reference_s=tuple(shot.course.touch_time_s for shot in shots),
+        )
+
+    def pack(self, point: Point) -> Floats:
+        """Return the search vector of a point."""
+        z = np.empty(self.size)
+        z[: self.offset] = self.coordinates.to_search(np.concatenate([point.base, point.own.ravel()]))
+        for k, (name, knob, shot) in enumerate(self.knobs):
+            z[self.offset + k] = knob.to_search(point.values[max(shot, 0)][name][knob.name])
+        return z
+
+    def unpack(self, z: Floats) -> Point:
+        """Return the point of a search vector; Infeasible off the map."""
+        parameters, _ = self.coordinates.to_parameters(z[: self.offset])
+        values: list[dict[str, dict[str, float]]] = []
+        for _ in self.rig.shots:
+            values.append({kind.name: dict(self.fixed.get(kind.name, {})) for kind in self.effects})
+        for k, (name, knob, shot) in enumerate(self.knobs):
+            value = knob.to_value(float(z[self.offset + k]))
+            for index in range(len(values)) if shot < 0 else (shot,):
+                values[index][name][knob.name] = value
+        own = parameters[self.rig.count :].reshape(-1, 3)
+        return Point(parameters[: self.rig.count], own, tuple(values))
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Get lower and upper bounds of the vector."""
+        low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        low[self.rig.count - 1] = 0.0  # a dashpot never drives
+        for k, (_, knob, _) in enumerate(self.knobs):
+            low[self.offset + k], high[self.offset + k] = knob.bounds
+        return low, high
+
+    def full(self, point: Point) -> list[Floats]:
+        """Return every shot's displacement on the motion's grid."""
+        return [self.run(i, point).displacement_m for i in range(len(self.rig.shots))]
+
+    def coarse(self, index: int, point: Point) -> Floats:
+        """Return one shot's displacement at the averaged samples' centres, quickly: right to parts in a thousand.
+
+        Differences of such displacements make the derivatives of a search; what is compared with data is ``full``.
+        """
+        return self.run(index, point, coarse=True).displacement_m
+
+    def run(self, index: int, point: Point, coarse: bool = False) -> Run:
+        """Return one shot's motion on the motion's grid (``coarse``: at the averaged samples' centres)."""
+        shot = self.rig.shots[index]
+        base = point.base if not self.rig.base.one_body else np.array([0.0, np.inf, *point.base])
+        return respond(
+            shot.centre_s if coarse else shot.time_s,
+            base,
+            point.own[index],
+            point.values[index],
+            shot.moving_mass_kg,
+            Optics(shot.wavelength_m, shot.factor / shot.spacing_s),
+            COARSE if coarse else FINE,
+        )
+
+    def displacement(self, z: Floats) -> list[Floats]:
+        """Return every shot's averaged displacement at a vector."""
+        point = self.unpack(z)
+        return list(
+            POOL.map(
+                lambda i: self.rig.shots[i].averaged(self.run(i, point).displacement_m), range(len(self.rig.shots))
+            )
+        )
+
+    def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
+        """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
+
+        Forward differences in search coordinates; the cost is one trajectory a shared or own parameter and shot.
+        """
+        return list(POOL.map(lambda i: self._linearised_shot(i, z), range(len(self.rig.shots))))
+
+    def touches(self, column: int, shot: int) -> bool:
+        """Return whether a vector entry has a bearing on a shot."""
+        if column < self.rig.count:
+            return True
+        if column < self.offset:
+            return (column - self.rig.count) // 3 == shot
+        of = self.knobs[column - self.offset][2]
+        return of in (-1, shot)
+
+    def _linearised_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
+        shot = self.rig.shots[index]
+        point = self.unpack(z)
+        here = shot.averaged(self.run(index, point).displacement_m)
+        rough = self.coarse(index, point)
+        columns = np.zeros((rough.size, self.size))
+        own = self.rig.count + 3 * index
+        high = self.bounds[1]
+        for column in range(self.size):
+            if not self.touches(column, index) or column == own + 2:
+                continue
+            step = 1e-4 if column < self.rig.count else 1e-3
+            if column == own:
+                step = 1e-4 * abs(z[own])
+            elif column == own + 1:
+                step = 1e-7
+            moved = z.copy()
+            moved[column] += step
+            if moved[column] > high[column]:
+                step = -step
+                moved[column] = z[column] + step
+            columns[:, column] = (self.coarse(index, self.unpack(moved)) - rough) / step
+        columns[:, own + 2] = 1.0
+        return here, columns
+
+
+def parameters_of(hypothesis: Hypothesis, z: Floats, inverse: Floats) -> Sequence[tuple[str, str, int, float, float]]:
+    """Return (effect, parameter, shot or -1, value, std) of the effects, ``inverse`` the covariance of ``z``."""
+    out = []
+    for k, (name, knob, shot) in enumerate(hypothesis.knobs):
+        at = hypothesis.offset + k
+        value = knob.to_value(float(z[at]))
+        out.append(
+            (name, knob.name, shot, value, float(np.sqrt(max(inverse[at, at], 0.0))) * abs(knob.slope(float(z[at]))))
+        )
+    return out

@@ -1,0 +1,178 @@
+"""What no effect accounts for: is it noise, and if not, where in the shot and at which frequency does it stand?"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_law
+
+from analysis.diagnosis.compare import Fitted, learn_floor
+from analysis.diagnosis.samples import Samples
+from analysis.diagnosis.screen import Projector
+
+Floats = NDArray[np.float64]
+_CONTACT = np.array([0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0])  # knots, in contact times
+_POWERS = (0, 1, 2)
+_SMALL_SAMPLE = 1.35  # the ratio's quantiles over those of chi^2, where the floor is learnt too (bootstrap, 3 x 60 ms)
+FALSE_ALARM = 1e-3
+WORST_CORRELATION = 0.15
+WORST_RATIO = 2.5
+
+
+@dataclass(frozen=True, slots=True)
+class Remainder:
+    """``significant``: more than noise; ``coherence`` is the likelihood ratio of a shape shared by all shots.
+
+    ``limit`` is what it may reach by chance.  ``correlation`` and ``ratio`` are of the whitened remainder: its largest
+    autocorrelation, and its power in the loudest phase over that in the quietest.
+    """
+
+    coherence: float
+    limit: float
+    correlation: float
+    ratio: float
+    text: str
+
+    @property
+    def rough(self) -> bool:
+        """Return whether the remainder is not even roughly noise, so that no likelihood can be believed."""
+        return self.correlation > WORST_CORRELATION or self.ratio > WORST_RATIO
+
+    @property
+    def significant(self) -> bool:
+        """Return whether something is left that the noise does not do."""
+        return self.rough or self.coherence > self.limit
+
+
+def judge(fitted: Fitted, at: Projector) -> Remainder:
+    """Test what a fit leaves over."""
+    shots = fitted.hypothesis.rig.shots
+    white = [fitted.floor.whiten(r[:, None], s.valid)[:, 0] for r, s in zip(fitted.residual_m, shots, strict=True)]
+    correlation = _correlation(white)
+    ratio = _ratio(white, shots)
+    coherence, limit = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf)
+    loud = correlation > WORST_CORRELATION or ratio > WORST_RATIO or coherence > limit
+    text = describe(fitted) if loud else "nothing is left that the noise does not do"
+    return Remainder(coherence, limit, correlation, ratio, text)
+
+
+def _correlation(white: Sequence[Floats]) -> float:
+    """Return the largest autocorrelation at lags of 1 to 20 samples (pooled over the shots)."""
+    power = sum(float(w @ w) for w in white)
+    lags = [abs(sum(float(w[lag:] @ w[:-lag]) for w in white if w.size > lag)) / power for lag in range(1, 21)]
+    return max(lags)
+
+
+def _phase_of(shot: Samples) -> list[tuple[str, NDArray[np.bool_]]]:
+    """Return the phases of a shot with the samples in each (flight in, bounces, loading, unloading, release, out)."""
+    t = shot.centre_s
+    c = shot.course
+    bounce = c.touch_time_s + 0.2 * c.contact_time_s
+    release = c.release_time_s
+    edge = 0.08 * c.contact_time_s
+    bounds = [-np.inf, c.touch_time_s, bounce, c.turnaround_time_s, release - edge, release + edge, np.inf]
+    names = ("flight in", "bounces", "loading", "unloading", "release", "flight out")
+    return [(n, (t >= a) & (t < b) & shot.valid) for n, a, b in zip(names, bounds[:-1], bounds[1:], strict=True)]
+
+
+def _ratio(white: Sequence[Floats], shots: Sequence[Samples]) -> float:
+    power: dict[str, list[Floats]] = {}
+    for w, shot in zip(white, shots, strict=True):
+        for name, here in _phase_of(shot):
+            part = w[here[shot.valid]]
+            if part.size > 40:
+                power.setdefault(name, []).append(part)
+    means = [float(np.mean(np.concatenate(parts) ** 2)) for parts in power.values()]
+    return max(means) / max(min(means), 1e-12) if means else 1.0
+
+
+def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float]:
+    """Return the largest likelihood ratio of a remainder shared by all shots, and its limit.
+
+    The shape is free (bumps over the time since touch), its size goes as the speed to the power 0, 1 or 2.
+    """
+    shots = fitted.hypothesis.rig.shots
+    fastest = max(abs(s.course.velocity_in_m_per_s) for s in shots)
+    best, width = 0.0, 1
+    for power in _POWERS:
+        columns = [_bumps(shot) * (abs(shot.course.velocity_in_m_per_s) / fastest) ** power for shot in shots]
+        bare = at.whitened(columns)
+        some = np.linalg.norm(at.projected(bare), axis=0) > 1e-6 * np.linalg.norm(bare, axis=0)
+        full = np.column_stack([at.tangents, bare[:, some]])
+        scale = np.linalg.norm(full, axis=0)
+        scale[scale == 0] = 1.0
+        joint, *_ = np.linalg.lstsq(full / scale, at.whole, rcond=1e-12)
+        joint = joint / scale
+        left = []
+        for residual, (_, tangent), bumps in zip(fitted.residual_m, at.lines, columns, strict=True):
+            left.append(residual - np.column_stack([tangent, bumps[:, some]]) @ joint)
+        _, value = learn_floor(fitted.hypothesis.rig, left, fitted.floor)
+        best = max(best, 2 * (value - fitted.log_likelihood))
+        width = int(some.sum())
+    limit = _SMALL_SAMPLE * float(chi2_law.isf(FALSE_ALARM / len(_POWERS), width))
+    return best, limit
+
+
+def _bumps(shot: Samples) -> Floats:
+    """Return raised-cosine bumps over the time since touch, shape (n, k): 2 in the flight in, 3 after, 11 between."""
+    c = shot.course
+    length = c.contact_time_s
+    before = np.linspace(shot.centre_s[0] - c.touch_time_s, 0.0, 3)[:-1] / length
+    after = 1.0 + np.linspace(0.0, (shot.centre_s[-1] - c.touch_time_s) / length - 1.0, 4)[1:]
+    knots = np.concatenate([before, _CONTACT, after])
+    u = (shot.centre_s - c.touch_time_s) / length
+    out = np.zeros((u.size, knots.size))
+    for k in range(knots.size):
+        value = np.zeros(knots.size)
+        value[k] = 1.0
+        out[:, k] = np.interp(u, knots, value)
+    return 0.5 - 0.5 * np.cos(np.pi * out)
+
+
+def describe(fitted: Fitted) -> str:
+    """Return in words where the remainder is large, how it goes with the speed, and its strongest line."""
+    shots = fitted.hypothesis.rig.shots
+    square: dict[str, list[float]] = {}
+    sizes, speeds = [], []
+    for shot, residual in zip(shots, fitted.residual_m, strict=True):
+        sizes.append(float(np.sqrt(np.mean(residual[shot.valid] ** 2))))
+        speeds.append(abs(shot.course.velocity_in_m_per_s))
+        for name, here in _phase_of(shot):
+            if here.sum() > 5:
+                square.setdefault(name, []).append(float(np.mean(residual[here] ** 2)))
+    rms = {name: math.sqrt(float(np.mean(values))) * 1e9 for name, values in square.items()}
+    loud = sorted(rms, key=lambda name: -rms[name])
+    parts = [
+        f"{_nm(math.sqrt(float(np.mean(np.square(sizes)))) * 1e9)} rms in displacement, "
+        + ", ".join(f"{name} {_nm(rms[name])}" for name in loud[:3])
+    ]
+    if len(shots) > 1 and max(speeds) / min(speeds) > 1.15:
+        slope = float(np.polyfit(np.log(speeds), np.log(sizes), 1)[0])
+        parts.append(f"its size goes as the speed to the power {slope:.1f}")
+    line = _line(fitted)
+    if line is not None:
+        parts.append(f"a line stands at {line:.0f} Hz")
+    return "; ".join(parts)
+
+
+def _nm(value: float) -> str:
+    return f"{value:.2g} nm" if value < 1000 else f"{value / 1000:.2g} um"
+
+
+def _line(fitted: Fitted) -> float | None:
+    """Return the frequency of a line that stands out of the whitened remainder of all shots, or None."""
+    shots = fitted.hypothesis.rig.shots
+    total: Floats | None = None
+    size = min(int(s.valid.sum()) for s in shots)
+    for residual, shot in zip(fitted.residual_m, shots, strict=True):
+        white = fitted.floor.whiten(residual[:, None], shot.valid)[:size, 0] * np.hanning(size)
+        power = np.abs(np.fft.rfft(white)) ** 2
+        total = power if total is None else total + power
+    assert total is not None
+    middle = float(np.median(total[3:]))
+    peak = 3 + int(np.argmax(total[3:]))
+    if total[peak] < 12 * middle:
+        return None
+    return float(peak / (size * shots[0].spacing_s))

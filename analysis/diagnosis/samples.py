@@ -1,0 +1,72 @@
+"""What the diagnosis looks at: displacement averaged over blocks of samples, data and model alike."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model import starts
+from analysis.model.starts import Course
+from analysis.motion import Motion
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+RATE_HZ = 20e3  # nothing that a catalogue effect does to the displacement lies above half of it
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """One shot, block-averaged: ``time_s``, shape (n,), is the motion's; the rest has shape (n // factor,).
+
+    A mean over a block keeps white noise white and loses no sample at the ends.
+    """
+
+    time_s: Floats
+    factor: int
+    displacement_m: Floats
+    valid: Mask
+    spacing_s: float
+    moving_mass_kg: float
+    wavelength_m: float | None
+    course: Course
+
+    def averaged(self, columns: Floats) -> Floats:
+        """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
+        count = self.valid.size
+        return np.asarray(columns[: count * self.factor].reshape(count, self.factor, -1).mean(axis=1)).reshape(
+            (count, *columns.shape[1:])
+        )
+
+    @property
+    def centre_s(self) -> Floats:
+        """Get the times of the averaged samples."""
+        return self.averaged(self.time_s)
+
+
+def take(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
+    """Return the samples of a motion that shows a collision; NoCollision (an AnalysisError) says why there is none."""
+    valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
+    course = starts.read(motion.time_s, motion.displacement_m, valid)
+    factor = max(1, round(motion.sample_rate_hz / rate_hz))
+    count = valid.size // factor
+    good = np.asarray(valid[: count * factor].reshape(count, factor).all(axis=1))
+    filled = np.where(valid, motion.displacement_m, 0.0)[: count * factor].reshape(count, factor).mean(axis=1)
+    return Samples(
+        time_s=motion.time_s,
+        factor=factor,
+        displacement_m=np.where(good, filled, 0.0),
+        valid=good,
+        spacing_s=factor / motion.sample_rate_hz,
+        moving_mass_kg=motion.moving_mass_kg,
+        wavelength_m=motion.wavelength_m,
+        course=course,
+    )
+
+
+def spacing(shots: Sequence[Samples]) -> float:
+    """Return the spacing shared by all shots in s; ValueError where they differ by more than a hundredth."""
+    first = shots[0].spacing_s
+    if any(abs(shot.spacing_s / first - 1) > 0.01 for shot in shots):
+        raise ValueError("the shots were sampled at different rates: diagnose them apart")
+    return first

@@ -1,0 +1,238 @@
+"""Score every catalogue effect on what a fit leaves over, with everything already fitted projected out."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.hypothesis import POOL, Hypothesis, Point
+from analysis.diagnosis.knobs import Kind
+from analysis.model.least_squares import Infeasible
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """What one start of an effect would explain: ``gain`` of chi^2 for ``freedom`` parameters, from a linear step.
+
+    ``start`` holds the values a shot that this step leads to; ``direction`` is the whitened, projected change of the
+    displacement at that step (all shots in one row), for the angle to other effects.
+    """
+
+    kind: Kind
+    start: tuple[Mapping[str, float], ...]
+    gain: float
+    freedom: int
+    direction: Floats
+    power: float = 0.0  # squared norm of what ``unit`` of the amplitude does beside everything fitted
+    unit: float = 0.0
+
+    def worth(self, samples: int) -> float:
+        """Return the gain less its price in the Bayesian information criterion."""
+        return self.gain - self.freedom * math.log(samples)
+
+
+@dataclass(frozen=True, slots=True)
+class Projector:
+    """Takes out what the fitted parameters could do themselves; whitened rows of all shots, one after another."""
+
+    fitted: Fitted
+    floor: Floor
+    basis: Floats  # orthonormal columns, shape (rows, p)
+    left: Floats  # the whitened remainder, projected
+    tangents: Floats  # the whitened derivatives by the fitted parameters, shape (rows, p)
+    whole: Floats  # the whitened remainder, as it is
+    lines: tuple[tuple[Floats, Floats], ...]  # averaged displacement and derivatives, shot by shot
+
+    def whitened(self, columns: Sequence[Floats]) -> Floats:
+        """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
+        shots = self.fitted.hypothesis.rig.shots
+        return np.concatenate([self.floor.whiten(c, s.valid) for c, s in zip(columns, shots, strict=True)])
+
+    def projected(self, rows: Floats) -> Floats:
+        """Return ``rows``, shape (rows, k), without what the fitted parameters span."""
+        return np.asarray(rows - self.basis @ (self.basis.T @ rows))
+
+
+def projector(fitted: Fitted, floor: Floor | None = None) -> Projector:
+    """Linearise a fit about its best point."""
+    floor = floor or fitted.floor
+    shots = fitted.hypothesis.rig.shots
+    lines = fitted.hypothesis.linearised(fitted.z)
+    rows = np.concatenate(
+        [
+            floor.whiten(np.column_stack([s.displacement_m - x, j]), s.valid)
+            for s, (x, j) in zip(shots, lines, strict=True)
+        ]
+    )
+    scale = np.linalg.norm(rows[:, 1:], axis=0)
+    basis, triangle = np.linalg.qr(rows[:, 1:] / np.where(scale > 0, scale, 1.0))
+    basis = basis[:, np.abs(np.diag(triangle)) > 1e-9]
+    left = rows[:, 0] - basis @ (basis.T @ rows[:, 0])
+    return Projector(fitted, floor, basis, left, rows[:, 1:], rows[:, 0], tuple(lines))
+
+
+def scores(at: Projector, kind: Kind) -> list[Score]:
+    """Return the scores of one effect, one a start, best first."""
+    if kind.name == "frame_vibration":
+        return _vibration(at, kind)
+    with_it = Hypothesis(
+        at.fitted.hypothesis.rig,
+        (*at.fitted.hypothesis.effects, kind),
+        {**at.fitted.hypothesis.fixed, kind.name: fixed_of(kind, kind.starts[0])},
+    )
+    point = at.fitted.point
+    shots = at.fitted.hypothesis.rig.shots
+    base = [at.fitted.hypothesis.coarse(i, point) for i in range(len(shots))]
+    freedom = len(kind.shared) + len(kind.own) * len(shots)
+
+    def column(start: Mapping[str, float]) -> list[Floats] | None:
+        values = tuple({**v, kind.name: start} for v in point.values)
+        try:
+            moved = Point(point.base, point.own, values)
+            x = [with_it.coarse(i, moved) for i in range(len(shots))]
+        except Infeasible:
+            return None
+        return [(a - b)[:, None] for a, b in zip(x, base, strict=True)]
+
+    if kind.own:
+        return _own_amplitudes(at, kind, column, freedom)
+    columns = list(POOL.map(column, kind.starts))
+    good = [i for i, c in enumerate(columns) if c is not None]
+    if not good:
+        return []
+    joined = [np.concatenate([columns[i][s] for i in good], axis=1) for s in range(len(shots))]  # type: ignore[index]
+    rows = at.projected(at.whitened(joined))
+    power = np.einsum("ij,ij->j", rows, rows)
+    along = rows.T @ at.left
+    out = []
+    for k, i in enumerate(good):
+        factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
+        start = dict(kind.starts[i])
+        knob = next(knob for knob in kind.knobs if knob.name == kind.amplitude[0])
+        if kind.name == "second_plate_mode":
+            factor = max(factor, 1e-9)
+            start[knob.name] = start[knob.name] / factor
+            factor = factor if factor > 1e-9 else 0.0
+        else:
+            if knob.low >= 0:
+                factor = max(factor, 0.0)
+            start[knob.name] = min(max(start[knob.name] * factor, knob.low), knob.high)
+        gain = 2 * factor * along[k] - factor**2 * power[k]
+        out.append(
+            Score(
+                kind,
+                (start,) * len(shots),
+                float(gain),
+                freedom,
+                factor * rows[:, k],
+                float(power[k]),
+                kind.starts[i][knob.name],
+            )
+        )
+    out.sort(key=lambda score: -score.gain)
+    return out
+
+
+def fixed_of(kind: Kind, start: Mapping[str, float]) -> Mapping[str, float]:
+    """Return the values of a start that are not searched."""
+    names = {knob.name for knob in kind.knobs}
+    return {name: value for name, value in start.items() if name not in names}
+
+
+def _own_amplitudes(
+    at: Projector, kind: Kind, column: Callable[[Mapping[str, float]], list[Floats] | None], freedom: int
+) -> list[Score]:
+    """Score an effect whose amplitudes are every shot's own (plate motion; cyclic error's phase as two quadratures)."""
+    shots = at.fitted.hypothesis.rig.shots
+    out = []
+    for start in kind.starts:
+        if "phase_rad" in start:
+            parts = [{**start, "phase_rad": 0.0}, {**start, "phase_rad": math.pi / 2}]
+        else:
+            parts = [{**start, **{n: 0.0 for n in kind.amplitude if n != name}} for name in kind.amplitude]
+        found = [column(part) for part in parts]
+        if any(f is None for f in found):
+            continue
+        blocks = []
+        for s in range(len(shots)):
+            row = [np.zeros((shots[q].valid.size, len(parts))) for q in range(len(shots))]
+            row[s] = np.concatenate([f[s] for f in found if f is not None], axis=1)
+            blocks.append(at.whitened(row))
+        rows = at.projected(np.concatenate(blocks, axis=1))
+        solution, *_ = np.linalg.lstsq(rows, at.left, rcond=1e-9)
+        direction = rows @ solution
+        gain = float(direction @ at.left)
+        starts = []
+        for s in range(len(shots)):
+            mine = solution[s * len(parts) : (s + 1) * len(parts)]
+            if "phase_rad" in start:
+                name = kind.amplitude[0]
+                size = float(np.sqrt(np.mean(np.sum(solution.reshape(-1, 2) ** 2, axis=1))))
+                phase = math.atan2(float(mine[1]), float(mine[0]))
+                starts.append({**start, name: start[name] * size, "phase_rad": phase})
+            else:
+                starts.append({n: start[n] * float(mine[k]) for k, n in enumerate(kind.amplitude)})
+        power = float(rows[:, 0] @ rows[:, 0])
+        out.append(Score(kind, tuple(starts), gain, freedom, direction, power, start[kind.amplitude[0]]))
+    out.sort(key=lambda score: -score.gain)
+    return out
+
+
+def _vibration(at: Projector, kind: Kind) -> list[Score]:
+    """Score a line of the frame: any amplitude and phase a shot, frequencies dense against 1 / record."""
+    shots = at.fitted.hypothesis.rig.shots
+    length = max(float(shot.time_s[-1] - shot.time_s[0]) for shot in shots)
+    grid, f = [], max(25.0, 1.5 / length)
+    while f < 4000.0:
+        grid.append(f)
+        f += min(0.03 * f, 0.25 / length)
+    freedom = len(kind.shared) + len(shots)
+    out = []
+    rows_before = 0
+    total = np.zeros(len(grid))
+    for shot in shots:
+        height = int(shot.valid.sum())
+        part = slice(rows_before, rows_before + height)
+        angle = 2 * np.pi * np.asarray(grid)[None, :] * shot.centre_s[:, None]
+        both = at.floor.whiten(np.concatenate([np.cos(angle), np.sin(angle)], axis=1), shot.valid)
+        own = at.basis[part]
+        # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
+        inner = own.T @ both
+        cross = both.T @ at.left[part]
+        c, s = slice(0, len(grid)), slice(len(grid), None)
+        a = np.einsum("ij,ij->j", both[:, c], both[:, c]) - np.einsum("ij,ij->j", inner[:, c], inner[:, c])
+        b = np.einsum("ij,ij->j", both[:, c], both[:, s]) - np.einsum("ij,ij->j", inner[:, c], inner[:, s])
+        d = np.einsum("ij,ij->j", both[:, s], both[:, s]) - np.einsum("ij,ij->j", inner[:, s], inner[:, s])
+        determinant = np.maximum(a * d - b * b, 1e-12 * a * d + 1e-300)
+        p, q = cross[c], cross[s]
+        x, y = (d * p - b * q) / determinant, (a * q - b * p) / determinant
+        total += x * p + y * q
+        rows_before += height
+    for k in np.argsort(-total)[:8]:
+        f = grid[int(k)]
+        omega = 2 * math.pi * f
+        blocks = []
+        for index, shot in enumerate(shots):
+            row = [np.zeros((q.valid.size, 2)) for q in shots]
+            row[index] = np.stack([np.cos(omega * shot.centre_s), np.sin(omega * shot.centre_s)], axis=1)
+            blocks.append(at.whitened(row))
+        rows = at.projected(np.concatenate(blocks, axis=1))
+        solution, *_ = np.linalg.lstsq(rows, at.left, rcond=1e-9)
+        direction = rows @ solution
+        pairs = solution.reshape(-1, 2)
+        # The displacement is -A/omega cos(omega t + phi).
+        size = omega * float(np.sqrt(np.mean(np.sum(pairs**2, axis=1))))
+        starts = tuple(
+            {"frequency_hz": f, "phase_rad": math.atan2(float(y), -float(x)), "amplitude_m_per_s": size}
+            for x, y in pairs
+        )
+        power = float(rows[:, 0] @ rows[:, 0])
+        out.append(Score(kind, starts, float(direction @ at.left), freedom, direction, power, omega))
+    out.sort(key=lambda score: -score.gain)
+    return out

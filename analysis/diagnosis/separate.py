@@ -1,0 +1,83 @@
+"""Could another effect have done the same?  The part of an effect that no other can imitate, in units of the noise."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.hypothesis import Point
+from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.screen import Projector, scores
+
+Floats = NDArray[np.float64]
+LEAST_SEPARATION = 5.0  # SNR sqrt(1 - cos^2)
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """``snr`` of an effect beside all other parameters, and for every other effect SNR sqrt(1 - cos^2)."""
+
+    snr: float
+    from_other: dict[str, float]
+
+    def too_close(self) -> tuple[str, ...]:
+        """Return the effects that cannot be told from this one, closest first."""
+        near = sorted(self.from_other.items(), key=lambda item: item[1])
+        return tuple(name for name, distance in near if distance < LEAST_SEPARATION)
+
+
+def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
+    """Return the projector of a fit whose ``left`` is what one of its effects does beside all other parameters."""
+    hypothesis = fitted.hypothesis
+    own = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.knobs) if effect == name]
+    keep = np.setdiff1d(np.arange(hypothesis.size), own)
+    columns = at.tangents[:, keep]
+    scale = np.linalg.norm(columns, axis=0)
+    basis, triangle = np.linalg.qr(columns / np.where(scale > 0, scale, 1.0))
+    basis = basis[:, np.abs(np.diag(triangle)) > 1e-9]
+    point = fitted.point
+    kind = next(k for k in hypothesis.effects if k.name == name)
+    shots = hypothesis.rig.shots
+    nothing = tuple({**v, name: _nothing(kind, v[name])} for v in point.values)
+    without = Point(point.base, point.own, nothing)
+    rows = [(hypothesis.coarse(i, point) - hypothesis.coarse(i, without))[:, None] for i in range(len(shots))]
+    done = at.whitened(rows)[:, 0]
+    return replace(at, basis=basis, left=done - basis @ (basis.T @ done))
+
+
+def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[Kind]) -> Separation:
+    """Return how far one effect of a fit stands from everything else in the catalogue (signs kept physical)."""
+    alone = beside(fitted, at, name)
+    whole = float(alone.left @ alone.left)
+    others = [k for k in catalogue if k.name not in fitted.names]
+    if fitted.hypothesis.rig.base.one_body:
+        others = [k for k in others if k.one_body]
+    distance: dict[str, float] = {}
+    for kind in others:
+        listed = scores(alone, kind)
+        distance[kind.name] = float(np.sqrt(max(0.0, whole - (listed[0].gain if listed else 0.0))))
+    return Separation(float(np.sqrt(whole)), distance)
+
+
+def _nothing(kind: Kind, values: Mapping[str, float]) -> dict[str, float]:
+    """Return an effect's values at which it does nothing."""
+    if kind.name == "second_plate_mode":
+        return {**values, "mass_kg": 1e9}
+    return {**values, **dict.fromkeys(kind.amplitude, 0.0)}
+
+
+def least_seen(at: Projector, kind: Kind, snr: float = 5.0) -> float | None:
+    """Return the smallest first amplitude of an effect that would stand out by ``snr``, None where none would."""
+    probe = replace(at, left=np.zeros_like(at.left))
+    listed = scores(probe, kind)
+    best = max((score.power for score in listed), default=0.0)
+    if best <= 0:
+        return None
+    score = max(listed, key=lambda s: s.power)
+    size = score.unit
+    return float(snr * size / np.sqrt(best)) if kind.name != "second_plate_mode" else float(size * np.sqrt(best) / snr)
+
+
+__all__ = ["LEAST_SEPARATION", "Separation", "beside", "least_seen", "separation"]

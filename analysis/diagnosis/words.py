@@ -1,0 +1,96 @@
+"""Sentences a person can use: the verdict, what could not be seen, what would separate look-alikes."""
+
+from collections.abc import Mapping, Sequence
+
+from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.quantity import Quantity
+
+UNITS = (
+    ("_n_s2_per_m2", "N s²/m²"),
+    ("_n_s_per_m2", "N s/m²"),
+    ("_n_per_m3", "N/m³"),
+    ("_n_s_per_m", "N s/m"),
+    ("_n_per_m", "N/m"),
+    ("_m_per_s2", "m/s²"),
+    ("_m_per_s", "m/s"),
+    ("_m_per_n", "m/N"),
+    ("_hz", "Hz"),
+    ("_rad", "rad"),
+    ("_kg", "kg"),
+    ("_n", "N"),
+    ("_m", "m"),
+    ("_s", "s"),
+)
+CLASSES = {
+    frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",
+    frozenset({"plate_damping", "viscoelastic_arm"}): "a loss in the plate whose form is undetermined",
+    frozenset({"cubic_stiffness", "contact_exponent"}): "a stiffness that grows with the load",
+}
+
+
+def plain(name: str) -> str:
+    """Return an effect's name in words."""
+    return name.replace("_", " ")
+
+
+def unit_of(parameter: str) -> str:
+    """Return the unit that a parameter's name carries, or nothing."""
+    return next((unit for ending, unit in UNITS if parameter.split(".")[0].endswith(ending)), "")
+
+
+def stem(parameter: str) -> str:
+    """Return a parameter's name without its unit, in words."""
+    name, _, shot = parameter.partition(".")
+    for ending, _unit in UNITS:
+        if name.endswith(ending):
+            name = name[: -len(ending)]
+            break
+    return name.replace("_", " ") + (f" of shot {shot}" if shot else "")
+
+
+def quantity(name: str, value: Quantity) -> str:
+    """Return a parameter with its uncertainty and unit."""
+    unit = unit_of(name)
+    size, power = value, ""
+    if value.value and not 1e-2 <= abs(value.value) < 1e5:
+        exponent = len(f"{abs(value.value):e}".split("e")[0]) and int(f"{abs(value.value):e}".split("e")[1])
+        size, power = value.scaled(10.0**-exponent), f"e{exponent}"
+        return f"({size}){power} {unit}".strip()
+    return f"{size} {unit}".strip()
+
+
+def found(name: str, parameters: Mapping[str, Quantity], others: Sequence[str]) -> str:
+    """Return the sentence of one found effect."""
+    numbers = ", ".join(f"{stem(key)} {quantity(key, q)}" for key, q in parameters.items())
+    if others:
+        group = frozenset({name, *others})
+        klass = next((words for names, words in CLASSES.items() if group <= names), "")
+        listed = " or ".join(plain(n) for n in (name, *others))
+        return f"{klass + ': ' if klass else ''}{listed}; as {plain(name)}: {numbers}"
+    return f"{plain(name)}: {numbers}"
+
+
+def verdict(kind: Verdict, effects: Sequence[FoundEffect], remainder: str, fall: float | None) -> str:
+    """Return the verdict as one sentence; ``fall`` is error after over before (displacement rms)."""
+    if kind is Verdict.ADEQUATE:
+        return "The model is adequate: nothing is missing that this data could show."
+    cured = f" The error falls to {100 * fall:.2g} % of what it was." if fall is not None and effects else ""
+    listed = " and ".join(effect.sentence for effect in effects)
+    if kind is Verdict.EFFECT_FOUND:
+        return f"The model lacks {listed}.{cured}"
+    if effects:
+        return f"The model lacks {listed}, and more that stays unexplained: {remainder}.{cured}"
+    return f"Unexplained: something is missing that no effect of the catalogue accounts for: {remainder}."
+
+
+def separating(name: str, others: Sequence[str], speeds: Sequence[float]) -> str:
+    """Return the shot that would tell look-alikes apart."""
+    fast, slow = max(speeds), min(speeds)
+    group = {name, *others}
+    if group & {"sensor_drift", "frame_vibration"}:
+        return "a record at rest, which shows what moves without the block"
+    if fast < 1.6 * slow:
+        return (
+            f"two more, at {0.5 * slow:.2g} m/s and at {1.6 * fast:.2g} m/s: each goes with the speed its own way"
+        )
+    return f"two more shots at {1.5 * fast:.2g} m/s, and more than one at {slow:.2g} m/s"

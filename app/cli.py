@@ -57,6 +57,7 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             export_to=options.export,
             diagnose=not options.no_diagnose,
             model=options.model,
+            report_to=options.report,
         )
     if options.acquire is not None:
         from app.acquire import acquire
@@ -115,6 +116,7 @@ def _parser() -> argparse.ArgumentParser:
     group = parser.add_argument_group("with --replay")
     group.add_argument("--json", metavar="FILE", help="write the result (- for standard output)")
     group.add_argument("--export", type=Path, metavar="DIR", help="write CSV: one motion file a shot, and shots.csv")
+    group.add_argument("--report", type=Path, metavar="FILE", help="write a report that prints: one HTML file")
     group.add_argument("--no-diagnose", action="store_true", help="stop after the base model's fit")
     group.add_argument("--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper)")
     group.add_argument("--jobs", type=_positive_int, metavar="N", help="a campaign over N processes, resumable")
@@ -139,7 +141,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     """Refuse options that would otherwise be passed over in silence."""
-    names = ("json", "export", "model", "jobs", "scheduler")
+    names = ("json", "export", "report", "model", "jobs", "scheduler")
     given = {name for name in names if getattr(options, name) is not None}
     given |= {"no-diagnose"} if options.no_diagnose else set()
     if options.paper is not None:
@@ -152,6 +154,8 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
     if options.jobs is not None and options.scheduler is not None:
         parser.error("--jobs and --scheduler: one of them")
+    if options.report is not None and (options.jobs is not None or options.scheduler is not None):
+        parser.error("--report is of the shots of one call: leave --jobs and --scheduler out")
     if options.acquire is not None:
         if options.source is None:
             parser.error("--acquire needs --source")

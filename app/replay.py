@@ -12,13 +12,20 @@ from analysis.report import result
 from analysis.shot import AnalysisError, Shot
 from app.export import export
 from app.load import complaint, load_and_analyse
+from app.report_page import report_of
 from instrument.recording_error import RecordingError
 from instrument.recording_search import find_recordings
 from instrument.recording_writer import write_text_beside
 
 
 def replay(
-    paths: Sequence[Path], *, json_to: str | None, export_to: Path | None, diagnose: bool, model: str | None
+    paths: Sequence[Path],
+    *,
+    json_to: str | None,
+    export_to: Path | None,
+    diagnose: bool,
+    model: str | None,
+    report_to: Path | None = None,
 ) -> int:
     """Analyse recordings and motion records; return the exit status."""
     shots: list[Shot] = []
@@ -28,7 +35,7 @@ def replay(
             print(complaint(shot.path or shot.name, shot.problem), file=sys.stderr)
         shots.append(shot)
     diagnosis = _diagnosis(shots) if diagnose else None
-    ok = _write(shots, diagnosis, json_to, export_to)
+    ok = _write(shots, diagnosis, json_to, export_to, report_to)
     return 0 if ok and shots and not any(shot.problem for shot in shots) else 1
 
 
@@ -51,12 +58,20 @@ def _diagnosis(shots: Sequence[Shot]) -> Diagnosis | None:
         return None
 
 
-def _write(shots: Sequence[Shot], diagnosis: Diagnosis | None, json_to: str | None, export_to: Path | None) -> bool:
+def _write(
+    shots: Sequence[Shot],
+    diagnosis: Diagnosis | None,
+    json_to: str | None,
+    export_to: Path | None,
+    report_to: Path | None,
+) -> bool:
     ok = True
     text = json.dumps(result(shots, diagnosis), indent=1, allow_nan=False) + "\n" if json_to else ""
     try:
         if export_to is not None:
             export(shots, export_to)
+        if report_to is not None:
+            write_text_beside(report_to, report_of(shots, diagnosis), sync=True)
         if json_to == "-":
             sys.stdout.write(text)
         elif json_to:

@@ -5,37 +5,11 @@ import math
 from PySide6.QtCore import QLocale
 
 from analysis.quantity import NotSeen, Quantity, Reading
+from app.physics_words import effect_words as effect_words
+from app.physics_words import flag_words as flag_words
+from app.physics_words import parameter_parts
 
 DASH = "–"
-
-EFFECT_WORDS = {
-    "coulomb_friction": "Coulomb friction on the block",
-    "viscous_drag": "viscous drag on the block",
-    "quadratic_drag": "quadratic drag on the block",
-    "tilt": "a tilt of the guideway",
-    "bearing_gradient": "a gradient of the bearing",
-    "block_mode": "a mode inside the block",
-    "cubic_stiffness": "a cubic stiffness of the plate",
-    "plate_damping": "a damping of the plate",
-    "viscoelastic_arm": "a viscoelastic arm",
-    "second_plate_mode": "a second mode of the plate",
-    "support_compliance": "a support that gives",
-    "plate_motion": "a plate already swinging at first touch",
-    "contact_exponent": "a contact that stiffens with overlap",
-    "nonlinear_contact_damping": "a contact damping that grows with overlap",
-    "adhesion": "adhesion at release",
-    "sensor_drift": "a drift of the measured velocity",
-    "demodulation_lag": "a lag of the optics' clock",
-    "frame_vibration": "a vibration of the frame",
-    "cyclic_error": "a cyclic error of the interferometer",
-}
-
-FLAG_WORDS = {
-    "clipped": "the digitizer clipped: force and velocity are unsure there; lower the gain or the light",
-    "gap": "samples were lost; nothing is shown in their place",
-    "truncated": "the file is shorter than its description says; analysed as far as it goes",
-    "longer_than_declared": "the file is longer than its description says",
-}
 
 
 def local(text: str) -> str:
@@ -88,40 +62,10 @@ def how_text(name: str, reading: Reading | None, meaning: str = "") -> str:
     return "<br>".join(line for line in lines if line)
 
 
-def effect_words(name: str) -> str:
-    """Return an effect's name as a person says it."""
-    return EFFECT_WORDS.get(name, name.replace("_", " "))
-
-
-UNIT_ENDINGS = (
-    ("_n_s2_per_m2", "N s²/m²"),
-    ("_n_s_per_m2", "N s/m²"),
-    ("_n_s_per_m", "N s/m"),
-    ("_n_per_m3", "N/m³"),
-    ("_n_per_m", "N/m"),
-    ("_m_per_s2", "m/s²"),
-    ("_m_per_s", "m/s"),
-    ("_m_per_n", "m/N"),
-    ("_kg", "kg"),
-    ("_hz", "Hz"),
-    ("_rad", "rad"),
-    ("_n", "N"),
-    ("_m", "m"),
-    ("_s", "s"),
-)
-
-
 def parameter_words(name: str, value: Quantity) -> str:
     """Return "coefficient 0.00190 ± 0.00010 N s²/m²" for "coefficient_n_s2_per_m2"."""
-    for ending, unit in UNIT_ENDINGS:
-        if name.endswith(ending):
-            return f"{name.removesuffix(ending).replace('_', ' ')} {value_text(value)} {unit}"
-    return f"{name.replace('_', ' ')} {value_text(value)}"
-
-
-def flag_words(flag: str) -> str:
-    """Return what a flag means and what to do, in one line."""
-    return FLAG_WORDS.get(flag, flag.replace("_", " "))
+    words, unit = parameter_parts(name)
+    return f"{words} {value_text(value)} {unit}".rstrip()
 
 
 def duration(seconds: float) -> str:

@@ -1,0 +1,74 @@
+"""What the program's names of effects, parameters and flags mean, in words; used on the screen and in files (no Qt)."""
+
+EFFECT_WORDS = {
+    "coulomb_friction": "Coulomb friction on the block",
+    "viscous_drag": "viscous drag on the block",
+    "quadratic_drag": "quadratic drag on the block",
+    "tilt": "a tilt of the guideway",
+    "bearing_gradient": "a gradient of the bearing",
+    "block_mode": "a mode inside the block",
+    "cubic_stiffness": "a cubic stiffness of the plate",
+    "plate_damping": "a damping of the plate",
+    "viscoelastic_arm": "a viscoelastic arm",
+    "second_plate_mode": "a second mode of the plate",
+    "support_compliance": "a support that gives",
+    "plate_motion": "a plate already swinging at first touch",
+    "contact_exponent": "a contact that stiffens with overlap",
+    "nonlinear_contact_damping": "a contact damping that grows with overlap",
+    "adhesion": "adhesion at release",
+    "sensor_drift": "a drift of the measured velocity",
+    "demodulation_lag": "a lag of the optics' clock",
+    "frame_vibration": "a vibration of the frame",
+    "cyclic_error": "a cyclic error of the interferometer",
+}
+
+FLAG_WORDS = {
+    "clipped": "the digitizer clipped: force and velocity are unsure there; lower the gain or the light",
+    "gap": "samples were lost; nothing is shown in their place",
+    "truncated": "the file is shorter than its description says; analysed as far as it goes",
+    "longer_than_declared": "the file is longer than its description says",
+    "interrupted": "the capture was cut off before it was closed; analysed as far as it got",
+    "cut_short": "the capture ended before all samples asked for came",
+    "trigger_lost": "the light switch's sample lies beyond the end of the file",
+    "impulse_disagrees": "quasi-static COR and impulse ratio differ by more than three standard uncertainties",
+    "bounces_disturbed": "something else moves the block in its first flights: the kinetic COR is not given",
+    "no_release": "the record ends within the contact",
+    "fit_not_converged": "the model's fit did not converge: its numbers are withheld",
+    "fit_failed": "the model could not be fitted: its numbers are withheld",
+    "noise_not_known": "too little quiet flight to learn the noise from",
+}
+
+UNIT_ENDINGS = (
+    ("_n_s2_per_m2", "N s²/m²"),
+    ("_n_s_per_m2", "N s/m²"),
+    ("_n_s_per_m", "N s/m"),
+    ("_n_per_m3", "N/m³"),
+    ("_n_per_m", "N/m"),
+    ("_m_per_s2", "m/s²"),
+    ("_m_per_s", "m/s"),
+    ("_m_per_n", "m/N"),
+    ("_kg", "kg"),
+    ("_hz", "Hz"),
+    ("_rad", "rad"),
+    ("_n", "N"),
+    ("_m", "m"),
+    ("_s", "s"),
+)
+
+
+def effect_words(name: str) -> str:
+    """Return an effect's name as a person says it."""
+    return EFFECT_WORDS.get(name, name.replace("_", " "))
+
+
+def flag_words(flag: str) -> str:
+    """Return what a flag means and what to do, in one line."""
+    return FLAG_WORDS.get(flag, flag.replace("_", " "))
+
+
+def parameter_parts(name: str) -> tuple[str, str]:
+    """Return ("coefficient", "N s²/m²") for "coefficient_n_s2_per_m2"; a name without a unit has the unit ""."""
+    for ending, unit in UNIT_ENDINGS:
+        if name.endswith(ending):
+            return name.removesuffix(ending).replace("_", " "), unit
+    return name.replace("_", " "), ""

@@ -1,0 +1,86 @@
+"""What the diagnosis said, with its evidence, the error before and after, and what it could not have seen."""
+
+from collections.abc import Mapping
+
+from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, Verdict
+from analysis.quantity import Quantity
+from app.physics_words import effect_words, parameter_parts
+from app.report.markup import Markup, joined, table, tag
+from app.report.number_tables import fitted
+
+VERDICTS = {
+    Verdict.ADEQUATE: "adequate: nothing is missing that these data could show",
+    Verdict.EFFECT_FOUND: "effect found",
+    Verdict.UNEXPLAINED: "unexplained: a significant remainder stays",
+}
+ERRORS = (
+    ("displacement_rms_m", "displacement, rms (nm)", 1e9),
+    ("velocity_rms_m_per_s", "velocity, rms (µm/s)", 1e6),
+    ("force_rms_n", "force, rms (mN)", 1e3),
+    ("reduced_chi2", "reduced χ²", 1.0),
+)
+
+
+def diagnosis_section(diagnosis: Diagnosis, shots: int) -> Markup:
+    """Return the whole section; ``shots`` is how many it was made from."""
+    parts = [
+        tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict]}."), class_="verdict"),
+        tag("p", diagnosis.sentence),
+        tag("p", f"Made from {shots} shot{'s' if shots != 1 else ''} together."),
+    ]
+    if diagnosis.effects:
+        parts += [tag("h3", "Effects"), *[_effect(effect) for effect in diagnosis.effects]]
+    parts += [tag("h3", "Error before and after"), _errors(diagnosis)]
+    if diagnosis.remainder:
+        parts += [tag("h3", "What is left"), tag("p", diagnosis.remainder)]
+    if diagnosis.candidates:
+        parts += [tag("h3", "Every effect that was tried, best first"), _candidates(diagnosis)]
+    if diagnosis.blind_spots:
+        parts += [tag("h3", "What these data could not show"), tag("ul", [tag("li", b) for b in diagnosis.blind_spots])]
+    if diagnosis.separating_shot:
+        parts += [tag("h3", "Which shot would tell more"), tag("p", diagnosis.separating_shot)]
+    parts += [tag("h3", "Model of all shots, before"), fitted(diagnosis.fit_before)]
+    if diagnosis.fit_after is not diagnosis.fit_before:
+        parts += [tag("h3", "Model of all shots, after"), fitted(diagnosis.fit_after)]
+    return tag("section", tag("h2", "Diagnosis"), parts)
+
+
+def _effect(effect: FoundEffect) -> Markup:
+    lines = [tag("p", tag("b", effect_words(effect.name)), ": ", _parameters(effect.parameters))]
+    if effect.sentence:
+        lines.append(tag("p", effect.sentence))
+    if effect.evidence:
+        said = ", ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in effect.evidence.items())
+        lines.append(tag("p", f"Evidence: {said}."))
+    if effect.indistinguishable_from:
+        others = ", ".join(effect_words(name) for name in effect.indistinguishable_from)
+        lines.append(tag("p", f"These data cannot tell it from {others}."))
+    return tag("div", lines, class_="whole")
+
+
+def _errors(diagnosis: Diagnosis) -> Markup:
+    columns: list[tuple[str, Errors]] = [("before", diagnosis.error_before), ("after", diagnosis.error_after)]
+    if diagnosis.error_held_out_before is not None and diagnosis.error_held_out_after is not None:
+        columns += [
+            ("held-out shot, before", diagnosis.error_held_out_before),
+            ("held-out shot, after", diagnosis.error_held_out_after),
+        ]
+    rows = [[words, *(f"{scale * getattr(e, name):.4g}" for _, e in columns)] for name, words, scale in ERRORS]
+    note = "Over the same samples at the same bandwidth; before is the base model at its own best fit."
+    return joined(table(["", *(name for name, _ in columns)], rows, "numbers"), tag("p", note, class_="faint"))
+
+
+def _candidates(diagnosis: Diagnosis) -> Markup:
+    rows = []
+    for c in diagnosis.candidates:
+        gain = "\u2013" if c.delta_bic is None else f"{c.delta_bic:.4g}"
+        rows.append([effect_words(c.name), f"{c.score:.4g}", gain, _parameters(c.parameters), c.remark])
+    return table(["effect", "score", "ΔBIC", "size", "remark"], rows, "budget")
+
+
+def _parameters(parameters: Mapping[str, Quantity]) -> str:
+    parts = []
+    for name, value in parameters.items():
+        words, unit = parameter_parts(name)
+        parts.append(f"{words} {value} {unit}".rstrip())
+    return ", ".join(parts)

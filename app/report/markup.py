@@ -1,0 +1,48 @@
+"""HTML and SVG elements that cannot be injected: text is escaped wherever it did not come from ``tag`` itself.
+
+A template engine would be one more thing to install, and escapes only where it is told to.
+"""
+
+import html
+from collections.abc import Iterable, Sequence
+
+
+class Markup(str):
+    """Text that is markup already."""
+
+    __slots__ = ()
+
+
+Piece = str | Iterable[str]
+_VOID = ("meta", "br", "path", "line", "rect", "circle")
+
+
+def escaped(text: str) -> Markup:
+    """Return foreign text as markup; control characters, which no HTML file may hold, become a replacement sign."""
+    if isinstance(text, Markup):
+        return text
+    clean = "".join(c if c in "\n\t" or (c >= " " and not "\x7f" <= c <= "\x9f") else "\ufffd" for c in text)
+    return Markup(html.escape(clean.encode("utf-8", "replace").decode("utf-8")))
+
+
+def tag(name: str, /, *children: Piece, **attributes: str | float | None) -> Markup:
+    """Return an element; a trailing "_" of an attribute's name is dropped, inner ones become "-"; None is left out."""
+    pairs = (
+        f' {key.rstrip("_").replace("_", "-")}="{escaped(str(value))}"'
+        for key, value in attributes.items()
+        if value is not None
+    )
+    head = f"<{name}{''.join(pairs)}>"
+    return Markup(head if name in _VOID and not children else f"{head}{joined(*children)}</{name}>")
+
+
+def joined(*pieces: Piece) -> Markup:
+    """Return pieces one after the other."""
+    return Markup("".join(escaped(p) if isinstance(p, str) else joined(*p) for p in pieces))
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]], class_: str | None = None) -> Markup:
+    """Return a table; the first cell of a row is its heading."""
+    head = tag("thead", tag("tr", [tag("th", cell, scope="col") for cell in header])) if header else Markup()
+    body = [tag("tr", tag("th", row[0], scope="row"), [tag("td", cell) for cell in row[1:]]) for row in rows]
+    return tag("table", head, tag("tbody", body), class_=class_)

@@ -1,0 +1,130 @@
+"""A shot's numbers as tables: each with its uncertainty, and what makes it uncertain."""
+
+import math
+
+from analysis.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
+from analysis.fit import Fit
+from analysis.quantity import NotSeen, Quantity, Reading
+from analysis.series import read
+from analysis.shot import Shot
+from app.physics_words import parameter_parts
+from app.report.markup import Markup, joined, table, tag
+
+SCALES = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
+NUMBERS = (  # key, words, unit of the key; in the order of the result file
+    ("velocity_in_m_per_s", "velocity before touch", "m/s"),
+    ("velocity_out_m_per_s", "velocity after release", "m/s"),
+    ("cor_quasi_static", "quasi-static COR", "1"),
+    ("cor_impulse", "impulse ratio", "1"),
+    ("cor_kinetic.force_peaks", "kinetic COR, force peaks", "1"),
+    ("cor_kinetic.onsets", "kinetic COR, onsets", "1"),
+    ("cor_kinetic.flights", "kinetic COR, flights", "1"),
+    ("cor_kinetic.contact", "kinetic COR, fitted contact", "1"),
+    ("force_peak_n", "peak force", "N"),
+    ("force_fwhm_s", "pulse width (FWHM)", "s"),
+    ("contact_time_s", "contact time", "s"),
+    ("deflection_max_m", "deflection", "m"),
+    ("stiffness_slope_n_per_m", "slope of F against deflection", "N/m"),
+)
+
+
+def numbers(shot: Shot, of: Budget | None) -> Markup:
+    """Return the table of everything read from the motion; what was not seen says why."""
+    rows = []
+    for key, words, unit in NUMBERS:
+        reading = _reading(shot, key)
+        entry = of.of(key) if of is not None else None
+        rows.append([_named(words, unit), *_cells(reading, entry, unit)])
+    for entry in of.quantities if of is not None else ():
+        if all(entry.key != key for key, _, _ in NUMBERS) and entry.key != "plate_stiffness_n_per_m":
+            rows.append([_named(entry.words, entry.unit), *_cells(entry.quantity, entry, entry.unit)])
+    header = ["", "value ± standard uncertainty", "of it type A", "type B", f"expanded, k = {COVERAGE_FACTOR:g}", "how"]
+    return table(header, rows, "numbers")
+
+
+def fitted(fit: Fit | None) -> Markup:
+    """Return the fitted model's parameters with their uncertainties and correlations, or why there are none."""
+    if fit is None:
+        return tag("p", "No model was fitted.")
+    if not fit.converged:
+        return tag("p", f"The fit of model {fit.model} did not converge; its numbers are withheld.", class_="warning")
+    names = list(fit.parameters)
+    rows = []
+    for index, (name, value) in enumerate(fit.parameters.items()):
+        words, unit = parameter_parts(name)
+        correlations = [_correlation(fit, index, other) for other in range(len(names))]
+        rows.append([_with_unit(words, unit), str(value), *correlations])
+    header = ["", "value ± standard uncertainty", *(parameter_parts(name)[0] for name in names)]
+    effects = f" with {', '.join(fit.effects)}" if fit.effects else ""
+    said = (
+        f"Model {fit.model}{effects}: reduced χ² {fit.reduced_chi2:.4g}, "
+        f"noise {1e9 * fit.noise_std_m:.3g} nm a sample of displacement. Columns on the right: correlations."
+    )
+    return joined(tag("p", said), table(header, rows, "numbers"))
+
+
+def budgets(of: Budget | None) -> Markup:
+    """Return the uncertainty budget of each number, largest contribution first."""
+    if of is None or not of.quantities:
+        return tag("p", "There is no number to make a budget of.")
+    return joined(*[_budget(entry) for entry in of.quantities])
+
+
+def scaled(reading: Reading, unit: str) -> tuple[str, str]:
+    """Return a reading as text and the unit it is stated in; what was not seen is a dash."""
+    factor, shown = SCALES.get(unit, (1.0, unit))
+    if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
+        return "\u2013", shown
+    return str(reading.scaled(factor)), shown
+
+
+def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[str]:
+    if isinstance(reading, NotSeen):
+        return ["\u2013", "", "", "", f"not seen: {reading.reason}"]
+    if entry is None:
+        return [scaled(reading, unit)[0], "", "", "", reading.how]
+    factor, _ = SCALES.get(unit, (1.0, unit))
+    parts = [f"{factor * part:.2g}" for part in (entry.std_a, entry.std_b, entry.expanded)]
+    return [scaled(entry.quantity, unit)[0], *parts, reading.how]
+
+
+def _budget(entry: QuantityBudget) -> Markup:
+    factor, unit = SCALES.get(entry.unit, (1.0, entry.unit))
+    rows = [_source(row, factor) for row in entry.rows]
+    totals = (("combined, type A", entry.std_a), ("combined, type B", entry.std_b), ("combined", entry.std))
+    rows += [[words, "", "", "", f"{factor * value:.3g}", ""] for words, value in totals]
+    rows.append([f"expanded, k = {COVERAGE_FACTOR:g}", "", "", "", f"{factor * entry.expanded:.3g}", ""])
+    value, _ = scaled(entry.quantity, entry.unit)
+    contribution = _with_unit("contribution", unit)
+    caption = tag("h5", f"{entry.words}: {value} {unit}".rstrip())
+    header = ["source", "type", "u(x)", "sensitivity", contribution, "how"]
+    return tag("div", caption, table(header, rows, "budget"), class_="whole")
+
+
+def _source(row: BudgetRow, factor: float) -> list[str]:
+    unit = "" if row.unit == "1" else f" {row.unit}"
+    std = "not known" if row.std is None else f"{row.std:.3g}{unit}"
+    contribution = "" if row.std is None else f"{factor * row.contribution:.3g}"
+    return [row.source, row.kind, std, f"{factor * row.sensitivity:.4g}", contribution, row.how]
+
+
+def _reading(shot: Shot, key: str) -> Reading:
+    if key.startswith("velocity"):
+        reading: Reading = getattr(shot.impact, key) if shot.impact else NotSeen(shot.problem or "no impact")
+        return reading
+    return read(shot, key)
+
+
+def _correlation(fit: Fit, one: int, other: int) -> str:
+    spread = fit.covariance[one, one] * fit.covariance[other, other]
+    if not (math.isfinite(spread) and spread > 0.0):
+        return "\u2013"
+    return f"{fit.covariance[one, other] / math.sqrt(spread):.2f}"
+
+
+def _named(words: str, unit: str) -> str:
+    return _with_unit(words, SCALES.get(unit, (1.0, unit))[1])
+
+
+def _with_unit(words: str, unit: str) -> str:
+    return f"{words} ({unit})" if unit else words

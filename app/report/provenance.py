@@ -1,0 +1,147 @@
+"""How a shot was taken and analysed, and from which bytes: what another person needs to get the same numbers."""
+
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from analysis.motion import BeatQuality
+from analysis.recording import DEFAULT_WAVELENGTH_AIR_M, Setup
+from analysis.report import program_version
+from analysis.shot import Shot
+from app.report.markup import Markup, joined, table, tag
+from instrument.data_hash import data_hash
+from instrument.recording_error import RecordingError, one_line, shown
+from instrument.recording_metadata import read_metadata
+from instrument.recording_search import recording_stem
+
+NUMERICS = ("numpy", "scipy", "numba")
+
+
+def taken_with(shot: Shot) -> Markup:
+    """Return the settings a shot was taken with: digitizer, channels, rig."""
+    rows = [["started", shot.started_at or "not stated"]]
+    if shot.sample_rate_hz is not None:
+        rows.append(["sample rate", f"{shot.sample_rate_hz:.10g} samples/s"])
+    if shot.samples is not None:
+        rows.append(["samples a channel", str(shot.samples)])
+    if shot.trigger_time_s is not None:
+        rows.append(["light switch", f"{1e3 * shot.trigger_time_s:.6g} ms after the first sample"])
+    rows += _channels(shot)
+    rows += _rig(shot.setup, shot)
+    return table([], rows, "settings")
+
+
+def analysed_with(shot: Shot) -> Markup:
+    """Return the settings of the analysis and what it found the signals to be like."""
+    chosen = {entry.name: getattr(shot.settings, entry.name) for entry in fields(shot.settings)}
+    rows = [[name.replace("_", " "), _value(value)] for name, value in chosen.items()]
+    motion = shot.motion
+    if motion is not None:
+        wavelength = motion.wavelength_m
+        rows.append(["wavelength in air", f"{1e9 * wavelength:.6f} nm" if wavelength else "none: no optics"])
+        rows.append(["motion", f"{motion.time_s.size} samples at {motion.sample_rate_hz:g} Hz"])
+        rows.append(["displacement known up to", f"{motion.displacement_band_hz:g} Hz"])
+        rows.append(["rest frequency", f"{motion.rest_frequency_hz} Hz"])
+        for words, beat in (("reference", motion.reference), ("measurement", motion.measurement)):
+            if beat is not None:
+                rows.append([f"{words} beat", _beat(beat)])
+    spent = ", ".join(f"{what} {1e3 * seconds:.0f} ms" for what, seconds in shot.seconds.items())
+    rows.append(["time spent", spent or "not measured"])
+    return table([], rows, "settings")
+
+
+def repeated_by(shot: Shot) -> Markup:
+    """Return program, data hash and the command that gives the same report again."""
+    rows = [["program", program_words()]]
+    if shot.path is None:
+        rows.append(["data", "not on disk when this report was made"])
+    else:
+        rows.append(["file", shot.path])
+        rows += _hash(shot.path)
+        command = f"levimass --replay '{Path(shot.path).name}' --model {shot.settings.model} --report report.html"
+        rows.append(["command", tag("code", command)])
+    return table([], rows, "settings")
+
+
+def program_words() -> str:
+    """Return the program's version and that of everything its numbers depend on."""
+    parts = [f"levimass {program_version()}"]
+    for name in NUMERICS:
+        try:
+            parts.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            continue
+    return f"{', '.join(parts)}, Python {platform.python_version()} on {platform.system()} {platform.machine()}"
+
+
+def _hash(path: str) -> list[list[str]]:
+    try:
+        data = data_hash(path)
+    except RecordingError as error:
+        return [["data hash", f"not known: {error}"]]
+    if data.agrees is None:
+        said = "no hash was written when the data were taken"
+    elif data.agrees:
+        said = "as written when the shot was taken"
+    else:
+        said = f"NOT the one written when the shot was taken, {data.recorded}"
+    return [
+        ["data", f"{data.file}, {data.size_bytes} bytes"],
+        ["data hash (SHA-512)", joined(tag("code", data.sha512), tag("br"), said)],
+    ]
+
+
+def _channels(shot: Shot) -> list[list[str]]:
+    """Return the channels as the recording's metadata state them; the analysed shot does not carry them."""
+    stem = recording_stem(shot.path) if shot.path else None
+    meta = stem.with_name(stem.name + ".sigmf-meta") if stem is not None else None
+    if meta is None or not meta.exists():
+        return []
+    try:
+        channels = read_metadata(meta).channels
+    except RecordingError as error:
+        return [["channels", f"not known any more: {error}"]]
+    return [
+        [f"channel {number}, {c.role}", f"{c.volts_per_count:.10g} V a count, offset {c.offset_v:g} V"]
+        for number, c in enumerate(channels, 1)
+    ]
+
+
+def _rig(setup: Setup | None, shot: Shot) -> list[list[str]]:
+    if setup is None:
+        mass = shot.motion.moving_mass_kg if shot.motion is not None else None
+        return [["moving mass", f"{1e3 * mass:.8g} g"]] if mass else []
+    rows = [["moving mass", f"{1e3 * setup.moving_mass_kg:.8g} g, u = {1e3 * setup.moving_mass_u_kg:.3g} g"]]
+    if setup.wavelength_vacuum_m is not None:
+        rows.append(["wavelength in vacuum", f"{1e9 * setup.wavelength_vacuum_m:.6f} nm"])
+    if setup.wavelength_air_m is not None:
+        rows.append(["wavelength in air, as given", f"{1e9 * setup.wavelength_air_m:.6f} nm"])
+    if setup.wavelength_air_m is None and (setup.air is None or setup.wavelength_vacuum_m is None):
+        rows.append(["wavelength in air", f"not given: {1e9 * DEFAULT_WAVELENGTH_AIR_M:.1f} nm assumed where needed"])
+    if setup.air is not None:
+        air = setup.air
+        said = f"{air.temperature_c:g} °C, {air.pressure_pa:g} Pa, {air.humidity_percent:g} % humidity"
+        rows.append(["air", said])
+    if setup.rest_frequency_hz is not None:
+        rows.append(["rest frequency, as given", f"{setup.rest_frequency_hz:.10g} Hz"])
+    if setup.plate is not None:
+        rows.append(["plate", ", ".join(f"{k.replace('_', ' ')} {v:g}" for k, v in asdict(setup.plate).items())])
+    rows.append(["digitizer", f"{setup.digitizer_bits} bits"])
+    rows += [[one_line(str(key), 60), _value(value)] for key, value in list(setup.extra.items())[:40]]
+    return rows
+
+
+def _beat(beat: BeatQuality) -> str:
+    clipped = f", {100 * beat.clipped_fraction:.2g} % of the samples clipped" if beat.clipped_fraction else ""
+    return f"{1e-6 * beat.frequency_hz:.6f} MHz, {beat.amplitude_v:.3g} V, {beat.snr_db:.1f} dB{clipped}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{one_line(str(k), 60)} {shown(v)}" for k, v in list(value.items())[:20])
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else value if isinstance(value, str) else shown(value)

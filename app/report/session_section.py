@@ -1,0 +1,121 @@
+"""Several shots side by side: overlay from first touch on, every number's mean, repeatability and trend."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.quantity import Quantity
+from analysis.series import Series, Summary, Trend, series
+from analysis.shot import Shot
+from app.plots.shot_times import contact_span_ms, time_zero
+from app.report.markup import Markup, joined, table, tag
+from app.report.number_tables import SCALES, scaled
+from app.report.shot_figures import figure
+from app.report.svg_plot import Dot, Line, Plot, draw
+
+COLOURS = 8  # of the style sheet: series-0 to series-7; further shots begin again
+NAMED = 8  # curves that a legend can keep apart
+
+
+def session_section(shots: Sequence[Shot]) -> Markup:
+    """Return table, overlay and trends of all shots together."""
+    found = series(shots)
+    parts = [tag("h2", f"All {len(shots)} shots"), _overview(shots)]
+    seen = [shot for shot in shots if shot.motion is not None and shot.impact is not None]
+    if len(seen) > 1:
+        parts.append(_overlay(seen))
+    if found.summaries and len(found.shots) > 1:
+        parts += [tag("h3", "Across the shots"), _summaries(found)]
+        plots = [_trend(summary) for summary in found.summaries if len(summary.shots) > 1]
+        if plots:
+            said = (
+                "Against impact velocity. Bars are standard uncertainties; the line is weighted, "
+                "drawn where the shots differ in speed."
+            )
+            caption = tag("figcaption", tag("b", "Trends. "), said)
+            parts.append(tag("figure", tag("div", plots, class_="grid2"), caption))
+    return tag("section", parts)
+
+
+def _overview(shots: Sequence[Shot]) -> Markup:
+    rows = []
+    for number, shot in enumerate(shots, 1):
+        impact = shot.impact
+        cells = ["\u2013"] * 4
+        if impact is not None:
+            cells = [
+                scaled(impact.velocity_in_m_per_s, "m/s")[0],
+                scaled(impact.cor_quasi_static, "1")[0],
+                scaled(impact.cor_kinetic.force_peaks, "1")[0],
+                scaled(impact.force_peak_n, "N")[0],
+            ]
+        status = "failed" if shot.problem else "ok"
+        said = "; ".join(part for part in (shot.problem or "", ", ".join(shot.flags), shot.note) if part)
+        rows.append([tag("a", shot.name, href=f"#shot-{number}"), shot.started_at or "", status, *cells, said])
+    header = ["shot", "started", "status", "v in (m/s)", "COR quasi-static", "COR kinetic", "peak force (N)", "remarks"]
+    return table(header, rows, "numbers")
+
+
+def _overlay(shots: Sequence[Shot]) -> Markup:
+    spans = np.array([contact_span_ms(shot) for shot in shots])
+    whole = (
+        min(1e3 * (float(s.motion.time_s[0]) - time_zero(s)[0]) for s in shots if s.motion),
+        max(1e3 * (float(s.motion.time_s[-1]) - time_zero(s)[0]) for s in shots if s.motion),
+    )
+    zoom = (float(spans[:, 0].min()), float(spans[:, 1].max()))
+    plots = []
+    for label, name, span in (
+        ("velocity (m/s)", "velocity_m_per_s", whole),
+        ("force (N)", "force_n", whole),
+        ("force (N)", "force_n", zoom),
+    ):
+        lines = []
+        for index, shot in enumerate(shots):
+            assert shot.motion is not None
+            at = 1e3 * (shot.motion.time_s - time_zero(shot)[0])
+            lines.append(Line(at, getattr(shot.motion, name), f"series-{index % COLOURS}"))
+        plots.append(Plot("time from first touch (ms)", label, tuple(lines), x_span=span))
+    legend = [(f"series-{i}", shot.name) for i, shot in enumerate(shots)] if len(shots) <= NAMED else []
+    return figure("Overlay.", "All shots from first touch on; below, the first contact.", plots, legend, 190)
+
+
+def _summaries(found: Series) -> Markup:
+    rows = []
+    for s in found.summaries:
+        factor, unit = SCALES.get(s.unit, (1.0, s.unit))
+        name = f"{s.words} ({unit})" if unit else s.words
+        if isinstance(s.trend, Trend):
+            slope = f"{s.trend.slope.scaled(factor)}"
+            beyond = f"{s.trend.significance:.1f}"
+        else:
+            slope, beyond = f"\u2013 ({s.trend.reason})", ""
+        mean = scaled(s.mean, s.unit)[0]
+        rows.append(
+            [name, str(len(s.shots)), mean, _size(factor * s.scatter), _size(factor * s.repeatability), slope, beyond]
+        )
+    header = ["", "shots", "mean ± its uncertainty", "scatter", "repeatability", "slope per m/s", "slope / u"]
+    note = (
+        "Scatter: standard deviation between the shots. Repeatability: the part of it that the shots' own "
+        "uncertainties do not account for."
+    )
+    return joined(table(header, rows, "numbers"), tag("p", note, class_="faint"))
+
+
+def _trend(summary: Summary) -> Markup:
+    factor, unit = SCALES.get(summary.unit, (1.0, summary.unit))
+    dots = []
+    columns = (summary.shots, summary.speeds_m_per_s, summary.values, summary.stds)
+    for name, at, value, std in zip(*columns, strict=True):
+        words = f"{name}: {Quantity(factor * value, factor * std)} {unit}"
+        dots.append(Dot(float(at), float(factor * value), float(factor * std), words))
+    lines: tuple[Line, ...] = ()
+    if isinstance(summary.trend, Trend):
+        ends = np.array([summary.speeds_m_per_s.min(), summary.speeds_m_per_s.max()])
+        lines = (Line(ends, factor * np.array([summary.trend.at(v) for v in ends]), "slope"),)
+    label = f"{summary.words} ({unit})" if unit else summary.words
+    return draw(Plot("impact velocity (m/s)", label, lines, dots=tuple(dots)), width=376, height=230)
+
+
+def _size(value: float) -> str:
+    return f"{value:.2g}" if math.isfinite(value) else "\u2013"

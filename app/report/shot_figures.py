@@ -1,0 +1,164 @@
+"""The figures of one shot: beat, velocity and force over time, what the model leaves over, first contact, loop, gap."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.fit import Overlay
+from analysis.quantity import Quantity
+from analysis.shot import Shot
+from app.plots.shot_times import contact_span_ms, time_zero
+from app.report.markup import Markup, tag
+from app.report.svg_plot import WIDTH, Band, Line, Plot, draw
+
+Floats = NDArray[np.float64]
+MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # class in the style sheet, words
+RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise, \u00b12 standard deviations")
+
+
+@dataclass(frozen=True, slots=True)
+class _Course:
+    """A shot on the time axis of its figures, in ms from ``time_zero``."""
+
+    shot: Shot
+    time_ms: Floats
+    time_label: str
+    overlay: Overlay | None
+    overlay_ms: Floats
+
+    @property
+    def marks(self) -> tuple[float, ...]:
+        impact = self.shot.impact
+        if impact is None:
+            return ()
+        zero = time_zero(self.shot)[0]
+        instants = (impact.touch_time_s, impact.release_time_s)
+        return tuple(1e3 * (t.value - zero) for t in instants if isinstance(t, Quantity) and math.isfinite(t.value))
+
+
+def figures(shot: Shot) -> list[Markup]:
+    """Return the figures that this shot's data allow, as HTML; none where it has no motion."""
+    motion = shot.motion
+    if motion is None:
+        return []
+    zero, label = time_zero(shot)
+    overlay = shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.converged and shot.fit.shots else None
+    overlay_ms = 1e3 * (overlay.time_s - zero) if overlay is not None else np.empty(0)
+    course = _Course(shot, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
+    made = [_whole(course), _residuals(course)]
+    if shot.impact is not None:
+        made += [_first_contact(course), _deflection(course), _gap(course)]
+    return [figure for figure in made if figure is not None]
+
+
+def figure(title: str, words: str, plots: list[Plot], legend: list[tuple[str, str]], height: int) -> Markup:
+    """Return plots under one another with a caption that says what is drawn how."""
+    keys = [tag("span", text, class_=f"key {kind}") for kind, text in legend]
+    drawn = [draw(plot, width=WIDTH, height=height) for plot in plots]
+    return tag("figure", drawn, tag("figcaption", tag("b", title), f" {words} ", keys))
+
+
+def beat_hz(velocity_m_per_s: Floats, rest_hz: float, wavelength_m: float) -> Floats:
+    """Return the beat of the measurement photodiode, f_rest - 2 v / lambda (Eq. 1 and 2), shape (n,)."""
+    return rest_hz - 2.0 * velocity_m_per_s / wavelength_m
+
+
+def _whole(course: _Course) -> Markup:
+    motion, over = course.shot.motion, course.overlay
+    assert motion is not None
+    rest = motion.rest_frequency_hz
+    plots = []
+    words = "Velocity and force over the whole shot."
+    if isinstance(rest, Quantity) and motion.wavelength_m is not None:
+        words = "Beat frequency of the measurement photodiode, velocity and force over the whole shot."
+        beats = [1e-6 * beat_hz(motion.velocity_m_per_s, rest.value, motion.wavelength_m), None]
+        if over is not None:
+            beats[1] = 1e-6 * beat_hz(over.velocity_m_per_s, rest.value, motion.wavelength_m)
+        plots.append(_over_time(course, "beat (MHz)", *beats))
+    plots += [
+        _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None),
+        _over_time(course, "force (N)", motion.force_n, over.force_n if over else None),
+    ]
+    words += " Upright lines: first touch and release." if course.marks else ""
+    return figure("The shot.", words, plots, _legend(course), 178)
+
+
+def _residuals(course: _Course) -> Markup | None:
+    shot, over, motion = course.shot, course.overlay, course.shot.motion
+    if over is None or shot.fit is None or motion is None:
+        return None
+    rows = (
+        ("displacement (nm)", 1e9, shot.fit.shots[0].residual_m, motion.displacement_std_m),
+        ("velocity (µm/s)", 1e6, motion.velocity_m_per_s - over.velocity_m_per_s, motion.velocity_std_m_per_s),
+        ("force (mN)", 1e3, motion.force_n - over.force_n, motion.force_std_n),
+    )
+    plots = []
+    for label, scale, rest, std in rows:
+        line = Line(course.time_ms, scale * rest, RESIDUAL[0])
+        band = Band(course.time_ms, 2.0 * scale * std)
+        plots.append(Plot(course.time_label, label, (line,), (band,), (), course.marks, zero_line=True))
+    words = "Inside the band what is left is noise; what stands out of it the model lacks."
+    return figure("Residual.", words, plots, [RESIDUAL, NOISE], 165)
+
+
+def _first_contact(course: _Course) -> Markup:
+    motion, over, span = course.shot.motion, course.overlay, contact_span_ms(course.shot)
+    assert motion is not None
+    plots = [
+        _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None, span),
+        _over_time(course, "force (N)", motion.force_n, over.force_n if over else None, span),
+    ]
+    return figure("First contact.", "The bounces with which the contact begins.", plots, _legend(course), 190)
+
+
+def _deflection(course: _Course) -> Markup | None:
+    shot, motion, over = course.shot, course.shot.motion, course.overlay
+    assert shot.impact is not None and motion is not None
+    touch, release = shot.impact.touch_time_s, shot.impact.release_time_s
+    if not isinstance(touch, Quantity):
+        return None
+    until = release.value if isinstance(release, Quantity) else touch.value + 0.03
+    chosen = (motion.time_s > touch.value - 1e-3) & (motion.time_s < until + 1e-3)
+    if np.count_nonzero(chosen) < 2:
+        return None
+    at_touch = float(np.interp(touch.value, motion.time_s, motion.displacement_m))
+    lines = [Line(1e3 * (at_touch - motion.displacement_m[chosen]), motion.force_n[chosen], MEASURED[0])]
+    legend = _legend(course)
+    if over is not None:
+        among = (over.time_s > touch.value - 1e-3) & (over.time_s < until + 1e-3)
+        lines.insert(0, Line(1e3 * (at_touch - over.displacement_m[among]), over.force_n[among], SIMULATED[0]))
+    slope = shot.impact.stiffness_slope_n_per_m
+    x, y = lines[-1].x, lines[-1].y
+    if isinstance(slope, Quantity) and math.isfinite(slope.value) and np.isfinite(x).any():
+        deep = x > 0.5 * float(np.nanmax(x))
+        ends = np.array([0.0, float(np.nanmax(x))])
+        middle = float(np.nanmean(y[deep])) + 1e-3 * slope.value * (ends - float(np.nanmean(x[deep])))
+        lines.append(Line(ends, middle, "slope"))
+        legend.append(("slope", f"slope, {slope} N/m"))
+    plot = Plot("deflection of the plate from first touch (mm)", "force (N)", tuple(lines))
+    return figure("Force against deflection.", "Its slope is near the stiffness.", [plot], legend, 300)
+
+
+def _gap(course: _Course) -> Markup | None:
+    if course.overlay is None:
+        return None
+    lines = (Line(course.overlay_ms, 1e6 * course.overlay.gap_m, SIMULATED[0]),)
+    span = contact_span_ms(course.shot)
+    plot = Plot(course.time_label, "gap (µm)", lines, (), (), (), span, zero_line=True)
+    words = "Distance between block and plate as the fitted model has it; below zero the two overlap."
+    return figure("Gap.", words, [plot], [SIMULATED], 190)
+
+
+def _over_time(
+    course: _Course, label: str, measured: Floats, simulated: Floats | None, span: tuple[float, float] | None = None
+) -> Plot:
+    lines = [Line(course.time_ms, measured, MEASURED[0])]
+    if simulated is not None:
+        lines.insert(0, Line(course.overlay_ms, simulated, SIMULATED[0]))
+    return Plot(course.time_label, label, tuple(lines), (), (), course.marks, span)
+
+
+def _legend(course: _Course) -> list[tuple[str, str]]:
+    return [MEASURED, SIMULATED] if course.overlay is not None else [MEASURED]

@@ -1,0 +1,228 @@
+"""Curves as inline SVG for a page: axes with ticks, at most two points a pixel, no peak lost.
+
+Written here because neither Qt (needs an application) nor matplotlib (100 MB for a few axes) is wanted in ``--report``,
+and because elements of the page itself take their colours from its one style sheet, on screen and in print.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.report.markup import Markup, tag
+
+Floats = NDArray[np.float64]
+WIDTH = 760  # of a plot that spans the page, in CSS pixels
+_LEFT, _RIGHT, _TOP, _BOTTOM = 66, 10, 8, 40
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A curve; arrays of shape (n,), NaN leaves a gap.  ``kind`` is its class in the style sheet."""
+
+    x: Floats
+    y: Floats
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """The stretch from -half to +half along x; arrays of shape (n,)."""
+
+    x: Floats
+    half: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Dot:
+    """One point with its standard uncertainty; ``words`` are told where the pointer rests on it."""
+
+    x: float
+    y: float
+    std: float
+    words: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """One set of axes.  ``x_span`` None: as far as the lines go.  ``lines`` are drawn in their order."""
+
+    x_label: str
+    y_label: str
+    lines: tuple[Line, ...] = ()
+    bands: tuple[Band, ...] = ()
+    dots: tuple[Dot, ...] = ()
+    marks: tuple[float, ...] = field(default=())  # upright lines, for instants
+    x_span: tuple[float, float] | None = None
+    zero_line: bool = False
+
+
+def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
+    """Return the plot as an ``svg`` element; its words for those who cannot see it are the labels."""
+    x_low, x_high = plot.x_span or _span([line.x for line in plot.lines], [d.x for d in plot.dots], 0.0)
+    if plot.dots and plot.x_span is None:
+        spare = 0.06 * (x_high - x_low)
+        x_low, x_high = x_low - spare, x_high + spare
+    inside = [(np.asarray(line.x) >= x_low) & (np.asarray(line.x) <= x_high) for line in plot.lines]
+    ends = [d.y + sign * d.std for d in plot.dots for sign in (-1, 1)] + ([0.0] if plot.zero_line else [])
+    for band in plot.bands:
+        seen = band.half[(band.x >= x_low) & (band.x <= x_high) & np.isfinite(band.half)]
+        reach = float(np.quantile(seen, 0.95)) if seen.size else 0.0  # at a gap's edge the noise has no bound
+        ends += [-reach, reach]
+    y_low, y_high = _span([line.y[m] for line, m in zip(plot.lines, inside, strict=True)], ends, 0.06)
+    frame = _Frame(width, height, x_low, x_high, y_low, y_high)
+    parts = [tag("rect", class_="frame", x=_LEFT, y=_TOP, width=frame.inner_width, height=frame.inner_height)]
+    parts += [frame.band(band) for band in plot.bands]
+    parts += _axes(frame, plot)
+    parts += [tag("line", class_="mark", x1=_r(frame.x(m)), x2=_r(frame.x(m)), y1=_TOP, y2=frame.bottom)
+              for m in plot.marks if x_low <= m <= x_high]  # fmt: skip
+    if plot.zero_line and y_low < 0.0 < y_high:
+        level = _r(frame.y(0.0))
+        parts.append(tag("line", class_="zero", x1=_LEFT, x2=width - _RIGHT, y1=level, y2=level))
+    parts += [frame.line(line) for line in plot.lines]
+    parts += [frame.dot(dot) for dot in plot.dots]
+    words = f"{plot.y_label} against {plot.x_label}"
+    return tag("svg", parts, viewBox=f"0 0 {width} {height}", role="img", aria_label=words)
+
+
+def thin_out(x: Floats, y: Floats, left: float, right: float, columns: int) -> tuple[Floats, Floats]:
+    """Return at most two points a column: its lowest and its highest, so that no peak is lost.
+
+    ``x`` of shape (n,) rises; samples outside [left, right] are left out.  A column that holds nothing finite is NaN.
+    """
+    begin, end = np.searchsorted(x, (left, right), side="left")
+    x, y = x[begin : end + 1], y[begin : end + 1]
+    if x.size <= 2 * columns or right <= left:
+        return x, y
+    column = np.clip(((x - left) * (columns / (right - left))).astype(np.int64), 0, columns - 1)
+    starts = np.flatnonzero(np.diff(column, prepend=-1))
+    low, high = np.fmin.reduceat(y, starts), np.fmax.reduceat(y, starts)
+    rising = y[starts] <= y[np.append(starts[1:], y.size) - 1]
+    both = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1)
+    at = left + (column[starts] + 0.5) * (right - left) / columns
+    return np.repeat(at, 2), both.ravel()
+
+
+def ticks(low: float, high: float, most: int) -> tuple[list[float], int]:
+    """Return round places within [low, high], at most ``most``, and how many decimals their labels need."""
+    span = high - low
+    if not (math.isfinite(span) and span > 0.0):
+        return [low], 3
+    power = 10.0 ** math.floor(math.log10(span / most))
+    step = next(power * m for m in (1, 2, 5, 10) if span / (power * m) <= most - 1 or m == 10)
+    first = math.ceil(low / step - 1e-9)
+    places = [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
+    return places, max(0, -math.floor(math.log10(step) + 1e-9))
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    width: int
+    height: int
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
+
+    @property
+    def inner_width(self) -> int:
+        return self.width - _LEFT - _RIGHT
+
+    @property
+    def inner_height(self) -> int:
+        return self.height - _TOP - _BOTTOM
+
+    @property
+    def bottom(self) -> int:
+        return self.height - _BOTTOM
+
+    def x(self, value: float | Floats) -> float | Floats:
+        return _LEFT + (value - self.x_low) * (self.inner_width / (self.x_high - self.x_low))
+
+    def y(self, value: float | Floats) -> float | Floats:
+        return self.bottom - (value - self.y_low) * (self.inner_height / (self.y_high - self.y_low))
+
+    def line(self, line: Line) -> Markup:
+        x, y = np.asarray(line.x, float), np.asarray(line.y, float)
+        if x.size and bool(np.all(np.diff(x) > 0)):
+            x, y = thin_out(x, y, self.x_low, self.x_high, self.inner_width)
+            px, py = np.asarray(self.x(x)), np.asarray(self.y(y))
+        else:
+            px, py = _apart(np.asarray(self.x(x)), np.asarray(self.y(y)))
+        return tag("path", class_=line.kind, d=_path(px, np.clip(py, _TOP, self.bottom)))
+
+    def band(self, band: Band) -> Markup:
+        x, half = thin_out(band.x, band.half, self.x_low, self.x_high, self.inner_width // 2)
+        known = np.isfinite(half)
+        x, half = x[known], half[known]
+        px = np.concatenate([np.asarray(self.x(x)), np.asarray(self.x(x))[::-1]])
+        py = np.concatenate([np.asarray(self.y(half)), np.asarray(self.y(-half))[::-1]])
+        return tag("path", class_="band", d=_path(px, np.clip(py, _TOP, self.bottom)) + "Z" if x.size else "")
+
+    def dot(self, dot: Dot) -> Markup:
+        px = _r(float(self.x(dot.x)))
+        ends = [_r(float(self.y(dot.y + sign * dot.std))) for sign in (-1, 1)]
+        bar = tag("line", class_="bar", x1=px, x2=px, y1=ends[0], y2=ends[1])
+        title = tag("title", dot.words) if dot.words else Markup()
+        return tag("g", bar, tag("circle", class_="dot", cx=px, cy=_r(float(self.y(dot.y))), r=3.5), title)
+
+
+def _axes(frame: _Frame, plot: Plot) -> list[Markup]:
+    parts = []
+    places, decimals = ticks(frame.x_low, frame.x_high, max(4, frame.inner_width // 70))
+    for place in places:
+        px = _r(float(frame.x(place)))
+        parts.append(tag("line", class_="grid", x1=px, x2=px, y1=_TOP, y2=frame.bottom))
+        parts.append(tag("text", _label(place, decimals), x=px, y=frame.bottom + 15, class_="tick-x"))
+    places, decimals = ticks(frame.y_low, frame.y_high, max(4, frame.inner_height // 28))
+    for place in places:
+        py = _r(float(frame.y(place)))
+        parts.append(tag("line", class_="grid", x1=_LEFT, x2=frame.width - _RIGHT, y1=py, y2=py))
+        parts.append(tag("text", _label(place, decimals), x=_LEFT - 6, y=_r(float(py) + 3.5), class_="tick-y"))
+    middle = _TOP + frame.inner_height / 2
+    parts.append(tag("text", plot.x_label, x=_LEFT + frame.inner_width / 2, y=frame.height - 6, class_="label"))
+    turned = f"translate(13 {_r(middle)}) rotate(-90)"
+    parts.append(tag("text", plot.y_label, transform=turned, class_="label"))
+    return parts
+
+
+def _label(value: float, decimals: int) -> str:
+    text = f"{value:.{decimals}f}"
+    return "0" if float(text) == 0.0 else text.replace("-", "\u2212")
+
+
+def _span(arrays: list[Floats], more: list[float], spare: float) -> tuple[float, float]:
+    values = np.concatenate([*(np.asarray(a, float) for a in arrays), np.asarray(more, float)])
+    values = values[np.isfinite(values)]
+    if values.size == 0:
+        return 0.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    room = spare * (high - low)
+    if high - low <= 1e-12 * max(abs(low), abs(high), 1e-300):
+        room = 0.05 * abs(high) or 0.5
+    return low - room, high + room
+
+
+def _apart(px: Floats, py: Floats) -> tuple[Floats, Floats]:
+    """Leave out points that would fall on the pixel of the one before: a loop has no columns to thin out by."""
+    cell = np.stack([np.round(px * 1.5), np.round(py * 1.5)])
+    with np.errstate(invalid="ignore"):
+        keep = np.append(True, np.any(cell[:, 1:] != cell[:, :-1], axis=0)) if px.size else np.zeros(0, bool)
+    return px[keep], py[keep]
+
+
+def _path(px: Floats, py: Floats) -> str:
+    parts = []
+    pen = "M"
+    for a, b in zip(px.tolist(), py.tolist(), strict=True):
+        if math.isfinite(a) and math.isfinite(b):
+            parts.append(f"{pen}{a:.1f} {b:.1f}")
+            pen = "L"
+        else:
+            pen = "M"
+    return "".join(parts)
+
+
+def _r(value: float | Floats) -> str:
+    return f"{float(value):.1f}"

@@ -1,5 +1,7 @@
 """What the program's names of effects, parameters and flags mean, in words; used on the screen and in files (no Qt)."""
 
+from analysis.signal.quality import MEANINGS
+
 EFFECT_WORDS = {
     "coulomb_friction": "Coulomb friction on the block",
     "viscous_drag": "viscous drag on the block",
@@ -63,7 +65,7 @@ def effect_words(name: str) -> str:
 
 def flag_words(flag: str) -> str:
     """Return what a flag means and what to do, in one line."""
-    return FLAG_WORDS.get(flag, flag.replace("_", " "))
+    return FLAG_WORDS.get(flag) or MEANINGS.get(flag, flag.replace("_", " "))
 
 
 def parameter_parts(name: str) -> tuple[str, str]:

@@ -14,7 +14,8 @@ class Markup(str):
 
 
 Piece = str | Iterable[str]
-_VOID = ("meta", "br", "path", "line", "rect", "circle")
+_VOID = ("meta", "br")
+_CLOSED = ("path", "line", "rect", "circle")  # of SVG: in HTML too they end with "/>"
 
 
 def escaped(text: str) -> Markup:
@@ -32,8 +33,10 @@ def tag(name: str, /, *children: Piece, **attributes: str | float | None) -> Mar
         for key, value in attributes.items()
         if value is not None
     )
-    head = f"<{name}{''.join(pairs)}>"
-    return Markup(head if name in _VOID and not children else f"{head}{joined(*children)}</{name}>")
+    head = f"<{name}{''.join(pairs)}"
+    if name in _VOID + _CLOSED:
+        return Markup(f"{head}/>" if name in _CLOSED else f"{head}>")
+    return Markup(f"{head}>{joined(*children)}</{name}>")
 
 
 def joined(*pieces: Piece) -> Markup:

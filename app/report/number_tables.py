@@ -11,6 +11,7 @@ from app.physics_words import parameter_parts
 from app.report.markup import Markup, joined, table, tag
 
 SCALES = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
+SMALL = 0.02  # of the combined uncertainty: what is below is told in one line
 NUMBERS = (  # key, words, unit of the key; in the order of the result file
     ("velocity_in_m_per_s", "velocity before touch", "m/s"),
     ("velocity_out_m_per_s", "velocity after release", "m/s"),
@@ -89,15 +90,20 @@ def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[st
 
 
 def _budget(entry: QuantityBudget) -> Markup:
+    """Return the sources that count, and in a closing line those that together change nothing that is printed."""
     factor, unit = SCALES.get(entry.unit, (1.0, entry.unit))
-    rows = [_source(row, factor) for row in entry.rows]
-    totals = (("combined, type A", entry.std_a), ("combined, type B", entry.std_b), ("combined", entry.std))
-    rows += [[words, "", "", "", f"{factor * value:.3g}", ""] for words, value in totals]
-    rows.append([f"expanded, k = {COVERAGE_FACTOR:g}", "", "", "", f"{factor * entry.expanded:.3g}", ""])
+    counts = [row for row in entry.rows if row.std is None or row.contribution > SMALL * entry.std]
+    small = [row for row in entry.rows if row not in counts]
+    rows = [_source(row, factor) for row in counts]
+    if small:
+        together = math.hypot(*(row.contribution for row in small))
+        names = ", ".join(dict.fromkeys(row.source for row in small))
+        rows.append([f"{len(small)} more", "", "", "", f"{factor * together:.2g}", names])
     value, _ = scaled(entry.quantity, entry.unit)
-    contribution = _with_unit("contribution", unit)
-    caption = tag("h5", f"{entry.words}: {value} {unit}".rstrip())
-    header = ["source", "type", "u(x)", "sensitivity", contribution, "how"]
+    parts = [f"{factor * part:.3g}" for part in (entry.std_a, entry.std_b, entry.expanded)]
+    said = f"type A {parts[0]}, type B {parts[1]}, expanded {parts[2]} (k = {COVERAGE_FACTOR:g})"
+    caption = tag("h5", f"{entry.words}: {value} {unit} ", tag("span", said, class_="faint"))
+    header = ["source", "type", "u(x)", "sensitivity", _with_unit("contribution", unit), "how"]
     return tag("div", caption, table(header, rows, "budget"), class_="whole")
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.motion import BeatQuality
+from analysis.quantity import NotSeen
 from analysis.recording import DEFAULT_WAVELENGTH_AIR_M, Setup
 from analysis.report import program_version
 from analysis.shot import Shot
@@ -44,7 +45,9 @@ def analysed_with(shot: Shot) -> Markup:
         rows.append(["wavelength in air", f"{1e9 * wavelength:.6f} nm" if wavelength else "none: no optics"])
         rows.append(["motion", f"{motion.time_s.size} samples at {motion.sample_rate_hz:g} Hz"])
         rows.append(["displacement known up to", f"{motion.displacement_band_hz:g} Hz"])
-        rows.append(["rest frequency", f"{motion.rest_frequency_hz} Hz"])
+        rest = motion.rest_frequency_hz
+        said = f"not seen: {rest.reason}" if isinstance(rest, NotSeen) else f"{rest.scaled(1e-6)} MHz"
+        rows.append(["rest frequency", said])
         for words, beat in (("reference", motion.reference), ("measurement", motion.measurement)):
             if beat is not None:
                 rows.append([f"{words} beat", _beat(beat)])

@@ -50,11 +50,11 @@ def _overview(shots: Sequence[Shot]) -> Markup:
                 scaled(impact.cor_kinetic.force_peaks, "1")[0],
                 scaled(impact.force_peak_n, "N")[0],
             ]
-        status = "failed" if shot.problem else "ok"
-        said = "; ".join(part for part in (shot.problem or "", ", ".join(shot.flags), shot.note) if part)
-        rows.append([tag("a", shot.name, href=f"#shot-{number}"), shot.started_at or "", status, *cells, said])
-    header = ["shot", "started", "status", "v in (m/s)", "COR quasi-static", "COR kinetic", "peak force (N)", "remarks"]
-    return table(header, rows, "numbers")
+        failed = f"failed: {shot.problem}" if shot.problem else ""
+        said = "; ".join(part for part in (failed, ", ".join(shot.flags), shot.note) if part)
+        rows.append([tag("a", shot.name, href=f"#shot-{number}"), shot.started_at or "", *cells, said])
+    header = ["shot", "started", "v in (m/s)", "COR quasi-static", "COR kinetic", "peak force (N)", "remarks"]
+    return table(header, rows, "overview")
 
 
 def _overlay(shots: Sequence[Shot]) -> Markup:

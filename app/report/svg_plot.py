@@ -14,7 +14,8 @@ from app.report.markup import Markup, tag
 
 Floats = NDArray[np.float64]
 WIDTH = 760  # of a plot that spans the page, in CSS pixels
-_LEFT, _RIGHT, _TOP, _BOTTOM = 66, 10, 8, 40
+_LEFT, _RIGHT, _TOP, _BOTTOM = 66, 10, 8, 40  # _LEFT at least: long labels take more
+_DIGIT = 6.4  # width of a label's character
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +72,18 @@ def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
         reach = float(np.quantile(seen, 0.95)) if seen.size else 0.0  # at a gap's edge the noise has no bound
         ends += [-reach, reach]
     y_low, y_high = _span([line.y[m] for line, m in zip(plot.lines, inside, strict=True)], ends, 0.06)
-    frame = _Frame(width, height, x_low, x_high, y_low, y_high)
-    parts = [tag("rect", class_="frame", x=_LEFT, y=_TOP, width=frame.inner_width, height=frame.inner_height)]
+    levels, decimals = ticks(y_low, y_high, max(4, (height - _TOP - _BOTTOM) // 28))
+    labels = [_label(level, decimals) for level in levels]
+    left = max(_LEFT, round(28 + _DIGIT * max(map(len, labels), default=0)))
+    frame = _Frame(width, height, left, x_low, x_high, y_low, y_high)
+    parts = [tag("rect", class_="frame", x=left, y=_TOP, width=frame.inner_width, height=frame.inner_height)]
     parts += [frame.band(band) for band in plot.bands]
-    parts += _axes(frame, plot)
+    parts += _axes(frame, plot, list(zip(levels, labels, strict=True)))
     parts += [tag("line", class_="mark", x1=_r(frame.x(m)), x2=_r(frame.x(m)), y1=_TOP, y2=frame.bottom)
               for m in plot.marks if x_low <= m <= x_high]  # fmt: skip
     if plot.zero_line and y_low < 0.0 < y_high:
         level = _r(frame.y(0.0))
-        parts.append(tag("line", class_="zero", x1=_LEFT, x2=width - _RIGHT, y1=level, y2=level))
+        parts.append(tag("line", class_="zero", x1=left, x2=width - _RIGHT, y1=level, y2=level))
     parts += [frame.line(line) for line in plot.lines]
     parts += [frame.dot(dot) for dot in plot.dots]
     words = f"{plot.y_label} against {plot.x_label}"
@@ -120,6 +124,7 @@ def ticks(low: float, high: float, most: int) -> tuple[list[float], int]:
 class _Frame:
     width: int
     height: int
+    left: int
     x_low: float
     x_high: float
     y_low: float
@@ -127,7 +132,7 @@ class _Frame:
 
     @property
     def inner_width(self) -> int:
-        return self.width - _LEFT - _RIGHT
+        return self.width - self.left - _RIGHT
 
     @property
     def inner_height(self) -> int:
@@ -138,7 +143,7 @@ class _Frame:
         return self.height - _BOTTOM
 
     def x(self, value: float | Floats) -> float | Floats:
-        return _LEFT + (value - self.x_low) * (self.inner_width / (self.x_high - self.x_low))
+        return self.left + (value - self.x_low) * (self.inner_width / (self.x_high - self.x_low))
 
     def y(self, value: float | Floats) -> float | Floats:
         return self.bottom - (value - self.y_low) * (self.inner_height / (self.y_high - self.y_low))
@@ -168,20 +173,19 @@ class _Frame:
         return tag("g", bar, tag("circle", class_="dot", cx=px, cy=_r(float(self.y(dot.y))), r=3.5), title)
 
 
-def _axes(frame: _Frame, plot: Plot) -> list[Markup]:
+def _axes(frame: _Frame, plot: Plot, levels: list[tuple[float, str]]) -> list[Markup]:
     parts = []
     places, decimals = ticks(frame.x_low, frame.x_high, max(4, frame.inner_width // 70))
     for place in places:
-        px = _r(float(frame.x(place)))
+        px = _r(frame.x(place))
         parts.append(tag("line", class_="grid", x1=px, x2=px, y1=_TOP, y2=frame.bottom))
         parts.append(tag("text", _label(place, decimals), x=px, y=frame.bottom + 15, class_="tick-x"))
-    places, decimals = ticks(frame.y_low, frame.y_high, max(4, frame.inner_height // 28))
-    for place in places:
-        py = _r(float(frame.y(place)))
-        parts.append(tag("line", class_="grid", x1=_LEFT, x2=frame.width - _RIGHT, y1=py, y2=py))
-        parts.append(tag("text", _label(place, decimals), x=_LEFT - 6, y=_r(float(py) + 3.5), class_="tick-y"))
+    for level, label in levels:
+        py = float(frame.y(level))
+        parts.append(tag("line", class_="grid", x1=frame.left, x2=frame.width - _RIGHT, y1=_r(py), y2=_r(py)))
+        parts.append(tag("text", label, x=frame.left - 6, y=_r(py + 3.5), class_="tick-y"))
     middle = _TOP + frame.inner_height / 2
-    parts.append(tag("text", plot.x_label, x=_LEFT + frame.inner_width / 2, y=frame.height - 6, class_="label"))
+    parts.append(tag("text", plot.x_label, x=frame.left + frame.inner_width / 2, y=frame.height - 6, class_="label"))
     turned = f"translate(13 {_r(middle)}) rotate(-90)"
     parts.append(tag("text", plot.y_label, transform=turned, class_="label"))
     return parts

@@ -1,0 +1,189 @@
+"""The report: one file that needs nothing else, holds every number, and takes nothing foreign for markup."""
+
+import json
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.budget import budget
+from analysis.diagnosis.result import FoundEffect
+from analysis.quantity import Quantity
+from app.cli import main
+from app.report.markup import Markup, tag
+from app.report.svg_plot import Line, Plot, draw, thin_out, ticks
+from app.report_page import MOST_DRAWN, report_of
+from instrument.recording_file import read_recording, write_recording
+from tests.app.synthetic import diagnosis, shot
+
+MADE = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
+HOSTILE = "<script>alert(1)</script>\" onload='x' &amp; \x00\ud800</style>"
+VOID = {"meta", "br", "path", "line", "rect", "circle"}
+
+
+class Elements(HTMLParser):
+    """Every element with its attributes, the text, and whether all that opened was closed in order."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self._open: list[str] = []
+        self.feed(page)
+        self.close()
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def whole() -> str:
+    one = shot()
+    return report_of([one], diagnosis(one), made_at=MADE)
+
+
+def test_it_needs_nothing_else(whole: str) -> None:
+    elements = Elements(whole).elements
+    names = {name for name, _ in elements}
+    assert names.isdisjoint({"script", "link", "img", "iframe", "object", "use", "image"})
+    attributes = [(key, value) for _, given in elements for key, value in given.items()]
+    assert not [key for key, _ in attributes if key.startswith("on") or key in ("src", "xlink:href", "style")]
+    assert all(str(value).startswith("#") for key, value in attributes if key == "href")
+    assert "url(" not in whole and "@import" not in whole and "http" not in whole.replace("http-equiv", "")
+
+
+def test_it_holds_every_number_and_what_makes_it_uncertain(whole: str) -> None:
+    text, one = Elements(whole).text, shot()
+    for entry in budget(one).quantities:
+        factor = 1e-9 if entry.unit == "Pa" else 1.0
+        if entry.unit not in ("s", "m", "kg"):
+            assert str(entry.quantity.scaled(factor)) in text, entry.key
+        assert entry.words in text
+    assert one.fit is not None
+    for value in one.fit.parameters.values():
+        assert str(value) in text
+    for said in ("the second flight is shorter than the filter", "timebase", "type A", "10000", "2026-03-01 12:00 UTC"):
+        assert said in text
+    for label in ("beat (MHz)", "velocity (m/s)", "force (N)", "gap (µm)", "displacement (nm)", "deflection of"):
+        assert label in text
+
+
+def test_the_diagnosis_is_in_it(whole: str) -> None:
+    text = Elements(whole).text
+    for said in ("effect found", "quadratic drag on the block", "0.00190 ± 0.00010 N s²/m²", "cannot tell it from",
+                 "viscous drag", "a wrong wavelength", "two more shots", "held-out", "3800", "1.01"):  # fmt: skip
+        assert said in text
+    assert "Diagnosis" not in Elements(report_of([shot()], None, made_at=MADE)).text
+
+
+def test_nothing_foreign_becomes_markup() -> None:
+    one = shot()
+    assert one.setup is not None and one.fit is not None
+    bad = replace(
+        one,
+        name=HOSTILE,
+        note=HOSTILE,
+        flags=(HOSTILE,),
+        started_at=HOSTILE,
+        path=f"/nowhere/{HOSTILE}.sigmf-meta".replace("\x00", ""),
+        setup=replace(one.setup, extra={HOSTILE: {HOSTILE: HOSTILE}}),
+        fit=replace(one.fit, parameters={HOSTILE: Quantity(1.0, 0.1, HOSTILE)}, covariance=np.eye(1)),
+    )
+    said = replace(diagnosis(one), sentence=HOSTILE, remainder=HOSTILE, blind_spots=(HOSTILE,))
+    said = replace(said, effects=(FoundEffect(HOSTILE, {HOSTILE: Quantity(1, 1)}, {HOSTILE: 1.0}, (HOSTILE,)),))
+    page = report_of([bad, replace(bad, problem=HOSTILE, motion=None, impact=None, fit=None)], said, title=HOSTILE)
+    elements = Elements(page)
+    assert "script" not in {name for name, _ in elements.elements}
+    assert "alert(1)" in elements.text
+    assert not [key for _, given in elements.elements for key in given if key.startswith("on")]
+    assert page.count("<style>") == page.count("</style>") == 1
+    assert "\x00" not in page and page.encode("utf-8")
+
+
+def test_a_session_has_overlay_trends_and_each_shot() -> None:
+    shots = [shot(f"shot-{i}", 0.2 + 0.03 * i, seed=i, count=9500) for i in (1, 2, 3)]
+    failed = shot("shot-4", problem="no impact was seen", count=8000)
+    page = Elements(report_of([*shots, failed], made_at=MADE))
+    assert {f"shot-{i}" for i in (1, 2, 3, 4)} <= {given.get("id") for _, given in page.elements}
+    curves = {given.get("class") for name, given in page.elements if name == "path"}
+    assert {"series-0", "series-1", "series-2"} <= curves
+    for said in ("Session of 4 shots", "repeatability", "slope per m/s", "no impact was seen"):
+        assert said in page.text
+    assert sum(name == "circle" for name, _ in page.elements) >= 3 * 8  # points of the trends
+
+
+def test_many_shots_are_told_without_figures() -> None:
+    one = shot(count=8000)
+    page = Elements(report_of([replace(one, name=f"s{i}") for i in range(MOST_DRAWN + 1)], made_at=MADE))
+    assert "left out" in page.text
+    assert not [1 for name, given in page.elements if name == "path" and given.get("class") == "measured"]
+
+
+def test_no_peak_is_lost_and_no_more_than_two_points_a_pixel() -> None:
+    random = np.random.default_rng(3)
+    x = np.arange(100_000) / 7.0
+    y = random.normal(size=x.size)
+    y[61_234], y[777] = 50.0, -40.0
+    y[20_000:30_000] = np.nan
+    at, values = thin_out(x, y, x[0], x[-1], 600)
+    assert at.size <= 1200
+    assert np.nanmax(values) == 50.0 and np.nanmin(values) == -40.0
+    assert np.isnan(values[(at > x[20_500]) & (at < x[29_500])]).all()
+    svg = draw(Plot("t (ms)", "y", (Line(x, y, "measured"),)))
+    path = re.search(r'class="measured" d="([^"]*)"', svg)
+    assert path is not None and path[1].count("M") == 2  # the gap parts the curve
+    assert "nan" not in svg
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.0, 1.0), (-0.31, 0.27), (2.7299, 2.7301), (-5e-9, 3e-9), (1e6, 1e6 + 1), (3.0, 3.0)]
+)
+def test_ticks_are_round_and_told_apart(low: float, high: float) -> None:
+    places, decimals = ticks(low, high, 6)
+    assert 1 <= len(places) <= 6
+    labels = [f"{p:.{decimals}f}" for p in places]
+    assert len(set(labels)) == len(labels)
+    assert all(low - 1e-9 * abs(low) <= p <= high + 1e-9 * abs(high) for p in places)
+    if high > low:
+        assert len(places) >= 2
+
+
+def test_text_is_escaped_once() -> None:
+    assert tag("p", "a<b", Markup("<br>"), title='"x"') == '<p title="&quot;x&quot;">a&lt;b<br></p>'
+
+
+def test_report_of_a_replay_names_the_very_data(recordings: Path, tmp_path: Path) -> None:
+    source = read_recording(recordings / "plain" / "shot-1")
+    meta = write_recording(replace(source, note="<b>bold</b>"), tmp_path / "shot-1")
+    out = tmp_path / "report.html"
+    assert main(["--replay", str(meta), "--no-diagnose", "--report", str(out)]) == 0
+    page = out.read_text(encoding="utf-8")
+    sha = json.loads(meta.read_text())["global"]["core:sha512"]
+    text = Elements(page).text
+    assert sha in text and "as written when the shot was taken" in text
+    assert "&lt;b&gt;bold" in page and "<b>bold" not in page
+    assert "channel 1, reference" in text and "levimass --replay 'shot-1.sigmf-meta'" in text
+
+
+def test_a_report_that_cannot_be_written_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status = main(["--replay", str(tmp_path / "no"), "--report", str(tmp_path / "no folder" / "r.html")])
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert status == 1 and len(lines) == 2 and "no folder" in lines[1]
+    assert main(["--report", "x.html"]) == 2
+    assert main(["--replay", "x", "--report", "x.html", "--jobs", "2"]) == 2

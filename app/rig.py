@@ -28,7 +28,7 @@ WORDS = {BENCH: "Simulated bench", "replay:": "Play a recording …"}
 
 def open_patiently(source: str) -> Digitizer:
     """Open a source; the bench simulates more slowly on a slow computer rather than drop samples."""
-    return BenchDigitizer(memory_s=3600.0) if source == BENCH else open_source(source)
+    return BenchDigitizer(patient=True) if source == BENCH else open_source(source)
 
 
 @dataclass(frozen=True, slots=True)

@@ -221,6 +221,12 @@ def style_sheet(colours: Colours) -> str:
         background: transparent; font-weight: bold; }}
     QTabBar::tab:selected {{ color: {colours.text}; border-bottom: 3px solid {colours.accent}; }}
     QTabBar::tab:focus {{ color: {colours.accent}; }}
+    QTabBar {{ qproperty-drawBase: 0; }}
+    QCheckBox::indicator {{ width: 0.9em; height: 0.9em; border: 1px solid {colours.marker}; border-radius: 3px;
+        background: {colours.panel}; }}
+    QCheckBox::indicator:checked {{ background: {colours.accent}; border: 3px solid {colours.panel};
+        outline: 1px solid {colours.accent}; width: 0.65em; height: 0.65em; }}
+    QCheckBox::indicator:focus {{ border-color: {colours.accent}; }}
     QTabWidget::pane {{ border: none; border-top: 1px solid {colours.edge}; }}
     QHeaderView::section {{ background: {colours.window}; color: {colours.faint}; border: none;
         border-bottom: 1px solid {colours.edge}; padding: 4px 8px; }}

@@ -11,6 +11,8 @@ from app.physics_words import parameter_parts
 
 DASH = "–"
 
+MILD_FLAGS = ("wander", "leak_removed", "rest_drift")  # seen, and already contained in the numbers
+
 
 def local(text: str) -> str:
     """Return a number written with "." in the system's decimal format."""

@@ -142,7 +142,7 @@ class DiagnosisPanel(QWidget):
         column.addWidget(self._sentence)
         self._effects = QVBoxLayout()
         column.addLayout(self._effects)
-        split = QSplitter(Qt.Orientation.Horizontal, self)
+        split = self._evidence = QSplitter(Qt.Orientation.Horizontal, self)
         left = QWidget(split)
         left_column = QVBoxLayout(left)
         left_column.setContentsMargins(0, 0, 0, 0)
@@ -176,6 +176,7 @@ class DiagnosisPanel(QWidget):
         self._blind.setProperty("faint", True)
         self._blind.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         column.addWidget(self._blind)
+        column.addStretch(0)
         self.diagnose.clicked.connect(self._diagnose)
         self.cancel.clicked.connect(self._cancel)
         self.show_progress(None, 0.0)
@@ -223,6 +224,7 @@ class DiagnosisPanel(QWidget):
         """Show a diagnosis over these shots; ``model_effects`` are the effects now in the model."""
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
         self._clear_effects()
+        self._evidence.setVisible(diagnosis is not None)
         if diagnosis is None:
             self._verdict.setText(f"{MARKS[Tone.NEUTRAL]} not diagnosed")
             self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL]}")

@@ -11,6 +11,7 @@ from app.wording import DASH, local
 from instrument.snapshot import LiveView
 
 WINDOW_MS = 2000.0  # fixed, so that the axis never moves; older parts (after lost samples) run out of it
+RAW_SHOWN = 150  # samples: some forty periods, so that the beat is seen as a wave
 NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "switch"}
 
 
@@ -46,7 +47,7 @@ class LivePanel(QWidget):
         self._raw_curves = [plot.add_curve("samples", thin(colours.measured)) for plot in self._raw_plots]
         for plot in self._raw_plots:
             plot.minimum_span = 0.1
-        self.raw.label_time("time (ms)")
+        self.raw.label_time("time (ms), the newest samples")
         self.raw.setMinimumWidth(300)
         grid.addWidget(self.raw, 3, 1)
         grid.setColumnStretch(0, 1)
@@ -118,7 +119,7 @@ class LivePanel(QWidget):
         if len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
-        length = step * len(view.raw_time_s)
+        length = step * min(RAW_SHOWN, len(view.raw_time_s))
         if self.raw.span != (0.0, length):
             self.raw.plots[0].view.setXRange(0.0, length, padding=0)
         for index, (plot, curve) in enumerate(zip(self._raw_plots, self._raw_curves, strict=True)):
@@ -129,5 +130,5 @@ class LivePanel(QWidget):
                 if plot.title != name:
                     plot.title = name
                     plot.setLabel("left", f"{name} (V)")
-                curve.show_samples(0.0, step, view.raw_v[:, index])
+                curve.show_samples(0.0, step, view.raw_v[-RAW_SHOWN:, index])
                 plot.fit_y()

@@ -7,6 +7,8 @@ from analysis.shot import Shot
 from app.theme import MARKS, Colours, Tone
 from app.wording import effect_words, number
 
+LACKING_CHI2 = 1.5  # above, what is left over is more than noise by far
+
 
 class ModelPanel(QFrame):
     """Base and effects, how well they fit this shot, what the diagnosis said."""
@@ -63,8 +65,10 @@ class ModelPanel(QFrame):
             self._fit.setText(f"{MARKS[Tone.BAD]} the fit did not converge: its numbers are not shown")
             self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
             return
-        self._fit.setStyleSheet("")
-        self._fit.setText(f"χ²/ν {number(fit.reduced_chi2, 4)}   noise {number(1e9 * fit.noise_std_m, 3)} nm a sample")
+        lacking = fit.reduced_chi2 > LACKING_CHI2
+        self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}" if lacking else "")
+        words = f"χ²/ν {number(fit.reduced_chi2, 4)}   noise {number(1e9 * fit.noise_std_m, 3)} nm a sample"
+        self._fit.setText(f"{MARKS[Tone.WARNING]} {words}\nthe model lacks something: diagnose" if lacking else words)
         self._fit.setToolTip("Near 1: what is left over is noise. Far above: the model lacks something, diagnose it.")
 
     def show_verdict(self, sentence: str, tone: Tone) -> None:

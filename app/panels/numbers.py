@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QScrollArea, QVBoxLayout, QWi
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.shot import Shot
 from app.theme import MARKS, Colours, Tone, sized
-from app.wording import flag_words, how_text, value_text
+from app.wording import MILD_FLAGS, flag_words, how_text, value_text
 
 Find = Callable[[Shot], Reading | None]
 
@@ -97,6 +97,10 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
         ),
     ),
 )
+
+
+def _flag_tone(flag: str) -> Tone:
+    return Tone.NEUTRAL if flag in MILD_FLAGS else Tone.WARNING
 
 
 class NumbersPanel(QScrollArea):
@@ -208,6 +212,7 @@ class NumbersPanel(QScrollArea):
         if shot is not None and shot.problem:
             lines.append(f"{MARKS[Tone.BAD]} {shot.problem}")
         if shot is not None:
-            lines += [f"{MARKS[Tone.WARNING]} {flag_words(flag)}" for flag in shot.flags]
+            lines += [f"{MARKS[_flag_tone(flag)]} {flag_words(flag)}" for flag in shot.flags]
+        mild = shot is None or (not shot.problem and all(flag in MILD_FLAGS for flag in shot.flags))
         self.flags.setText("\n".join(lines))
-        self.flags.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}")
+        self.flags.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL if mild else Tone.WARNING]}")

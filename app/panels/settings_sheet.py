@@ -15,6 +15,7 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QPushButton,
     QScrollArea,
+    QSizePolicy,
     QVBoxLayout,
     QWidget,
 )
@@ -120,6 +121,7 @@ class SettingsSheet(QFrame):
                 box.addItem(words, stored)
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.setMinimumContentsLength(12)
+            box.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
             return box
         if field.kind == "flag":
             return QCheckBox(field.words, inner)
@@ -234,7 +236,7 @@ class SettingsSheet(QFrame):
         """Stand at the right edge of the window, over its full height."""
         parent = self.parentWidget()
         if parent is not None:
-            width = min(parent.width() - 40, self.fontMetrics().horizontalAdvance("M") * 38)
+            width = min(parent.width() - 40, self.fontMetrics().horizontalAdvance("M") * 42)
             self.setGeometry(parent.width() - width - 4, 4, width, parent.height() - 8)
 
     def open(self) -> None:

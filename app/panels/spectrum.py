@@ -62,7 +62,8 @@ def spectra_of(recording: Recording, zero_s: float, report: Report, cancelled: A
         power[role] = 10 * np.log10(total / max(1, len(rows)) + 1e-30)
         if role is Role.MEASUREMENT:
             image = 10 * np.log10(np.array(rows) + 1e-30)
-    strongest = power[Role.MEASUREMENT].argmax() if Role.MEASUREMENT in power else 0
+    centre = power.get(Role.REFERENCE, power.get(Role.MEASUREMENT))
+    strongest = int(centre.argmax()) if centre is not None else 0
     reach = max(40, int(1.4e6 / (frequency[1] if len(frequency) > 1 else 1.0)))
     low, high = max(0, strongest - reach), min(len(frequency), strongest + reach)
     return Spectra(
@@ -128,6 +129,10 @@ class SpectrumPanel(QWidget):
                 widget.getPlotItem().getAxis(side).setTextPen(pg.mkPen(colours.text))
         self._spectrum.getPlotItem().showGrid(x=True, y=True, alpha=0.18)
         self._legend.show_entries([("PD0, at rest", pens[Role.REFERENCE]), ("PD1, moving", pens[Role.MEASUREMENT])])
+
+    def has_spectra(self) -> bool:
+        """Return whether spectra are shown."""
+        return self._picture.image is not None
 
     def say(self, words: str) -> None:
         """Say what is being done or missing."""

@@ -33,8 +33,13 @@ class BenchDigitizer(Digitizer):
         first_push_s: float = 0.8,
         push_every_s: float = 3.0,
         clock: Callable[[], float] = time.monotonic,
+        patient: bool = False,
     ) -> None:
-        """Get ready; ``push_every_s`` 0: only ``push`` moves the block."""
+        """Get ready; ``push_every_s`` 0: only ``push`` moves the block.
+
+        ``patient``: where the computer cannot keep up, the rig's time slows down and nothing is lost.
+        """
+        self._patient = patient
         self._rig = rig or Rig()
         self._real_time = real_time
         self._memory_s = memory_s
@@ -132,8 +137,11 @@ class BenchDigitizer(Digitizer):
             waiting = self._waiting()
             memory = int(self._memory_s * self._rate_hz)
             if waiting > memory:
-                lost = waiting - memory
-                self._next_sample += lost
+                if self._patient:
+                    self._started += (waiting - memory) / self._rate_hz
+                else:
+                    lost = waiting - memory
+                    self._next_sample += lost
                 waiting = memory
             wanted = min(wanted, waiting)
         return self._deliver(buffer, wanted, lost)

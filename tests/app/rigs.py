@@ -6,12 +6,12 @@ from instrument.digitizer import Block, CaptureSettings, Digitizer, DigitizerErr
 
 def quick_bench(_: str) -> Digitizer:
     """Return a bench that pushes at once and never drops a sample."""
-    return BenchDigitizer(memory_s=3600.0, first_push_s=0.05, push_every_s=0.5)
+    return BenchDigitizer(patient=True, first_push_s=0.05, push_every_s=0.5)
 
 
 def still_bench(_: str) -> Digitizer:
     """Return a bench whose block nobody pushes."""
-    return BenchDigitizer(memory_s=3600.0, push_every_s=0.0)
+    return BenchDigitizer(patient=True, push_every_s=0.0)
 
 
 def no_device(_: str) -> Digitizer:

@@ -105,7 +105,7 @@ def test_abort_brings_back_ready_and_keeps_no_shot(opened, qtbot):
 
 
 def test_a_fault_says_what_happened_what_was_saved_and_what_to_do(opened, qtbot):
-    bench = rigs.UnpluggedBench(memory_s=3600.0, push_every_s=0.0)
+    bench = rigs.UnpluggedBench(patient=True, push_every_s=0.0)
     window = opened(lambda _: bench)
     _ready(qtbot, window)
     qtbot.keyClick(window, Qt.Key.Key_Space)

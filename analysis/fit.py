@@ -1,7 +1,7 @@
 """The fitted model of a shot: what the fit returns, whoever computed it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ class ShotFit:
     overlay: Overlay
     residual_m: Floats  # measured - model displacement, NaN outside the fitted samples
     reduced_chi2: float
+    own_parameters: Mapping[str, Quantity] = field(default_factory=dict)  # of effects that differ from shot to shot
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,3 +61,6 @@ class Fit:
     effects: tuple[str, ...] = ()
     flags: tuple[str, ...] = ()
     seconds: float = 0.0
+    chi2: float = float("nan")  # whitened, over ``samples`` samples and ``free_parameters`` parameters
+    samples: int = 0
+    free_parameters: int = 0

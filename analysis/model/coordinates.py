@@ -21,13 +21,15 @@ class Coordinates:
     """The map between parameters (shared, then own and extra of each shot) and search coordinates.
 
     ``plate`` says whether the first four parameters are plate and contact (else they are left as they are);
-    ``own_at`` holds where each shot's (v_i, touch time, offset) begin, ``reference_s`` its expected touch.
+    ``own_at`` holds where each shot's (v_i, touch time, offset) begin, ``reference_s`` its expected touch;
+    the parameters ``inverse_at`` are searched by their inverse.
     """
 
     block_mass_kg: float
     plate: bool
     own_at: tuple[int, ...]
     reference_s: tuple[float, ...]
+    inverse_at: tuple[int, ...] = ()
 
     def to_search(self, parameters: Floats) -> Floats:
         """Return the coordinates of ``parameters``, shape (p,)."""
@@ -41,6 +43,8 @@ class Coordinates:
             z[:4] = [math.log(2 * k_p * k_n / (middle + inner)), math.log(m_p), math.log(k_n / m_p), gamma_n / m_p]
         for at, reference in zip(self.own_at, self.reference_s, strict=True):
             z[at + 2] = parameters[at + 2] + parameters[at] * (reference - parameters[at + 1])
+        for at in self.inverse_at:
+            z[at] = 1 / parameters[at]
         return z
 
     def to_parameters(self, z: Floats) -> tuple[Floats, Floats]:
@@ -70,4 +74,7 @@ class Coordinates:
             out[at + 2] = z[at + 2] - z[at] * ahead
             slope[at + 2, at] = -ahead
             slope[at + 2, at + 1] = z[at]
+        for at in self.inverse_at:
+            out[at] = 1 / max(z[at], 1e-12)
+            slope[at, at] = -out[at] ** 2
         return out, slope

@@ -1,20 +1,20 @@
-"""The base model fitted to one shot or to several at once, in displacement, with honest uncertainties."""
+"""A model fitted to one shot or to several at once, in displacement, with honest uncertainties."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from analysis import noise as noise_model
 from analysis.fit import Fit, ShotFit
 from analysis.model import guesses, starts
-from analysis.model.coordinates import Coordinates
-from analysis.model.exact import Trajectory
-from analysis.model.least_squares import Infeasible, Minimum, Square, covariance, minimise
+from analysis.model.effect_starts import effect_starts
+from analysis.model.effects import MOST_AT_ONCE, named
+from analysis.model.least_squares import Infeasible, Minimum, covariance
 from analysis.model.overlay import lay_over
 from analysis.model.parameters import Floats, Variant
-from analysis.model.response import OWN_NAMES, Base, Response, ShotData, respond
+from analysis.model.response import DEFAULT_WAVELENGTH_M, OWN_NAMES, Base, Model, ShotData, respond
+from analysis.model.search import Problem, own_start, search
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 from analysis.shot import Cancelled
@@ -23,6 +23,7 @@ Progress = Callable[[str, float], None]
 MODELS = ("paper", "clamped", "no_tension", "contact")
 FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part in the fit
 _TRIED_STARTS = 6
+_GOOD_ENOUGH = 1.1  # chi^2 a sample: a minimum down at the noise, no other start can do better
 
 
 def fit_shots(
@@ -34,29 +35,41 @@ def fit_shots(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> Fit:
-    """Fit the base ``model`` to the displacement of ``motions``: plate and contact shared, own start a shot.
+    """Fit base ``model`` and ``effects`` (at most three) to the displacement of ``motions``.
 
-    ``start`` may give shared parameters by name; otherwise the data alone do.  Raises ValueError for an unknown model,
-    NoCollision (an AnalysisError) where a motion shows no collision, Cancelled when asked to stop.  A search that did
-    not end in a minimum comes back with ``converged`` False: its numbers are no result.
+    Plate, contact and effects are shared, each shot has its own start (and own effect parameters where the catalogue
+    says so).  ``start`` may give parameters by name ("plate_stiffness_n_per_m", "tilt.angle_rad"); what it lacks is
+    found from the data.  Several starts of the effects are tried and the best minimum kept.  Raises ValueError for
+    unknown names, NoCollision (an AnalysisError) where a motion shows no collision, Cancelled when asked to stop.
+    A search that did not end in a minimum comes back with ``converged`` False: its numbers are no result.
     """
     began = time.perf_counter()
     if not motions:
         raise ValueError("no shot to fit")
-    if effects:
-        raise ValueError("effects are not fitted yet")
+    if len(effects) > MOST_AT_ONCE or len(set(effects)) != len(effects):
+        raise ValueError(f"effects must be at most {MOST_AT_ONCE} different ones")
+    given = dict(start or {})
     base = base_named(model)
+    rows = tuple(named(name) for name in effects)
     tell = progress or (lambda _what, _fraction: None)
     stop = cancelled or (lambda: False)
     tell("reading the flights", 0.0)
     shots = [prepare(motion) for motion in motions]
     tell("finding a start", 0.1)
-    shared = _given(base, start) if start else _first_guess(base, shots, stop)
-    tell("fitting", 0.5)
-    own = [np.array([s.course.velocity_in_m_per_s, s.course.touch_time_s, s.course.touch_position_m]) for s in shots]
-    found = _search(base, shots, shared, own, stop)
+    bare = Problem.of(Model(base), shots)
+    own = [own_start(shot, bare.model) for shot in shots]
+    if all(name in given for name in base.names):
+        shared = np.array([float(given[name]) for name in base.names])
+    else:
+        shared = first_guess(base, shots, stop)
+    tell("fitting", 0.4)
+    found = search(bare, np.concatenate([shared, *own]), stop)
+    problem = bare
+    if rows:
+        tell("fitting the effects", 0.6)
+        problem, found = _with_effects(bare, found, Model(base, rows), given, stop)
     tell("uncertainties", 0.9)
-    fit = _result(model, base, motions, shots, found, time.perf_counter() - began)
+    fit = fit_of(model, problem, motions, found, time.perf_counter() - began)
     tell("fitted", 1.0)
     return fit
 
@@ -79,17 +92,19 @@ def prepare(motion: Motion) -> ShotData:
     # Flights of seconds around a contact of milliseconds tell more of the track than of the collision.
     around = FITTED_CONTACT_TIMES * course.contact_time_s
     near = (motion.time_s > course.touch_time_s - around) & (motion.time_s < course.release_time_s + around)
-    return ShotData(motion.time_s, motion.displacement_m, valid & near, motion.moving_mass_kg, course, noise)
+    return ShotData(
+        motion.time_s,
+        motion.displacement_m,
+        valid & near,
+        motion.moving_mass_kg,
+        course,
+        noise,
+        motion.wavelength_m or DEFAULT_WAVELENGTH_M,
+        motion.displacement_band_hz,
+    )
 
 
-def _given(base: Base, start: Mapping[str, float]) -> Floats:
-    missing = [name for name in base.names if name not in start]
-    if missing:
-        raise ValueError(f"the start lacks {', '.join(missing)}")
-    return np.array([float(start[name]) for name in base.names])
-
-
-def _first_guess(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool]) -> Floats:
+def first_guess(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool]) -> Floats:
     """Return the shared parameters that a short fit of the fastest shot's contact likes best."""
     shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
     ranked = guesses.rank(
@@ -104,14 +119,14 @@ def _first_guess(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool]
         shot.course,
         noise_model.white(max(shot.course.noise_std_m, 1e-15)),
     )
-    course = shot.course
+    problem = Problem.of(Model(base), [coarse])
     best: Minimum | None = None
     for candidate in ranked[:_TRIED_STARTS]:
         if stop():
             raise Cancelled
-        own = np.array([course.velocity_in_m_per_s, course.touch_time_s, course.touch_position_m])
+        begin = np.concatenate([base.shared(candidate), own_start(coarse, problem.model)])
         try:
-            trial = _search(base, [coarse], base.shared(candidate), [own], stop, evaluations=18)
+            trial = search(problem, begin, stop, evaluations=18)
         except Infeasible:
             continue
         if best is None or trial.square.chi2 < best.square.chi2:
@@ -121,72 +136,35 @@ def _first_guess(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool]
     return best.parameters[: len(base.names)]
 
 
-def _search(
-    base: Base,
-    shots: Sequence[ShotData],
-    shared: Floats,
-    own: Sequence[Floats],
-    stop: Callable[[], bool],
-    evaluations: int = 60,
-) -> Minimum:
-    count = len(base.names)
-    measured = [shot.noise.whiten(shot.displacement_m, shot.valid) for shot in shots]
-
-    def square_at(parameters: Floats) -> Square:
-        size = parameters.size
-        curvature, gradient = np.zeros((size, size)), np.zeros(size)
-        chi2, samples = 0.0, 0
-        for index, shot in enumerate(shots):
-            mine = slice(count + 3 * index, count + 3 * index + 3)
-            response = respond(base, shot, parameters[:count], parameters[mine])
-            both = np.column_stack([response.displacement_m, response.derivatives])
-            both = shot.noise.whiten(both, shot.valid)
-            residual = both[:, 0] - measured[index]
-            jacobian = both[:, 1:]
-            place = np.r_[0:count, mine]
-            curvature[np.ix_(place, place)] += jacobian.T @ jacobian
-            gradient[place] += jacobian.T @ residual
-            chi2 += float(residual @ residual)
-            samples += residual.size
-        if not np.isfinite(chi2):
-            raise Infeasible("the trajectory is not finite")
-        return Square(chi2, curvature, gradient, samples)
-
-    coordinates = Coordinates(
-        block_mass_kg=shots[0].block_mass_kg,
-        plate=not base.one_body,
-        own_at=tuple(count + 3 * index for index in range(len(shots))),
-        reference_s=tuple(shot.course.touch_time_s for shot in shots),
-    )
-
-    def function(z: Floats) -> Square:
-        parameters, slope = coordinates.to_parameters(z)
-        at = square_at(parameters)
-        return Square(at.chi2, slope.T @ at.curvature @ slope, slope.T @ at.gradient, at.samples)
-
-    begin = coordinates.to_search(np.concatenate([shared, *own]))
-    lower = np.full(begin.size, -np.inf)
-    lower[count - 1] = 0.0  # a dashpot never drives
-    found = minimise(function, begin, lower=lower, evaluations=evaluations, cancelled=stop)
-    if stop():
-        raise Cancelled
-    parameters, _ = coordinates.to_parameters(found.parameters)
-    return replace(found, parameters=parameters, square=square_at(parameters))
+def _with_effects(
+    bare: Problem, base_minimum: Minimum, model: Model, given: Mapping[str, float], stop: Callable[[], bool]
+) -> tuple[Problem, Minimum]:
+    """Return the best joint minimum over the starts that the base fit's remainder suggests."""
+    best: tuple[Problem, Minimum] | None = None
+    why: Infeasible | None = None
+    for chosen, begin in effect_starts(bare, base_minimum, model, given):
+        problem = Problem(Model(model.base, model.effects, chosen), bare.shots, bare.whitened)
+        try:
+            trial = search(problem, begin, stop, evaluations=40)
+        except Infeasible as reason:
+            why = reason
+            continue
+        better = best is None or trial.square.chi2 < best[1].square.chi2 - 1e-3
+        if better and (best is None or trial.converged or not best[1].converged):
+            best = (problem, trial)
+            if trial.converged and trial.square.chi2 < _GOOD_ENOUGH * trial.square.samples:
+                break
+    if best is None:
+        raise Infeasible(f"no start of {', '.join(e.name for e in model.effects)} gives a trajectory: {why}")
+    return best
 
 
-def _result(
-    model: str,
-    base: Base,
-    motions: Sequence[Motion],
-    shots: Sequence[ShotData],
-    found: Minimum,
-    seconds: float,
-) -> Fit:
-    count = len(base.names)
+def fit_of(model_name: str, problem: Problem, motions: Sequence[Motion], found: Minimum, seconds: float) -> Fit:
+    """Return a minimum as a Fit: quantities, covariance, overlays and remainders."""
+    model, count = problem.model, problem.shared
     free = np.ones(found.parameters.size, dtype=np.bool_)
     free[list(found.at_bound)] = False
-    samples = found.square.samples
-    freedom = max(1, samples - int(free.sum()))
+    freedom = max(1, found.square.samples - int(free.sum()))
     reduced = found.square.chi2 / freedom
     inverse = covariance(found.square, free)
     converged = found.converged and inverse is not None
@@ -195,58 +173,55 @@ def _result(
     # A remainder above the noise must not make the parameters look better known than they are (Birge's ratio).
     inverse = inverse * max(1.0, reduced)
     flags = [] if converged else ["fit_not_converged"]
-    flags += [f"{base.names[i]}_at_bound" for i in found.at_bound if i < count]
-    if not all(shot.noise.trusted for shot in shots):
+    flags += [f"{model.shared_names[i]}_at_bound" for i in found.at_bound if i < count]
+    if not all(shot.noise.trusted for shot in problem.shots):
         flags.append("noise_not_known")
+    std = np.sqrt(np.diag(inverse))
     quantities = {
-        name: Quantity(float(found.parameters[i]), float(np.sqrt(inverse[i, i])), "fit")
-        for i, name in enumerate(base.names)
+        name: Quantity(float(found.parameters[i]), float(std[i]), "fit") for i, name in enumerate(model.shared_names)
     }
-    fits = []
-    for index, (motion, shot) in enumerate(zip(motions, shots, strict=True)):
-        mine = np.r_[0:count, count + 3 * index : count + 3 * index + 3]
-        fits.append(_shot_fit(base, motion, shot, found.parameters[mine], inverse[np.ix_(mine, mine)]))
+    quantities |= {name: Quantity(value, 0.0, "chosen") for name, value in model.chosen}
+    fits = tuple(_shot_fit(problem, index, motion, found, inverse) for index, motion in enumerate(motions))
     return Fit(
-        model=model,
+        model=model_name,
         parameters=quantities,
         covariance=inverse[:count, :count],
-        shots=tuple(fits),
+        shots=fits,
         reduced_chi2=reduced,
-        noise_std_m=float(np.sqrt(np.mean([shot.noise.std_m**2 for shot in shots]))),
+        noise_std_m=float(np.sqrt(np.mean([shot.noise.std_m**2 for shot in problem.shots]))),
         converged=converged,
+        effects=tuple(effect.name for effect in model.effects),
         flags=tuple(flags),
         seconds=seconds,
+        chi2=found.square.chi2,
+        samples=found.square.samples,
+        free_parameters=int(free.sum()),
     )
 
 
-def _shot_fit(base: Base, motion: Motion, shot: ShotData, parameters: Floats, inverse: Floats) -> ShotFit:
-    count = len(base.names)
-    response = respond(base, shot, parameters[:count], parameters[count:])
-    run, touch = response.trajectory, float(parameters[count + 1])
-    events = tuple((e.kind, e.time_s + touch) for e in run.events if e.kind in ("touch", "release"))
-    overlay = lay_over(motion, response.displacement_m, run.plate_displacement_m, run.gap_m, events)
-    residual = np.where(shot.valid, shot.displacement_m - response.displacement_m, np.nan)
-    whitened = shot.noise.whiten(shot.displacement_m - response.displacement_m, shot.valid)
-    own = {
-        name: Quantity(float(parameters[count + i]), float(np.sqrt(inverse[count + i, count + i])), "fit")
-        for i, name in enumerate(OWN_NAMES)
-    }
+def _shot_fit(problem: Problem, index: int, motion: Motion, found: Minimum, inverse: Floats) -> ShotFit:
+    model, count, shot = problem.model, problem.shared, problem.shots[index]
+    place = problem.places(index)
+    own, block = found.parameters[place[count:]], inverse[np.ix_(place, place)]
+    response = respond(model, shot, found.parameters[:count], own)
+    touch = float(own[1])
+    events = tuple((e.kind, e.time_s + touch) for e in response.events if e.kind in ("touch", "release"))
+    overlay = lay_over(motion, response.displacement_m, response.plate_displacement_m, response.gap_m, events)
+    rest = shot.displacement_m - response.displacement_m
+    whitened = shot.noise.whiten(np.where(shot.valid, rest, 0.0), shot.valid)
+    std = np.sqrt(np.diag(block))[count:]
+    quantities = [Quantity(float(own[i]), float(std[i]), "fit") for i in range(own.size)]
+    out = Quantity(float("nan"), float("nan"), "the record ends in contact")
+    if response.velocity_out is not None:
+        value, slope = response.velocity_out
+        out = Quantity(value, float(np.sqrt(max(slope @ block @ slope, 0.0))), "fit")
     return ShotFit(
-        velocity_in_m_per_s=own["velocity_in_m_per_s"],
-        velocity_out_m_per_s=_velocity_out(base, response, inverse[: count + 1, : count + 1]),
-        touch_time_s=own["touch_time_s"],
-        offset_m=own["offset_m"],
+        velocity_in_m_per_s=quantities[0],
+        velocity_out_m_per_s=out,
+        touch_time_s=quantities[1],
+        offset_m=quantities[2],
         overlay=overlay,
-        residual_m=residual,
-        reduced_chi2=float(whitened @ whitened) / max(1, whitened.size - parameters.size),
+        residual_m=np.where(shot.valid, rest, np.nan),
+        reduced_chi2=float(whitened @ whitened) / max(1, whitened.size - place.size),
+        own_parameters=dict(zip(model.own_names[len(OWN_NAMES) :], quantities[len(OWN_NAMES) :], strict=True)),
     )
-
-
-def _velocity_out(base: Base, response: Response, inverse: Floats) -> Quantity:
-    """Return the block's velocity after its last release, with what the fit knows of it."""
-    run: Trajectory = response.trajectory
-    release = run.released
-    if release is None:
-        return Quantity(float("nan"), float("nan"), "the record ends in contact")
-    slope = release.state_derivatives[[*base.columns, 4], 1]
-    return Quantity(float(release.state[1]), float(np.sqrt(slope @ inverse @ slope)), "fit")

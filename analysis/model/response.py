@@ -1,12 +1,16 @@
 """One shot as the fit sees it: its whitened samples, and what the model and its parameters do to them."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.exact import TooManyEvents, Trajectory, solve
+from analysis.model import general
+from analysis.model.effects.row import Effect, Parameter, Sensed
+from analysis.model.exact import Event, TooManyEvents, solve
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision, Floats, Variant
 from analysis.model.starts import Course
@@ -19,8 +23,11 @@ PLATE_NAMES = (
     "contact_damping_n_s_per_m",
 )
 CONTACT_NAMES = ("contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
-_MOST_RADIANS = 1e5
 OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
+DEFAULT_WAVELENGTH_M = 632.8e-9
+_MOST_RADIANS = 1e5
+_STEP = 1e-40  # of a complex step
+_PLATE_DISPLACEMENT, _PLATE_VELOCITY = 5, 6  # in ``parameters.kernel_order``
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +40,8 @@ class ShotData:
     block_mass_kg: float
     course: Course
     noise: Noise
+    wavelength_m: float = DEFAULT_WAVELENGTH_M
+    band_hz: float = 4e4
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +61,16 @@ class Base:
         """Get where those parameters stand in the kernels' order."""
         return (2, 3) if self.one_body else (0, 1, 2, 3)
 
-    def collision(self, shared: Floats, velocity_in_m_per_s: float, block_mass_kg: float) -> Collision:
-        """Return the collision these parameters mean; Infeasible where there is none."""
-        values = [float(value) for value in shared]
+    def collision(
+        self, shared: Floats, velocity_in_m_per_s: float, block_mass_kg: float, plate: tuple[float, float] = (0.0, 0.0)
+    ) -> Collision:
+        """Return the collision these parameters mean, ``plate`` being its start; Infeasible where there is none."""
+        values = [float(value) for value in shared[: len(self.names)]]
         k_p, m_p, k_n, gamma_n = (0.0, math.inf, *values) if self.one_body else values
         try:
-            return Collision(block_mass_kg, float(velocity_in_m_per_s), k_p, m_p, k_n, gamma_n, variant=self.variant)
+            return Collision(
+                block_mass_kg, float(velocity_in_m_per_s), k_p, m_p, k_n, gamma_n, *plate, variant=self.variant
+            )
         except ValueError as why:
             raise Infeasible(str(why)) from why
 
@@ -66,26 +79,193 @@ class Base:
         return collision.vector[list(self.columns)]
 
 
+@dataclass(frozen=True)
+class Model:
+    """A base model with effects: which parameters there are, shared or a shot's own, and in which order.
+
+    ``chosen`` gives the values of parameters that a fit does not move, by "effect.parameter".
+    """
+
+    base: Base
+    effects: tuple[Effect, ...] = ()
+    chosen: tuple[tuple[str, float], ...] = field(default=())
+
+    @cached_property
+    def effect_parameters(self) -> tuple[tuple[str, Effect, int, Parameter], ...]:
+        """Get (full name, effect, place, parameter) of every effect parameter."""
+        return tuple(
+            (f"{e.name}.{p.name}", e, place, p) for e in self.effects for place, p in enumerate(e.parameters)
+        )
+
+    @cached_property
+    def shared_effect_names(self) -> tuple[str, ...]:
+        """Get the full names of the shared effect parameters that a fit moves."""
+        return tuple(name for name, _, _, p in self.effect_parameters if not p.own and not p.fixed)
+
+    @cached_property
+    def shared_names(self) -> tuple[str, ...]:
+        """Get the names of all shared parameters in the fit's order."""
+        return (*self.base.names, *self.shared_effect_names)
+
+    @cached_property
+    def own_names(self) -> tuple[str, ...]:
+        """Get the names of a shot's own parameters in the fit's order."""
+        return (*OWN_NAMES, *(name for name, _, _, p in self.effect_parameters if p.own and not p.fixed))
+
+    def values(self, shared: Floats, own: Floats) -> dict[str, float]:
+        """Return the value of every effect parameter, by full name."""
+        given = dict(zip(self.shared_names, shared, strict=True)) | dict(zip(self.own_names, own, strict=True))
+        fixed = dict(self.chosen)
+        return {
+            name: float(given[name]) if name in given else fixed.get(name, p.grid[0] if p.grid else p.scale)
+            for name, _, _, p in self.effect_parameters
+        }
+
+
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The model's displacement, shape (n,), its derivatives by (shared, own), shape (n, p), and the trajectory."""
+    """The model of one shot on its samples, arrays of shape (n,).
+
+    ``displacement_m`` is what the optics would show, offset included; ``derivatives``, shape (n, p), are by (shared,
+    own).  ``velocity_out`` is the block's velocity after its last release with its derivatives by (shared, own).
+    """
 
     displacement_m: Floats
     derivatives: Floats
-    trajectory: Trajectory
+    velocity_m_per_s: Floats
+    plate_displacement_m: Floats
+    gap_m: Floats
+    events: tuple[Event, ...]
+    velocity_out: tuple[float, Floats] | None
 
 
-def respond(base: Base, shot: ShotData, shared: Floats, own: Floats, *, derivatives: bool = True) -> Response:
-    """Solve the base model for one shot; ``own`` is (v_i, touch time, offset).  Infeasible where it cannot be."""
-    collision = base.collision(shared, own[0], shot.block_mass_kg)
+def respond(model: Model, shot: ShotData, shared: Floats, own: Floats, *, derivatives: bool = True) -> Response:
+    """Solve the model for one shot; ``own`` begins with (v_i, touch time, offset).  Infeasible where it cannot be."""
+    values = model.values(shared, own) if model.effects else {}
+    start = (values.get("plate_motion.displacement_m", 0.0), values.get("plate_motion.velocity_m_per_s", 0.0))
+    collision = model.base.collision(shared, own[0], shot.block_mass_kg, start)
     if collision.fastest_rate_rad_per_s * (shot.time_s[-1] - shot.time_s[0]) > _MOST_RADIANS:
         raise Infeasible("the contact would swing faster than any that a record can show")
+    active = [
+        general.Active(e, tuple(values[f"{e.name}.{p.name}"] for p in e.parameters))
+        for e in model.effects
+        if e.kernel is not None
+    ]
+    names = (*model.shared_names, *model.own_names)
+    wanted = {name: _direction(model, active, name) for name in names} if derivatives else {}
+    times = shot.time_s - own[1]
+    response = (
+        _general(collision, active, times, wanted, names) if active else _exact(collision, times, wanted, names)
+    )
+    sensors = [e for e in model.effects if e.sensor is not None]
+    x, columns = response.displacement_m, response.derivatives
+    if derivatives:
+        columns[:, names.index("touch_time_s")] = -response.velocity_m_per_s
+    for effect in sensors:
+        x, columns = _sense(effect, shot, values, x, columns, names, response.velocity_m_per_s)
+    if derivatives:
+        columns[:, names.index("offset_m")] = 1.0
+    return Response(
+        x + own[2],
+        columns,
+        response.velocity_m_per_s,
+        response.plate_displacement_m,
+        response.gap_m,
+        response.events,
+        response.velocity_out,
+    )
+
+
+def _direction(model: Model, active: Sequence[general.Active], name: str) -> int | None:
+    """Return the integrator's direction of a parameter, or None where it does not act on the motion."""
+    if name in model.base.names:
+        return model.base.columns[model.base.names.index(name)]
+    if name == "velocity_in_m_per_s":
+        return 4
+    for slot, one in enumerate(active):
+        for place, parameter in enumerate(one.effect.parameters):
+            if name == f"{one.effect.name}.{parameter.name}":
+                return general.direction(slot, place)
+    return {"plate_motion.displacement_m": _PLATE_DISPLACEMENT, "plate_motion.velocity_m_per_s": _PLATE_VELOCITY}.get(
+        name
+    )
+
+
+def _exact(collision: Collision, times: Floats, wanted: dict[str, int | None], names: Sequence[str]) -> Response:
     try:
-        run = solve(collision, shot.time_s - own[1], derivatives=derivatives)
+        run = solve(collision, times, derivatives=bool(wanted))
     except TooManyEvents as why:
         raise Infeasible(str(why)) from why
-    if not derivatives:
-        return Response(run.displacement_m + own[2], np.empty((0, 0)), run)
-    columns = [run.displacement_derivatives[:, k] for k in (*base.columns, 4)]
-    columns += [-run.velocity_m_per_s, np.ones(shot.time_s.size)]
-    return Response(run.displacement_m + own[2], np.stack(columns, axis=1), run)
+    columns = np.zeros((times.size if wanted else 0, len(wanted)))
+    out = None
+    slope = np.zeros(len(wanted))
+    for place, name in enumerate(names if wanted else ()):
+        at = wanted[name]
+        if at is not None:
+            columns[:, place] = run.displacement_derivatives[:, at]
+            slope[place] = run.events[-1].state_derivatives[at, 1]
+    if run.released is not None:
+        out = (float(run.released.state[1]), slope)
+    return Response(
+        run.displacement_m, columns, run.velocity_m_per_s, run.plate_displacement_m, run.gap_m, run.events, out
+    )
+
+
+def _general(
+    collision: Collision,
+    active: Sequence[general.Active],
+    times: Floats,
+    wanted: dict[str, int | None],
+    names: Sequence[str],
+) -> Response:
+    directions = [at for at in wanted.values() if at is not None]
+    try:
+        run = general.solve(collision, active, times, directions=directions)
+    except (TooManyEvents, general.RunsAway) as why:
+        raise Infeasible(str(why)) from why
+    columns = np.zeros((times.size if wanted else 0, len(wanted)))
+    slope = np.zeros(len(wanted))
+    released = run.released
+    used = 0
+    for place, name in enumerate(names if wanted else ()):
+        if wanted[name] is not None:
+            columns[:, place] = run.displacement_derivatives[:, used]
+            if released is not None:
+                slope[place] = released.state_derivatives[used, 1]
+            used += 1
+    out = None if released is None else (float(released.state[1]), slope)
+    return Response(
+        run.displacement_m, columns, run.velocity_m_per_s, run.plate_displacement_m, run.gap_m, run.events, out
+    )
+
+
+def _sense(
+    effect: Effect,
+    shot: ShotData,
+    values: dict[str, float],
+    x: Floats,
+    columns: Floats,
+    names: Sequence[str],
+    velocity_m_per_s: Floats,
+) -> tuple[Floats, Floats]:
+    """Return displacement and derivatives as a sensor with this effect shows them (by complex steps)."""
+    assert effect.sensor is not None
+    # Times from the touch that the data alone tell: one clock for all trials of a fit.
+    seen = Sensed(shot.time_s - shot.course.touch_time_s, velocity_m_per_s, shot.wavelength_m, shot.band_hz)
+    own = np.array([values[f"{effect.name}.{p.name}"] for p in effect.parameters], dtype=np.complex128)
+    count = columns.shape[1]
+    steps = np.zeros((x.size, 1 + count), dtype=np.complex128)
+    steps[:] = x[:, None]
+    parameters = np.zeros((3, 1 + count), dtype=np.complex128)
+    parameters[: own.size] = own[:, None]
+    if count:
+        steps[:, 1:] += 1j * _STEP * columns
+        for place, parameter in enumerate(effect.parameters):
+            name = f"{effect.name}.{parameter.name}"
+            if name in names:
+                parameters[place, 1 + list(names).index(name)] += 1j * _STEP
+    shown = effect.sensor(seen, steps, parameters)
+    return shown[:, 0].real.copy(), np.ascontiguousarray(shown[:, 1:].imag / _STEP)
+
+
+__all__ = ["OWN_NAMES", "Base", "Model", "Response", "ShotData", "respond"]

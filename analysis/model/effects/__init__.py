@@ -1,0 +1,22 @@
+"""The catalogue of what the base model may lack: one small function and one row an effect."""
+
+from collections.abc import Mapping
+
+from analysis.model.effects import in_contact, on_block, on_plate, on_sensor
+from analysis.model.effects.row import Acts, Effect, Parameter
+
+CATALOGUE: Mapping[str, Effect] = {
+    row.name: row for rows in (on_block.ROWS, on_plate.ROWS, in_contact.ROWS, on_sensor.ROWS) for row in rows
+}
+MOST_AT_ONCE = 3
+
+
+def named(name: str) -> Effect:
+    """Return the effect called ``name``; ValueError lists those there are."""
+    try:
+        return CATALOGUE[name]
+    except KeyError:
+        raise ValueError(f"no effect {name!r}; there are {', '.join(CATALOGUE)}") from None
+
+
+__all__ = ["CATALOGUE", "MOST_AT_ONCE", "Acts", "Effect", "Parameter", "named"]

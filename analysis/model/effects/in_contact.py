@@ -1,0 +1,70 @@
+"""Effects between block and plate: another law of the contact's spring, dashpot and reach (njit by the integrator)."""
+
+import math
+from typing import Any
+
+from analysis.model.effects.kernel import CONTACT_STIFFNESS, NEAR, PAIR, TOUCHING, XI, XI_RATE
+from analysis.model.effects.row import Acts, Effect, Parameter
+
+REFERENCE_OVERLAP_M = 50e-6  # xi_0: where the law with an exponent and the linear one agree; about the paper's deepest
+
+
+def contact_exponent(s: Any, p: Any, out: Any) -> None:
+    """Make the spring k_N xi (xi / xi_0)^delta, xi_0 = 50 um; p = (delta).  delta = 1/2: Hertz, 1882."""
+    if s[TOUCHING].real > 0.5 and s[XI].real > 0.0:
+        # (xi/xi_0)^delta = exp(delta log(xi/xi_0)), written out because the library's complex power is slow.
+        ratio = s[XI] / REFERENCE_OVERLAP_M
+        log = complex(math.log(ratio.real), ratio.imag / ratio.real)
+        power = p[0] * log
+        size = math.exp(power.real)
+        out[PAIR] += s[CONTACT_STIFFNESS] * s[XI] * (complex(size, size * power.imag) - 1.0)
+
+
+def nonlinear_contact_damping(s: Any, p: Any, out: Any) -> None:
+    """Add c xi xi'; p = (c in N s/m^2).  Hunt and Crossley, J. Appl. Mech. 42 (1975) 440."""
+    if s[TOUCHING].real > 0.5:
+        out[PAIR] += p[0] * s[XI] * s[XI_RATE]
+
+
+def adhesion(s: Any, p: Any, out: Any) -> None:
+    """Add an attraction -F_a while the bodies are apart by less than d; p = (F_a in N, d in m).
+
+    Both ways, so it does no net work over a whole flight past; a capillary bridge in its simplest form.
+    """
+    out[PAIR] -= p[0] * s[NEAR].real
+
+
+ROWS = (
+    Effect(
+        "contact_exponent",
+        "a contact spring that is not linear",
+        Acts.IN_CONTACT,
+        (Parameter("delta", "", 0.02, lower=-0.6, upper=2.0),),
+        "delta",
+        contact_exponent,
+        stiffens=lambda values: (1 + abs(float(values[0]))) * 4 ** abs(float(values[0])),
+        look_alikes=("cubic_stiffness",),
+    ),
+    Effect(
+        "nonlinear_contact_damping",
+        "a contact whose damping grows with the overlap",
+        Acts.IN_CONTACT,
+        (Parameter("coefficient_n_s_per_m2", "N s/m²", 200.0, lower=0.0),),
+        "coefficient_n_s_per_m2",
+        nonlinear_contact_damping,
+        look_alikes=("plate_motion",),
+    ),
+    Effect(
+        "adhesion",
+        "an attraction while the bodies are almost touching",
+        Acts.IN_CONTACT,
+        (
+            Parameter("force_n", "N", 1e-4, lower=0.0),
+            Parameter("range_m", "m", 1e-5, lower=1e-8, upper=1e-2, grid=(1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4)),
+        ),
+        "force_n",
+        adhesion,
+        range_at=1,
+        look_alikes=("sensor_drift",),
+    ),
+)

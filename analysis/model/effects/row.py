@@ -1,0 +1,103 @@
+"""One row of the catalogue: what an effect is called, what it takes and where it acts."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.effects.kernel import Kernel
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+class Acts(Enum):
+    """Where an effect comes in."""
+
+    ON_BLOCK = "block"  # on the block, in flight too
+    ON_PLATE = "plate"  # on the plate
+    IN_CONTACT = "contact"  # between the two
+    AT_START = "start"  # the plate's state at first touch
+    ON_SENSOR = "sensor"  # on what is measured, not on what moves
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of an effect.
+
+    ``scale`` is a natural size (a first guess, of the order that one shot can just show or somewhat above);
+    ``lower`` and ``upper`` keep the sign physical; ``grid`` holds the values at which a linear score is to be taken
+    where the effect is not linear in it; ``own`` says that every shot has its own; ``fixed`` that a fit chooses among
+    the grid instead of moving it; ``nuisance`` that it belongs to the fit but to no result.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    lower: float = -math.inf
+    upper: float = math.inf
+    grid: tuple[float, ...] = ()
+    own: bool = False
+    fixed: bool = False
+    nuisance: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """What a sensor effect may ask of the measurement: times in s from the touch, the block's velocity, the optics."""
+
+    time_s: Floats
+    velocity_m_per_s: Floats
+    wavelength_m: float
+    band_hz: float
+
+
+Sensor = Callable[[Sensed, Complexes, Complexes], Complexes]
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A row of the catalogue (EFFECTS.md section 2).
+
+    ``amplitude`` names the parameter in which the effect is linear near nothing; ``inverse`` says that the effect
+    vanishes as that parameter grows.  ``kernel`` is the mechanical function, ``sensor`` the one on the displacement,
+    shape (n, k), of a sensor effect.  ``hidden`` states follow the block before the touch if they ride with it, and
+    move the contact point by ``shift`` times the first of them.  ``fastest`` gives the fastest rate in rad/s that the
+    effect brings, ``stiffens`` by what factor it may raise the contact's stiffness: the integrator steps below both.
+    """
+
+    name: str
+    words: str
+    acts: Acts
+    parameters: tuple[Parameter, ...]
+    amplitude: str
+    kernel: Kernel | None = None
+    sensor: Sensor | None = None
+    hidden: int = 0
+    shift: float = 0.0
+    rides: bool = False
+    range_at: int = -1  # which parameter is the range within which the bodies must be
+    inverse: bool = False
+    fastest: Callable[[Floats], float] = field(default=lambda _values: 0.0)
+    stiffens: Callable[[Floats], float] = field(default=lambda _values: 1.0)
+    look_alikes: tuple[str, ...] = ()
+
+    @property
+    def own(self) -> bool:
+        """Return whether every shot has its own values of all parameters."""
+        return all(parameter.own for parameter in self.parameters)
+
+    def index(self, name: str) -> int:
+        """Return the place of a parameter; ValueError where there is none of that name."""
+        for place, parameter in enumerate(self.parameters):
+            if parameter.name == name:
+                return place
+        raise ValueError(f"{self.name} has no parameter {name!r}; it has {', '.join(p.name for p in self.parameters)}")
+
+
+def frequencies(low_hz: float, high_hz: float, count: int) -> tuple[float, ...]:
+    """Return a geometric grid; at most 3 % a step keeps a line from falling between two points."""
+    return tuple(float(f) for f in np.geomspace(low_hz, high_hz, count))

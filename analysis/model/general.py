@@ -1,0 +1,162 @@
+"""The model with effects: solved at any times, with derivatives by any of its parameters."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from analysis.model.effects import MOST_AT_ONCE
+from analysis.model.effects.kernel import compiled, nothing
+from analysis.model.effects.row import Acts, Effect
+from analysis.model.exact import Event, TooManyEvents
+from analysis.model.parameters import Collision, Floats
+from analysis.model.phases import CONTACT, FREE, MAX_EVENTS, OVERLAPPED, PARTING
+from analysis.model.rates import SLOT_COLUMNS
+
+_BASE_STEP = 0.2  # radians of the fastest swing of block, contact and plate a step: 1e-12 of the displacement
+_HIDDEN_STEP = 0.22  # of an effect's own swing, which is small beside the motion
+_LONGEST_S = 1e-3
+BASE = 8  # parameters of the base model, in ``parameters.kernel_order``; then three a slot
+
+
+@dataclass(frozen=True, slots=True)
+class Active:
+    """An effect switched on, with its parameters' values in the row's order."""
+
+    effect: Effect
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GeneralRun:
+    """A collision with mechanical effects at the asked times, arrays of shape (n,); time zero is the first touch.
+
+    ``displacement_derivatives`` has shape (n, k), by the ``directions`` asked for.
+    """
+
+    time_s: Floats
+    displacement_m: Floats
+    velocity_m_per_s: Floats
+    plate_displacement_m: Floats
+    contact_point_m: Floats
+    events: tuple[Event, ...]
+    displacement_derivatives: Floats
+
+    @property
+    def gap_m(self) -> Floats:
+        """Get the gap between block and contact point; negative: they overlap."""
+        return self.displacement_m - self.contact_point_m
+
+    @property
+    def released(self) -> Event | None:
+        """Get the last release, or None while the block is in contact at the end."""
+        changes = [event for event in self.events if event.kind in ("touch", "release")]
+        return changes[-1] if changes and changes[-1].kind == "release" else None
+
+
+class RunsAway(ArithmeticError):
+    """The parameters make the motion grow without bound."""
+
+
+def direction(slot: int, place: int) -> int:
+    """Return the direction of an effect's parameter: the ``place``-th of the effect in ``slot``."""
+    return BASE + 3 * slot + place
+
+
+def mechanical(effects: Sequence[Active]) -> list[Active]:
+    """Return those effects that take a slot of the integrator."""
+    return [active for active in effects if active.effect.kernel is not None]
+
+
+def solve(
+    collision: Collision, effects: Sequence[Active], time_s: Floats, *, directions: Sequence[int] = ()
+) -> GeneralRun:
+    """Solve ``collision`` with mechanical ``effects`` (at most three) at ``time_s``, shape (n,), ascending.
+
+    ``directions`` are indices into ``parameters.kernel_order`` (0 to 6) and ``direction(slot, place)``, a slot being a
+    place in ``effects``; the block's mass (7) is not among them.  Before the touch only what acts on the block and
+    has no hidden state takes part: what rides inside has come to rest.  Raises TooManyEvents, RunsAway, ValueError.
+    """
+    from analysis.model import hybrid  # compiled on first use: the base model does without it
+
+    times = np.ascontiguousarray(time_s, dtype=np.float64)
+    if times.ndim != 1 or times.size == 0 or not np.all(np.diff(times) >= 0):
+        raise ValueError("time_s must be one-dimensional, not empty and ascending")
+    if len(effects) > MOST_AT_ONCE:
+        raise ValueError(f"at most {MOST_AT_ONCE} effects at once")
+    p = np.zeros(BASE + 9)
+    p[:BASE] = collision.vector
+    slots = np.zeros((len(effects), SLOT_COLUMNS))
+    functions: list[Any] = [compiled(nothing)] * 3
+    for slot, active in enumerate(effects):
+        row = active.effect
+        if row.kernel is None:
+            raise ValueError(f"{row.name} does not act on the motion")
+        functions[slot] = compiled(row.kernel)
+        p[BASE + 3 * slot : BASE + 3 * slot + len(active.values)] = active.values
+        on_plate = row.acts is Acts.ON_PLATE
+        slots[slot] = [1, row.acts is Acts.IN_CONTACT, row.hidden, row.shift, on_plate, row.rides, row.range_at]
+    size = 4 + 2 * max((slot + 1 for slot, a in enumerate(effects) if a.effect.hidden), default=0)
+    which = np.asarray(directions, dtype=np.int64)
+    n, k = times.size, which.size
+    states, d_x = np.empty((n, 5)), np.empty((n, k))
+    event_time, event_kind = np.empty(MAX_EVENTS), np.empty(MAX_EVENTS, dtype=np.int64)
+    event_state, event_d_time = np.empty((MAX_EVENTS, size)), np.empty((MAX_EVENTS, k))
+    event_d_state = np.empty((MAX_EVENTS, k, size))
+    integrate: Any = hybrid.integrate
+    count = integrate(
+        times, p, which, int(collision.variant), slots, _steps(collision, effects), *functions,
+        states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
+    )  # fmt: skip
+    if count == -1:
+        raise TooManyEvents(f"more than {MAX_EVENTS} contact events with {collision}")
+    if count < 0:
+        raise RunsAway(f"the motion grows without bound with {collision}")
+    events = tuple(
+        Event(
+            _kind(int(event_kind[e])),
+            float(event_time[e]),
+            event_state[e].copy(),
+            event_d_time[e].copy(),
+            event_d_state[e].copy(),
+        )
+        for e in range(count)
+    )
+    return GeneralRun(times, states[:, 0], states[:, 1], states[:, 2], states[:, 4], events, d_x)
+
+
+_KIND = {
+    (FREE, CONTACT): "touch",
+    (OVERLAPPED, CONTACT): "touch",
+    (CONTACT, FREE): "release",
+    (CONTACT, OVERLAPPED): "release",
+    (PARTING, FREE): "release",
+    (CONTACT, PARTING): "damping_off",
+    (PARTING, CONTACT): "damping_on",
+    (OVERLAPPED, FREE): "apart",
+    (9, 0): "turn",
+}
+
+
+def _kind(code: int) -> str:
+    return _KIND.get((code // 10, code % 10), "range")
+
+
+def _steps(collision: Collision, effects: Sequence[Active]) -> Floats:
+    """Return the longest steps in s: in contact, apart, gone, before the touch."""
+    c = collision
+    factor = math.prod(active.effect.stiffens(np.asarray(active.values)) for active in effects)
+    inverse = 1 / c.block_mass_kg + 1 / c.plate_mass_kg
+    plate = c.plate_stiffness_n_per_m / c.plate_mass_kg
+    swinging = math.sqrt(factor * c.contact_stiffness_n_per_m * inverse + plate)
+    contact = max(swinging, c.contact_damping_n_s_per_m * inverse)
+    hidden = [(a.effect.fastest(np.asarray(a.values)), a.effect.acts is Acts.ON_BLOCK) for a in effects]
+    inside = max((rate for rate, block in hidden if block), default=0.0)
+    every = max((rate for rate, _ in hidden), default=0.0)
+
+    def longest(base: float, own: float) -> float:
+        return min(_BASE_STEP / max(base, 1e-9), _HIDDEN_STEP / max(own, 1e-9), _LONGEST_S)
+
+    return np.array([longest(contact, every), longest(math.sqrt(plate), every), longest(0.0, inside), _LONGEST_S])

@@ -1,0 +1,396 @@
+"""The general integrator: base model plus effects, phase by phase, with every switch located.
+
+Cooper and Verner's Runge-Kutta method of order eight at a step well inside the fastest period of the phase.  A step
+that would pass a switch (touch, release, the block's turn, the edge of a force's range) is refused and the switch
+approached in ever shorter steps, then met by a secant search; after it the steps grow again.  So a law that is not
+smooth at the touch (an exponent) costs no accuracy.  The derivatives by the parameters go through the very same
+steps, and jump at a switch by (f_before - f_after) dt/dtheta.  Between steps the displacement is the quintic through
+position, velocity and acceleration at both ends.
+"""
+
+import math
+
+import numpy as np
+from numba import njit, types
+
+from analysis.model.effects import kernel
+from analysis.model.phases import CONTACT, FREE, MAX_EVENTS, OVERLAPPED, PARTING
+from analysis.model.rates import (
+    DASH,
+    FLAGS,
+    INSIDE,
+    MOVES,
+    NEAR_0,
+    PLATE,
+    RANGE_AT,
+    RIDES,
+    SIGN,
+    SLOT_PARAMETERS,
+    SPRING,
+    cooper_verner,
+    rates,
+)
+
+TURN = 90  # event kind: the block's velocity changes its sign
+RANGE = 95  # plus slot: the bodies leave or enter the range of a force
+_GROWTH, _SHRINK, _SMALLEST = 3.0, 0.25, 1e-4
+_WATCHED = 7  # xi, xi', F, v, and a range a slot
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _advance(h, z, k, out, trial, a, b, rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told):  # type: ignore[no-untyped-def]
+    """Write the state one step ``h`` ahead; ``k[0]`` holds the rates at ``z``.  Ten evaluations of the rates."""
+    n = z.size
+    flat, ahead, staged = z.reshape(n), out.reshape(n), trial.reshape(n)
+    for stage in range(1, 11):
+        for e in range(n):
+            staged[e] = flat[e]
+        for past in range(stage):
+            weight = h * a[stage, past]
+            if weight != 0.0:
+                rate = k[past].reshape(n)
+                for e in range(n):
+                    staged[e] += weight * rate[e]
+        rates(trial, k[stage], rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told)
+    for e in range(n):
+        ahead[e] = flat[e]
+    for stage in range(11):
+        weight = h * b[stage]
+        if weight != 0.0:
+            rate = k[stage].reshape(n)
+            for e in range(n):
+                ahead[e] += weight * rate[e]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _reach(h, z, k, z_end, f_end, trial, a, b, rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told):  # type: ignore[no-untyped-def]
+    """Advance by ``h`` and write the rates there too, told in ``told``."""
+    _advance(h, z, k, z_end, trial, a, b, rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told)
+    rates(z_end, f_end, rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _expect(phase, variant, flags, slots, before_touch, expected):  # type: ignore[no-untyped-def]
+    """Write which sign each watched quantity has in this phase; 0: not watched."""
+    for i in range(_WATCHED):
+        expected[i] = 0.0
+    if not before_touch:
+        expected[3] = flags[SIGN]
+        if flags[PLATE] > 0.5:
+            expected[0] = -1.0 if phase == FREE else 1.0
+            if variant == 1 and phase == CONTACT:
+                expected[1] = 1.0
+            if phase == PARTING:
+                expected[1] = -1.0
+            if variant == 2 and phase == CONTACT:
+                expected[0] = 0.0
+                expected[2] = 1.0
+            if phase == OVERLAPPED:
+                expected[2] = -1.0
+    for slot in range(slots.shape[0]):
+        if slots[slot, RANGE_AT] >= 0.0 and phase == FREE:
+            expected[4 + slot] = -1.0 if flags[NEAR_0 + slot] > 0.5 else 1.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _value(item, z, told, p, slots):  # type: ignore[no-untyped-def]
+    """Return a watched quantity at a state whose rates were just told."""
+    if item < 3:
+        return told[0, item]
+    if item == 3:
+        return z[0, 1]
+    slot = item - 4
+    return -told[0, 0] - p[SLOT_PARAMETERS + 3 * slot + int(slots[slot, RANGE_AT])]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _crossed(z, z_end, f, told, told_end, h, expected, p, slots):  # type: ignore[no-untyped-def]
+    """Return the first watched quantity found on its wrong side after a step, or -1."""
+    for item in range(_WATCHED):
+        sign = expected[item]
+        if sign != 0.0 and _value(item, z_end, told_end, p, slots) * sign < 0.0:
+            return item
+    sign = expected[0]
+    if sign != 0.0:
+        start, end = told[0, 1] * sign, told_end[0, 1] * sign
+        # The overlap may dip through zero and back within the step: its lowest point, on a parabola.
+        if start * h < 0.0 < end * h and start != end:
+            dip = told[0, 0] * sign + 0.5 * start * start * h / (start - end)
+            if dip < 0.0:
+                return 0
+    return -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _set(phase, flags):  # type: ignore[no-untyped-def]
+    flags[SPRING] = 1.0 if phase in (CONTACT, PARTING) else 0.0
+    flags[DASH] = 1.0 if phase == CONTACT else 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _quintic(x0, v0, a0, x1, v1, a1, h, at):  # type: ignore[no-untyped-def]
+    """Return (x, v) at ``at`` in [0, h] of the quintic through both ends' position, velocity and acceleration."""
+    u = at / h
+    d = x1 - x0 - h * (v0 + 0.5 * h * a0)
+    e = h * (v1 - v0 - h * a0)
+    g = h * h * (a1 - a0)
+    c3 = 10.0 * d - 4.0 * e + 0.5 * g
+    c4 = -15.0 * d + 7.0 * e - g
+    c5 = 6.0 * d - 3.0 * e + 0.5 * g
+    x = x0 + at * (v0 + 0.5 * at * a0) + u * u * u * (c3 + u * (c4 + u * c5))
+    v = v0 + at * a0 + u * u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)) / h
+    return x, v
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _emit(i, at, h, z, f, z_end, f_end, rows, slots, states, d_x):  # type: ignore[no-untyped-def]
+    """Write sample ``i``, ``at`` into a step: (x_b, v_b, x_p, v_p, contact point) and the derivatives of x_b."""
+    x, v = _quintic(z[0, 0], z[0, 1], f[0, 1], z_end[0, 0], z_end[0, 1], f_end[0, 1], h, at)
+    y, u = _quintic(z[0, 2], z[0, 3], f[0, 3], z_end[0, 2], z_end[0, 3], f_end[0, 3], h, at)
+    point = y
+    for slot in range(slots.shape[0]):
+        if slots[slot, MOVES] != 0.0:
+            q = 4 + 2 * slot
+            more, _ = _quintic(z[0, q], z[0, q + 1], f[0, q + 1], z_end[0, q], z_end[0, q + 1], f_end[0, q + 1], h, at)
+            point += slots[slot, MOVES] * more
+    states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4] = x, v, y, u, point
+    for j in range(1, rows):
+        d, _ = _quintic(z[j, 0], z[j, 1], f[j, 1], z_end[j, 0], z_end[j, 1], f_end[j, 1], h, at)
+        d_x[i, j - 1] = d
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _march(  # type: ignore[no-untyped-def]
+    forward, times, first, last, p, which, variant, slots, steps, f0, f1, f2,
+    states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
+):  # fmt: skip
+    """March from first touch to the last (or back to the first) sample; return the number of events, or -1."""
+    rows = which.size + 1
+    a, b = cooper_verner()
+    size = event_state.shape[1]
+    z, z_end = np.zeros((rows, size)), np.zeros((rows, size))
+    k, trial = np.zeros((11, rows, size)), np.zeros((rows, size))
+    f_end, f_after = np.zeros((rows, size)), np.zeros((rows, size))
+    told, told_end, told_any = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
+    s = np.zeros(kernel.STATES, dtype=np.complex128)
+    values = np.zeros(3, dtype=np.complex128)
+    effect = np.zeros(kernel.OUTPUTS, dtype=np.complex128)
+    nothing = np.full(1, -1, dtype=np.int64)
+    single, couple = rows - rows + 1, rows - rows + 2  # of the type of ``rows``, so that one compiled kernel serves
+    pair, pair_rate, pair_told = np.zeros((2, size)), np.zeros((2, size)), np.zeros((2, 3))
+    flags, expected = np.zeros(FLAGS), np.zeros(_WATCHED)
+    z[0, 0], z[0, 1], z[0, 2], z[0, 3] = p[5], p[4], p[5], p[6]
+    for j in range(1, rows):
+        by = which[j - 1]
+        z[j, 0] = 1.0 if by == 5 else 0.0
+        z[j, 1] = 1.0 if by == 4 else 0.0
+        z[j, 2] = 1.0 if by == 5 else 0.0
+        z[j, 3] = 1.0 if by == 6 else 0.0
+    for slot in range(slots.shape[0]):
+        if slots[slot, RIDES] > 0.5:
+            for j in range(rows):
+                z[j, 4 + 2 * slot] = z[j, 0]
+                z[j, 5 + 2 * slot] = z[j, 1]
+    direction = 1.0 if forward else -1.0
+    phase = CONTACT if forward else FREE
+    flags[SIGN] = -1.0
+    if forward:
+        flags[PLATE] = flags[INSIDE] = 1.0
+        _set(phase, flags)
+    else:
+        for slot in range(slots.shape[0]):
+            if slots[slot, RANGE_AT] >= 0.0:
+                flags[NEAR_0 + slot] = 1.0
+    _expect(phase, variant, flags, slots, not forward, expected)
+    rates(z, k[0], rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told)
+    events = 0
+    if forward:
+        event_time[0] = 0.0
+        event_kind[0] = 10 * FREE + CONTACT
+        event_state[0] = z[0]
+        for j in range(1, rows):
+            event_d_time[0, j - 1] = 0.0
+            event_d_state[0, j - 1] = z[j]
+        events = 1
+    omega = math.sqrt(p[0] / p[1])
+    t = 0.0
+    gone_at = 0.0
+    i = first
+    longest = steps[0] if forward else steps[3]
+    h = longest * _SMALLEST
+    approaching = 0  # steps still to be taken without growing, after one was refused
+    while (i <= last) if forward else (i >= last):
+        remaining = abs(times[last] - t)
+        if remaining <= 0.0:
+            remaining = longest
+        h = min(h, longest)
+        if h > remaining:
+            h = remaining
+        signed = direction * h
+        _reach(
+            signed, z, k, z_end, f_end, trial, a, b, rows, which, p, slots, flags,
+            f0, f1, f2, s, values, effect, told_end,
+        )
+        item = _crossed(z, z_end, k[0], told, told_end, signed, expected, p, slots)
+        if item >= 0:
+            if h > longest * _SMALLEST * 1.000001:
+                h = max(h * _SHRINK, longest * _SMALLEST)
+                approaching = 6
+                continue
+            # So short a step is straight to rounding: a secant search on its length meets the switch.
+            lo, at_lo = 0.0, _value(item, z, told, p, slots)
+            hi, at_hi = signed, _value(item, z_end, told_end, p, slots)
+            for _ in range(12):
+                if at_hi == at_lo:
+                    break
+                new = hi - at_hi * (hi - lo) / (at_hi - at_lo)
+                new = min(max(new * direction, 0.0), 2.0 * h) * direction
+                if abs(new - hi) <= 1e-17 + 1e-13 * h:
+                    break
+                lo, at_lo = hi, at_hi
+                hi = new
+                _reach(
+                    hi, z, k, z_end, f_end, trial, a, b, single, which, p, slots, flags,
+                    f0, f1, f2, s, values, effect, told_end,
+                )
+                at_hi = _value(item, z_end, told_end, p, slots)
+            signed = hi
+            _reach(
+                signed, z, k, z_end, f_end, trial, a, b, rows, which, p, slots, flags,
+                f0, f1, f2, s, values, effect, told_end,
+            )
+        if not np.isfinite(z_end[0, 0] + z_end[0, 1] + z_end[0, 3]):
+            return -2
+        while (i <= last and times[i] <= t + signed) if forward else (i >= last and times[i] >= t + signed):
+            if signed == 0.0:
+                _emit(i, 0.0, longest, z, k[0], z, k[0], rows, slots, states, d_x)
+            else:
+                _emit(i, times[i] - t, signed, z, k[0], z_end, f_end, rows, slots, states, d_x)
+            if flags[PLATE] < 0.5:  # left to itself, or still at its start: the plate rings freely
+                since = times[i] - (0.0 if not forward else gone_at)
+                cosine, sine = math.cos(omega * since), math.sin(omega * since)
+                swing = sine / omega if omega > 0.0 else since
+                states[i, 3] = z[0, 3] * cosine - z[0, 2] * omega * sine
+                states[i, 2] = z[0, 2] * cosine + z[0, 3] * swing
+                states[i, 4] = states[i, 2]
+            i += 1 if forward else -1
+        t += signed
+        z, z_end = z_end, z
+        told, told_end = told_end, told
+        if item < 0:
+            for row in range(rows):
+                for c in range(size):
+                    k[0, row, c] = f_end[row, c]
+            if approaching > 0:
+                approaching -= 1
+            else:
+                h *= _GROWTH
+        else:
+            if events >= MAX_EVENTS:
+                return -1
+            for c in range(size):
+                pair[0, c] = z[0, c]
+                pair[1, c] = f_end[0, c]
+            rates(pair, pair_rate, couple, nothing, p, slots, flags, f0, f1, f2, s, values, effect, pair_told)
+            slope = pair_told[1, item] if item < 3 else (f_end[0, 1] if item == 3 else -pair_told[1, 0])
+            code = TURN if item == 3 else RANGE + item - 4
+            before = phase
+            if item == 0:
+                phase = CONTACT if phase == FREE else FREE
+            elif item == 1:
+                phase = PARTING if phase == CONTACT else CONTACT
+            elif item == 2:
+                phase = OVERLAPPED if phase == CONTACT else CONTACT
+            elif item == 3:
+                flags[SIGN] = -flags[SIGN]
+            else:
+                flags[NEAR_0 + item - 4] = 1.0 - flags[NEAR_0 + item - 4]
+            if item < 3:
+                code = 10 * before + phase
+                for slot in range(slots.shape[0]):
+                    if slots[slot, RANGE_AT] >= 0.0:
+                        flags[NEAR_0 + slot] = 1.0 if phase == FREE else 0.0
+            _set(phase, flags)
+            rates(z, f_after, rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told_any)
+            for j in range(1, rows):
+                if item < 3:
+                    change = told[j, item]
+                elif item == 3:
+                    change = z[j, 1]
+                else:
+                    change = -told[j, 0]
+                    if which[j - 1] == SLOT_PARAMETERS + 3 * (item - 4) + int(slots[item - 4, RANGE_AT]):
+                        change -= 1.0
+                moved = -change / slope
+                if forward:
+                    event_d_time[events, j - 1] = moved
+                for c in range(size):
+                    z[j, c] += (f_end[0, c] - f_after[0, c]) * moved
+                    if forward:
+                        event_d_state[events, j - 1, c] = z[j, c] + f_after[0, c] * moved
+            if forward:
+                event_time[events] = t
+                event_kind[events] = code
+                event_state[events] = z[0]
+                events += 1
+            approaching = 0
+            h = longest * _SMALLEST
+        if forward and phase == FREE and flags[PLATE] > 0.5 and z[0, 1] > 0.0:
+            reach = 2e-5 + 1.5 * (math.sqrt(z[0, 2] ** 2 + (z[0, 3] / omega) ** 2) if omega > 0.0 else abs(z[0, 2]))
+            near = 0.0
+            for slot in range(slots.shape[0]):
+                if slots[slot, MOVES] != 0.0:
+                    reach += 3.0 * abs(z[0, 4 + 2 * slot]) + abs(z[0, 5 + 2 * slot]) / 60.0
+                near += flags[NEAR_0 + slot]
+            if z[0, 0] > reach and near == 0.0 and (omega > 0.0 or z[0, 3] <= 0.0):
+                flags[PLATE] = 0.0
+                gone_at = t
+                approaching = 0
+                item = 0
+        if item >= 0:
+            _expect(phase, variant, flags, slots, not forward, expected)
+            rates(z, k[0], rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told)
+            if forward:
+                longest = steps[0] if phase != FREE else (steps[1] if flags[PLATE] > 0.5 else steps[2])
+                h = min(h, longest)
+                h = max(h, longest * _SMALLEST)
+    return events
+
+
+_F = types.float64
+_VECTOR, _MATRIX, _CUBE = types.Array(_F, 1, "C"), types.Array(_F, 2, "C"), types.Array(_F, 3, "C")
+_INTEGERS = types.Array(types.int64, 1, "C")
+
+
+@njit(
+    types.int64(
+        _VECTOR, _VECTOR, _INTEGERS, types.int64, _MATRIX, _VECTOR, kernel.FUNCTION, kernel.FUNCTION, kernel.FUNCTION,
+        _MATRIX, _MATRIX, _VECTOR, _INTEGERS, _MATRIX, _MATRIX, _CUBE,
+    ),
+    cache=True, nogil=True, error_model="numpy",
+)  # fmt: skip
+def integrate(  # type: ignore[no-untyped-def]
+    times, p, which, variant, slots, steps, f0, f1, f2,
+    states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
+):  # fmt: skip
+    """Solve base model and effects at ``times`` (ascending, 0 = first touch); as ``phases.solve``, shapes in ``rates``.
+
+    ``steps``: longest step in s in contact, apart, gone, and before the touch.  Returns the number of events; -1 when
+    more than MAX_EVENTS happen, -2 when the state runs away.  1-3 ms for 60 ms, and about that again a derivative
+    for every three of them.
+    """
+    n = times.size
+    split = 0
+    while split < n and times[split] <= 0.0:
+        split += 1
+    if split > 0:
+        done = _march(
+            split < 0, times, split - 1, n - n, p, which, variant, slots, steps, f0, f1, f2,
+            states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
+        )  # fmt: skip
+        if done < 0:
+            return done
+    return _march(
+        split >= 0, times, split, n - 1, p, which, variant, slots, steps, f0, f1, f2,
+        states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
+    )  # fmt: skip

@@ -1,0 +1,137 @@
+"""The least-squares search over one or several shots: one sum of squares, shared and own parameters."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.model.coordinates import Coordinates
+from analysis.model.least_squares import Infeasible, Minimum, Square, minimise
+from analysis.model.parameters import Floats
+from analysis.model.response import OWN_NAMES, Model, ShotData, respond
+from analysis.shot import Cancelled
+
+_FURTHEST = 30.0  # a frequency or a time leaves its start by no more than this factor
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A model, the shots it is fitted to, and how their parameters lie in one vector."""
+
+    model: Model
+    shots: tuple[ShotData, ...]
+    whitened: tuple[Floats, ...]
+
+    @classmethod
+    def of(cls, model: Model, shots: Sequence[ShotData]) -> "Problem":
+        """Return the problem with every shot's samples whitened once."""
+        return cls(model, tuple(shots), tuple(s.noise.whiten(s.displacement_m, s.valid) for s in shots))
+
+    @property
+    def shared(self) -> int:
+        """Get the number of shared parameters."""
+        return len(self.model.shared_names)
+
+    @property
+    def own(self) -> int:
+        """Get the number of parameters of each shot."""
+        return len(self.model.own_names)
+
+    def own_slice(self, index: int) -> slice:
+        """Return where the own parameters of a shot stand."""
+        begin = self.shared + index * self.own
+        return slice(begin, begin + self.own)
+
+    def places(self, index: int) -> np.ndarray:
+        """Return where the parameters that a shot depends on stand, in the order of its derivatives."""
+        return np.asarray(np.r_[0 : self.shared, self.own_slice(index)])
+
+    def square(self, parameters: Floats) -> Square:
+        """Return the whitened sum of squares with its derivatives; Infeasible where there is no trajectory."""
+        size = parameters.size
+        curvature, gradient = np.zeros((size, size)), np.zeros(size)
+        chi2, samples = 0.0, 0
+        for index, shot in enumerate(self.shots):
+            response = respond(self.model, shot, parameters[: self.shared], parameters[self.own_slice(index)])
+            both = np.column_stack([response.displacement_m, response.derivatives])
+            both = shot.noise.whiten(both, shot.valid)
+            residual = both[:, 0] - self.whitened[index]
+            jacobian = both[:, 1:]
+            place = self.places(index)
+            curvature[np.ix_(place, place)] += jacobian.T @ jacobian
+            gradient[place] += jacobian.T @ residual
+            chi2 += float(residual @ residual)
+            samples += residual.size
+        if not (np.isfinite(chi2) and np.all(np.isfinite(gradient))):
+            raise Infeasible("the trajectory is not finite")
+        return Square(chi2, curvature, gradient, samples)
+
+    def chi2(self, parameters: Floats) -> float:
+        """Return the whitened sum of squares alone; Infeasible where there is no trajectory."""
+        total = 0.0
+        for index, shot in enumerate(self.shots):
+            own = parameters[self.own_slice(index)]
+            response = respond(self.model, shot, parameters[: self.shared], own, derivatives=False)
+            rest = shot.noise.whiten(response.displacement_m, shot.valid) - self.whitened[index]
+            total += float(rest @ rest)
+        if not np.isfinite(total):
+            raise Infeasible("the trajectory is not finite")
+        return total
+
+
+def search(
+    problem: Problem,
+    begin: Floats,
+    stop: Callable[[], bool],
+    *,
+    evaluations: int = 60,
+    tolerance: float = 1e-6,
+) -> Minimum:
+    """Return the minimum found from ``begin``; Cancelled when asked to stop, Infeasible where the start is."""
+    model, count, own = problem.model, problem.shared, problem.own
+    inverse = tuple(
+        model.shared_names.index(f"{e.name}.{e.amplitude}")
+        for e in model.effects
+        if e.inverse and f"{e.name}.{e.amplitude}" in model.shared_names
+    )
+    coordinates = Coordinates(
+        block_mass_kg=problem.shots[0].block_mass_kg,
+        plate=not model.base.one_body,
+        own_at=tuple(count + own * index for index in range(len(problem.shots))),
+        reference_s=tuple(shot.course.touch_time_s for shot in problem.shots),
+        inverse_at=inverse,
+    )
+
+    def function(z: Floats) -> Square:
+        parameters, slope = coordinates.to_parameters(z)
+        at = problem.square(parameters)
+        return Square(at.chi2, slope.T @ at.curvature @ slope, slope.T @ at.gradient, at.samples)
+
+    start = coordinates.to_search(begin)
+    lower, upper = np.full(start.size, -np.inf), np.full(start.size, np.inf)
+    lower[len(model.base.names) - 1] = 0.0  # a dashpot never drives
+    names = [*model.shared_names, *(n for _ in problem.shots for n in model.own_names)]
+    limits = {name: parameter for name, _, _, parameter in model.effect_parameters}
+    for place, name in enumerate(names):
+        if name not in limits:
+            continue
+        lower[place], upper[place] = limits[name].lower, limits[name].upper
+        if place in inverse:
+            lower[place], upper[place] = 1e-9, 1 / max(limits[name].lower, 1e-12)
+        elif limits[name].grid and limits[name].lower > 0:
+            lower[place] = max(lower[place], start[place] / _FURTHEST)
+            upper[place] = min(upper[place], start[place] * _FURTHEST)
+    found = minimise(
+        function, start, lower=lower, upper=upper, evaluations=evaluations, tolerance=tolerance, cancelled=stop
+    )
+    if stop():
+        raise Cancelled
+    parameters, _ = coordinates.to_parameters(found.parameters)
+    return replace(found, parameters=parameters, square=problem.square(parameters))
+
+
+def own_start(shot: ShotData, model: Model) -> Floats:
+    """Return a shot's own parameters as its displacement alone suggests them, effects at nothing."""
+    course = shot.course
+    own = [course.velocity_in_m_per_s, course.touch_time_s, course.touch_position_m]
+    return np.array([*own, *(0.0 for _ in model.own_names[len(OWN_NAMES) :])])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.signal.tuning import PHASE_STEPS, Tuning
 
-BATCH = 128  # decimated samples computed together
+BATCH = 64  # decimated samples computed together; their input stays in the first cache
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 _KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": _FAST}
 _STEP = 1.0 / PHASE_STEPS

@@ -90,17 +90,17 @@ def noise_ratio(tuning: Tuning, factor: int) -> float:
         spread[:: tuning.decimation] = fine
         return float(np.sum(fftconvolve(spread, window) ** 2))
 
-    return float(np.sqrt(gain(decimator_taps(factor)) / gain(third)))
+    return float(np.sqrt(gain(decimator_taps(factor, tuning.spread)) / gain(third)))
 
 
 class PhaseDecimator:
     """Decimates the phases of a ``BeatReader`` by ``factor``; output k is centred on phase k factor + 6 factor."""
 
-    def __init__(self, factor: int, first_phase: int = 0) -> None:
+    def __init__(self, factor: int, first_phase: int = 0, spread: float = 0.0) -> None:
         if factor < 2:
             raise ValueError(f"a phase is decimated by at least 2, not {factor}")
         self.factor = factor
-        self.taps = decimator_taps(factor)
+        self.taps = decimator_taps(factor, spread)
         self._length = self.taps.size
         self.index = -(-first_phase // factor)  # of the next output
         self._skip = self.index * factor - first_phase

@@ -21,11 +21,12 @@ _EDGE_DEGREE = 3
 
 
 @lru_cache(maxsize=32)
-def decimator_taps(factor: int) -> Floats:
+def decimator_taps(factor: int, spread: float = 0.0) -> Floats:
     """Return the symmetric low-pass, shape (12 factor + 1,), that decimates a phase by ``factor``.
 
     Kaiser-windowed sinc with its half-power point at half the output rate: its power response and the response's
-    mirror image add up to one there, so white phase noise stays white.  Cubics pass unchanged (factor > 2).
+    mirror image add up to one there, so white phase noise stays white.  ``spread`` is the second moment, in
+    inputs squared, of what smoothed them before: it is made good, so that cubics pass both unchanged (factor > 2).
     """
     if factor == 1:
         return _frozen(np.ones(1))
@@ -38,7 +39,11 @@ def decimator_taps(factor: int) -> Floats:
     for _ in range(40):
         cut = 0.5 * (low + high)
         sinc = np.sinc(2 * cut * n / factor) * window
-        taps = sinc / sinc.sum() if factor == 2 else _with_moments(u, (sinc, sinc * u**2), (0, 2), (1.0, 0.0))
+        taps = (
+            sinc / sinc.sum()
+            if factor == 2
+            else _with_moments(u, (sinc, sinc * u**2), (0, 2), (1.0, -spread / half**2))
+        )
         if np.sum(taps * np.cos(2 * np.pi * HALF_POWER_SHARE / factor * n)) > np.sqrt(0.5):
             high = cut
         else:

@@ -85,7 +85,7 @@ def leak_phase(leak: Leak, moving_cycles: Floats, rest_cycles: Floats, track: Tr
     doppler = np.abs(np.gradient(moving_cycles - rest_cycles) * grid.rate_hz)
     ratio = leak.ratio * _response(track.wanted.tuning.full_window, doppler / grid.input_rate_hz)
     factor = grid.step // track.wanted.tuning.decimation
-    taps = decimator_taps(factor)
+    taps = decimator_taps(factor, track.wanted.tuning.spread)
     phase_rate = track.wanted.tuning.phase_rate_hz
     once, twice = _response(taps, doppler / phase_rate), _response(taps, 2 * doppler / phase_rate)
     added = np.zeros(moving_cycles.shape)

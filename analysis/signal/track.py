@@ -172,7 +172,7 @@ def _read(recording: Recording, wanted: Wanted, grid: Grid, advance: Callable[[i
         nonlocal decimator, expected
         for first, fine, power in segments:
             if decimator is None or first != expected:
-                decimator = PhaseDecimator(factor, first)
+                decimator = PhaseDecimator(factor, first, tuning.spread)
             expected = first + fine.size
             start, values, about = decimator.feed(fine, power)
             last = max(start, min(start + values.size, grid.samples))

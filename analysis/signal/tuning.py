@@ -67,6 +67,13 @@ class Tuning:
         window = self.full_window
         return float(window.sum() ** 2 / np.sum(window**2))
 
+    @property
+    def spread(self) -> float:
+        """Get the window's second moment about its centre, in decimated samples squared: what it smooths."""
+        window = self.full_window
+        position = np.arange(window.size) - self.delay_samples
+        return float(np.sum(window * position**2) / window.sum() / self.decimation**2)
+
     def steps(self, frequency_hz: float) -> int:
         """Return the oscillator nearest to a frequency, in 1 / PHASE_STEPS cycles a decimated sample."""
         return round(frequency_hz * self.decimation * PHASE_STEPS / self.sample_rate_hz)

@@ -99,6 +99,29 @@ def test_samples_that_are_not_fetched_in_time_are_lost_and_counted():
     assert bench.read_into(buffer, 0.0).lost_before == 0
 
 
+def test_a_patient_rig_runs_slow_where_the_computer_does_and_loses_nothing(monkeypatch):
+    clock = Clock()
+    bench = BenchDigitizer(clock=clock, memory_s=0.05, patient=True)
+    make = bench._make
+
+    def slowly(base):
+        clock.now += 1.0  # for a chunk of some ms
+        make(base)
+
+    monkeypatch.setattr(bench, "_make", slowly)
+    bench.arm(SETTINGS)
+    buffer = np.empty((1_000_000, 3), np.int16)
+    parts = []
+    for _ in range(4):
+        clock.now += 0.2
+        got = bench.read_into(buffer, 0.0)
+        assert got.lost_before == 0 and 0 < got.samples <= 0.05 * RATE + 1
+        parts.append(buffer[: got.samples].copy())
+    unbroken = BenchDigitizer(real_time=False)
+    unbroken.arm(SETTINGS)
+    assert np.array_equal(np.concatenate(parts), _read(unbroken, sum(map(len, parts))))
+
+
 def test_stop_from_another_thread_ends_a_read_that_waits():
     bench = BenchDigitizer(clock=lambda: 0.0)
     bench.arm(SETTINGS)

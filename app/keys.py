@@ -37,6 +37,7 @@ KEYS: tuple[Key, ...] = (
     Key("Ctrl+P", "plot_menu", "Save the plot (PNG, SVG, CSV)", "The shot's plots"),
     Key("Ctrl+O", "open_recordings", "Open recordings", "The session"),
     Key("Ctrl+E", "export_selected", "Export CSV of the selected shots, or of all", "The session"),
+    Key("Ctrl+T", "report_selected", "Report of the selected shots, or of all (HTML)", "The session"),
     Key("Ctrl+R", "reanalyse_selected", "Re-analyse as copies with the present settings", "The session"),
     Key("N", "edit_note", "Write a note on the shot", "The session"),
     Key("Del", "remove_selected", "Take the selected shots off the list", "The session"),

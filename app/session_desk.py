@@ -35,6 +35,7 @@ class SessionDesk(QObject):
         table, p = panels.table, panels
         table.selected.connect(self._selected)
         table.export_wanted.connect(self._export_pressed)
+        table.report_wanted.connect(self._report_pressed)
         table.remove_wanted.connect(self._remove_pressed)
         table.reanalyse_wanted.connect(self._reanalyse_pressed)
         table.note_edited.connect(self._note_edited)
@@ -180,6 +181,19 @@ class SessionDesk(QObject):
         """Export the selected shots, or all, to a folder."""
         self._folder = folder
         self._bench.export(self._panels.table.numbers, folder)
+
+    @Slot(list)
+    def _report_pressed(self, _: list[int]) -> None:
+        self.report_selected()
+
+    @Slot()
+    def report_selected(self) -> None:
+        """Ask for a file and write the report of the selected shots, or of all."""
+        start = str(self._folder / "report.html")
+        path, _ = QFileDialog.getSaveFileName(self._panels, "Save the report", start, "HTML (*.html)")
+        if path:
+            self._folder = Path(path).parent
+            self._bench.report(self._panels.table.numbers, Path(path))
 
     @Slot(list)
     def _remove_pressed(self, _: list[int]) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from numba import config
 
+from analysis.diagnosis import diagnose
 from analysis.shot import Cancelled
 from app.jobs import Asked, Report
 from app.load import load_and_analyse
@@ -21,14 +22,16 @@ from instrument.bench.simulate import simulate
 _LOOK_S = 0.05
 
 
-def run_once() -> None:
+def run_once(with_diagnosis: bool = False) -> None:
     """Run the whole road once over a short simulated shot; what comes out is thrown away.
 
     The shot goes over the disk, as a kernel for arrays that are only read is another one than for arrays of its own.
     """
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
         (path,) = simulate(folder, 1, duration_s=0.05)
-        load_and_analyse(path)
+        shot = load_and_analyse(path)
+        if with_diagnosis and shot.motion is not None:
+            diagnose([shot.motion])
 
 
 class Kernels:
@@ -82,7 +85,7 @@ def main() -> int:
     """Compile everything into the cache, politely, and mark it as complete."""
     if hasattr(os, "nice"):
         os.nice(5)
-    run_once()
+    run_once(with_diagnosis=True)
     mark = _mark()
     if mark.parent.is_dir():
         mark.touch()

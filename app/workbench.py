@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
+from analysis.diagnosis import diagnose
 from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
 from analysis.model.fitting import fit_shots
@@ -16,10 +17,12 @@ from analysis.shot import AnalysisError, AnalysisSettings, Shot
 from app.export import export
 from app.jobs import Asked, Job, Jobs, Report
 from app.load import load_and_analyse
+from app.report_page import report_of
 from app.session import Entry, Session
 from app.verdict import verdict_words
 from instrument.recording_error import RecordingError
 from instrument.recording_file import find_recordings, read_recording, rewrite_note
+from instrument.recording_writer import write_text_beside
 
 
 class Kind(StrEnum):
@@ -112,10 +115,6 @@ class Workbench:
 
     def diagnose(self, numbers: Sequence[int]) -> str | None:
         """Queue the diagnosis of these entries; return why not, or None."""
-        try:
-            from analysis.diagnosis import diagnose
-        except ImportError:
-            return "this version carries no diagnosis"
         chosen = [entry for entry in self._entries(numbers) if entry.shot is not None and entry.shot.motion is not None]
         if not chosen:
             return "select at least one analysed shot"
@@ -124,9 +123,11 @@ class Workbench:
             return f"the selected shots use different base models ({', '.join(sorted(models))}): select shots of one"
         motions = [entry.shot.motion for entry in chosen if entry.shot is not None]
         ids = tuple(entry.number for entry in chosen)
+        (model,) = models
+        accepted = self.effects
 
         def work(report: Report, cancelled: Asked) -> Diagnosed:
-            found = diagnose(motions, model=models.pop(), progress=report, cancelled=cancelled)
+            found = diagnose(motions, model=model, accepted=accepted, progress=report, cancelled=cancelled)
             return Diagnosed(found, ids)
 
         self.jobs.submit("diagnosis", work, "diagnosis")
@@ -149,7 +150,37 @@ class Workbench:
         """Add an effect to the model or take it out; every shot of the session is fitted again."""
         kept = tuple(effect for effect in self.effects if effect != name)
         self.effects = (*kept, name) if wanted else kept
-        self._submit_refit([entry for entry in self.session.entries if entry.shot is not None])
+        done = self._take_fits_of_diagnosis()
+        self._submit_refit([e for e in self.session.entries if e.shot is not None and e.number not in done])
+
+    def _take_fits_of_diagnosis(self) -> tuple[int, ...]:
+        """Give the diagnosed shots the fit the diagnosis already made with exactly these effects; return whose."""
+        found = self.diagnosed
+        if found is None or set(self.effects) != set(found.diagnosis.fit_after.effects):
+            return ()
+        joint = found.diagnosis.fit_after
+        for number, part in zip(found.numbers, joint.shots, strict=True):
+            entry = self.session.entry(number)
+            if entry is not None and entry.shot is not None:
+                fit = replace(joint, shots=(part,), reduced_chi2=part.reduced_chi2)
+                self.session.fill(number, replace(entry.shot, fit=fit))
+        self._waiting.append(Happening(Kind.CHANGED, "", found.numbers))
+        return found.numbers
+
+    def report(self, numbers: Sequence[int], path: Path) -> None:
+        """Queue the report of these entries, or of all when none is named, as one HTML file."""
+        entries = self._entries(numbers) or list(self.session.entries)
+        shots = [replace(entry.shot, note=entry.note) for entry in entries if entry.shot is not None]
+        found = self.diagnosed
+        same = found is not None and set(found.numbers) <= {entry.number for entry in entries}
+        diagnosis = found.diagnosis if found is not None and same else None
+
+        def work(report: Report, _: Asked) -> Happening:
+            report("drawing the report", 0.2)
+            write_text_beside(path, report_of(shots, diagnosis), sync=True)
+            return Happening(Kind.EXPORTED, f"Report of {len(shots)} shots saved as {path}")
+
+        self.jobs.submit("report", work, "export")
 
     # what ended -------------------------------------------------------------------------------------------------
 
@@ -238,7 +269,7 @@ def refit(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Fit | None:
     try:
         return fit_shots([shot.motion], model=shot.settings.model, effects=effects, cancelled=cancelled)
     except AnalysisError:
-        return None
+        return None  # this shot does not carry the model; its old fit stays
 
 
 def raw_of(entry: Entry) -> Recording | None:

@@ -161,6 +161,7 @@ class SessionTable(QFrame):
 
     selected = Signal(list)
     export_wanted = Signal(list)
+    report_wanted = Signal(list)
     remove_wanted = Signal(list)
     reanalyse_wanted = Signal(list)
     note_edited = Signal(int, str)
@@ -187,6 +188,7 @@ class SessionTable(QFrame):
                 "CSV of the selected shots, or of all: a motion file each, and shots.csv  (Ctrl+E)",
                 self._export,
             ),
+            ("Report …", "One printable HTML file of the selected shots, or of all  (Ctrl+T)", self._report),
             (
                 "Re-analyse",
                 "Analyse the selected shots again, as copies, with the present settings  (Ctrl+R)",
@@ -263,9 +265,10 @@ class SessionTable(QFrame):
     def _enable(self) -> None:
         some, any_selected = bool(self.model.entries), bool(self.numbers)
         self._buttons[1].setEnabled(some)
-        self._buttons[2].setEnabled(any_selected)
+        self._buttons[2].setEnabled(some)
         self._buttons[3].setEnabled(any_selected)
-        self._buttons[4].setEnabled(self._can_undo)
+        self._buttons[4].setEnabled(any_selected)
+        self._buttons[5].setEnabled(self._can_undo)
 
     @Slot()
     def _changed(self) -> None:
@@ -283,6 +286,10 @@ class SessionTable(QFrame):
     @Slot()
     def _export(self) -> None:
         self.export_wanted.emit(self.numbers)
+
+    @Slot()
+    def _report(self) -> None:
+        self.report_wanted.emit(self.numbers)
 
     @Slot()
     def _again(self) -> None:

@@ -3,6 +3,7 @@
 import csv
 import json
 import threading
+from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
@@ -11,6 +12,7 @@ from PySide6.QtGui import QDropEvent
 from app.layout import Layout
 from app.window import open_window
 from instrument.acquisition import State
+from instrument.bench.simulate import simulate
 from tests.app import rigs
 
 WAIT_MS = 60_000
@@ -196,3 +198,27 @@ def test_every_key_of_the_sheet_is_bound_to_something(opened, qtbot):
     assert window.panels.keys.isVisible()
     qtbot.keyClick(window, Qt.Key.Key_F1)
     assert not window.panels.keys.isVisible()
+
+
+def test_three_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened, qtbot, tmp_path):
+    effect = {"quadratic_drag": {"coefficient_n_s2_per_m2": 2e-3}}
+    paths = simulate(tmp_path / "drag", 3, 5, effect)
+    window = opened(rigs.still_bench)
+    window.session_desk.open_paths([Path(path) for path in paths])
+    qtbot.waitUntil(lambda: len(window.bench.session.entries) == 3, timeout=WAIT_MS)
+    window.panels.table.select([1, 2, 3])
+    qtbot.keyClick(window, Qt.Key.Key_D)
+    assert window.panels.tabs.currentIndex() == Layout.DIAGNOSIS
+    qtbot.waitUntil(lambda: window.bench.diagnosed is not None, timeout=3 * WAIT_MS)
+    found = window.bench.diagnosed.diagnosis
+    qtbot.waitUntil(lambda: window.panels.diagnosis.sentence == found.sentence, timeout=WAIT_MS)
+    assert [named.name for named in found.effects] == ["quadratic_drag"]
+    assert "quadratic drag" in window.bench.session.entries[0].verdict
+    before = window.bench.session.entries[0].shot.fit.reduced_chi2
+    window.panels.diagnosis.effect_button("quadratic_drag").click()
+    assert window.bench.effects == ("quadratic_drag",)
+    after = window.bench.session.entries[0].shot.fit
+    assert after.effects == ("quadratic_drag",)
+    assert after.reduced_chi2 < 0.1 * before
+    window.bench.report([], tmp_path / "report.html")
+    qtbot.waitUntil((tmp_path / "report.html").exists, timeout=WAIT_MS)

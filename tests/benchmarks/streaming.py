@@ -58,18 +58,18 @@ class Seen:
 
 def analyse_shot(recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
     """Analyse as the window does."""
-    return analyse(recording, AnalysisSettings(), progress, cancelled)
+    return analyse(recording, AnalysisSettings(), progress=progress, cancelled=cancelled)
 
 
-def thread_seconds() -> dict[str, float]:
-    """Return the processor time of each thread of this process, in s (Linux)."""
-    tick = os.sysconf("SC_CLK_TCK")
+def thread_seconds() -> dict[str, tuple[float, float]]:
+    """Return (processor time, time spent waiting for a core) of each thread of this process, in s (Linux)."""
     names = {str(t.native_id): t.name for t in threading.enumerate()}
-    spent: dict[str, float] = {}
+    spent: dict[str, tuple[float, float]] = {}
     for task in Path("/proc/self/task").iterdir():
-        numbers = (task / "stat").read_text().rsplit(")", 1)[1].split()
-        name = names.get(task.name, "demodulation of a shot and others")
-        spent[name] = spent.get(name, 0.0) + (int(numbers[11]) + int(numbers[12])) / tick
+        ran, waited = (int(n) / 1e9 for n in (task / "schedstat").read_text().split()[:2])
+        name = names.get(task.name, "helpers of the analysis and of Qt")
+        before = spent.get(name, (0.0, 0.0))
+        spent[name] = before[0] + ran, before[1] + waited
     return spent
 
 
@@ -110,7 +110,7 @@ class _Application:
         assert problem is None, problem
 
         def opened(source: str) -> BenchDigitizer:
-            return BenchDigitizer(memory_s=options.memory, push_every_s=1.0)
+            return BenchDigitizer(memory_s=options.memory, push_every_s=3.0)
 
         self.window = open_window(folder / "settings", opened)
         self.window.show()
@@ -148,7 +148,7 @@ class _Application:
         deleting.join()
 
 
-def report(seen: Seen, seconds: float, stream_s: float, busy_s: float, threads: dict[str, float]) -> None:
+def report(seen: Seen, seconds: float, stream_s: float, busy_s: float, threads: dict[str, tuple[float, float]]) -> None:
     """Print the figures."""
     end = seen.end
     assert end is not None
@@ -165,8 +165,9 @@ def report(seen: Seen, seconds: float, stream_s: float, busy_s: float, threads: 
     print(f"passed over on screen {end.live.skipped / max(1.0, RATE_HZ * seconds):.1%} of the samples")
     print(f"memory                {max(warm) / 1e6:.0f} MB after warm-up, {max(half) / 1e6:.0f} MB at most after that")
     print(f"processor             {busy_s / stream_s:.2f} s a second of samples with the bench; {os.cpu_count()} cores")
-    for name, spent in sorted(threads.items(), key=lambda item: -item[1]):
-        print(f"    {spent / stream_s:5.2f}  {name}")
+    print("    of the wall: on a core, waiting for a core (other programs), else asleep or waiting for the interpreter")
+    for name, (ran, waited) in sorted(threads.items(), key=lambda item: -item[1][0]):
+        print(f"    {ran / seconds:5.2f} {waited / seconds:5.2f}  {name}")
 
 
 def main() -> None:
@@ -180,7 +181,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if options.no_window:
-            digitizer = BenchDigitizer(memory_s=options.memory, push_every_s=1.0)
+            digitizer = BenchDigitizer(memory_s=options.memory, push_every_s=3.0)
             analysis = None if options.no_analysis else analyse_shot
             with Capture(digitizer, CaptureOptions(folder, SHOT), analyse=analysis) as capture:
                 while capture.latest().signal.switch_toggles < 2:  # kernels compiled, the first push seen
@@ -204,7 +205,10 @@ def measured(latest: Callable[[], Snapshot], run: Callable[[Seen], None]) -> Non
     begun, first = time.perf_counter(), latest()
     run(seen)
     seconds = time.perf_counter() - begun
-    spent = {name: s - before.get(name, 0.0) for name, s in thread_seconds().items()}
+    spent = {}
+    for name, after in thread_seconds().items():
+        ran, waited = before.get(name, (0.0, 0.0))
+        spent[name] = max(0.0, after[0] - ran), max(0.0, after[1] - waited)
     assert seen.end is not None
     stream_s = (seen.end.signal.samples_read - first.signal.samples_read) / RATE_HZ
     lost = seen.end.signal.losses - first.signal.losses

@@ -12,6 +12,7 @@ from instrument.trigger import Level
 
 GOOD_SNR_DB = 25.0
 POOR_SNR_DB = 15.0
+MOVING_HZ = 10e3  # of Doppler shift, 3 mm/s: a beat that sweeps has no line to measure noise against
 CLIPPED_SHARE = 1e-3
 FULL_DISK_BYTES = 2e9
 
@@ -41,7 +42,8 @@ def fault_words(snapshot: Snapshot) -> str:
     if snapshot.unsaved:
         saved = f"In memory only: {', '.join(snapshot.unsaved)}."
     elif snapshot.shots:
-        saved = f"All {snapshot.shots} shots taken so far are saved."
+        one = snapshot.shots == 1
+        saved = "The one shot taken so far is saved." if one else f"All {snapshot.shots} shots so far are saved."
     else:
         saved = "No shot was lost: none had been taken."
     return _sentences(snapshot.message or "something went wrong", saved, snapshot.remedy or "arm again")
@@ -55,11 +57,15 @@ def _sentences(*parts: str) -> str:
 def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[str, Sign]:
     """Return the tiles of the signal line."""
     found = {"pd0": Sign("–", Tone.NEUTRAL), "pd1": Sign("–", Tone.NEUTRAL)}
+    rest_hz = next((c.frequency_hz for c in line.channels if c.role is Role.REFERENCE), None)
     for channel in line.channels:
         if channel.role is Role.REFERENCE:
             found["pd0"] = _beat(channel)
         elif channel.role is Role.MEASUREMENT:
             found["pd1"] = _beat(channel)
+            moving = rest_hz is not None and abs((channel.frequency_hz or rest_hz) - rest_hz) > MOVING_HZ
+            if moving and channel.clipped_fraction <= CLIPPED_SHARE:
+                found["pd1"] = Sign(found["pd1"].words, Tone.NEUTRAL, "The block moves: judged when it is at rest")
     found["switch"] = _switch(line)
     found["floor"] = _floor(line, rate_hz, bandwidth_hz)
     found["disk"] = _disk(line)

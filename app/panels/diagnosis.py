@@ -92,6 +92,8 @@ class CandidateBars(QScrollArea):
                 grid.addWidget(widget, line, place)
         grid.setRowStretch(SHOWN_CANDIDATES, 1)
         self.setWidget(inner)
+        if candidates:
+            self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())
 
 
 class DiagnosisPanel(QWidget):
@@ -168,7 +170,7 @@ class DiagnosisPanel(QWidget):
         self._errors.setTextFormat(Qt.TextFormat.RichText)
         self._errors.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         right_column.addWidget(self._errors)
-        split.setSizes([420, 560])
+        split.setSizes([480, 500])
         split.setChildrenCollapsible(False)
         column.addWidget(split, 1)
         self._blind = QLabel(self)

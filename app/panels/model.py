@@ -19,6 +19,8 @@ class ModelPanel(QFrame):
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
+        self._shot: Shot | None = None
+        self._said = ("", Tone.NEUTRAL)
         column = QVBoxLayout(self)
         column.setContentsMargins(12, 6, 12, 8)
         column.setSpacing(3)
@@ -51,9 +53,12 @@ class ModelPanel(QFrame):
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
+        self.show_shot(self._shot)
+        self.show_verdict(*self._said)
 
     def show_shot(self, shot: Shot | None) -> None:
         """Show the model of this shot's fit."""
+        self._shot = shot
         fit = shot.fit if shot is not None else None
         if fit is None:
             self._model.setText("paper's two bodies" if shot is None else f"model {shot.settings.model}: not fitted")
@@ -73,6 +78,7 @@ class ModelPanel(QFrame):
 
     def show_verdict(self, sentence: str, tone: Tone) -> None:
         """Show what the diagnosis of this shot said."""
+        self._said = (sentence, tone)
         self._verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
 

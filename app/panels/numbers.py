@@ -109,6 +109,7 @@ class NumbersPanel(QScrollArea):
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
+        self._shot: Shot | None = None
         self._values: dict[str, QLabel] = {}
         self._names: dict[str, QLabel] = {}
         inner = QWidget(self)
@@ -176,9 +177,12 @@ class NumbersPanel(QScrollArea):
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
+        self._show_agreement(self._shot)
+        self._show_flags(self._shot)
 
     def show_shot(self, shot: Shot | None, title: str = "") -> None:
         """Show the numbers of a shot, or dashes."""
+        self._shot = shot
         self.title.setText(title or (shot.name if shot is not None else "No shot"))
         for _, rows in GROUPS:
             for row in rows:

@@ -1,0 +1,78 @@
+"""What the banner and the signal line say."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.recording import Role
+from app import state_words
+from app.theme import Tone
+from instrument.acquisition import State
+from instrument.snapshot import ChannelSignal, SignalLine, Snapshot, empty_view
+
+
+def _snapshot(state: State, **more) -> Snapshot:
+    return replace(Snapshot(state, 0.0, None, False, "", "", "bench", SignalLine(), empty_view()), **more)
+
+
+def test_every_state_has_a_word_a_sentence_and_a_tone():
+    seen = {state: state_words.banner(_snapshot(state), "") for state in State}
+    assert {word for word, _, _ in seen.values()} == {"READY", "ARMED", "CAPTURED", "ANALYSING", "FAULT"}
+    assert all(sentence for _, sentence, _ in seen.values())
+    assert seen[State.FAULT][2] is Tone.BAD
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"shots": 0}, "No shot was lost"),
+        ({"shots": 1}, "The one shot taken so far is saved"),
+        ({"shots": 3}, "All 3 shots so far are saved"),
+        ({"shots": 3, "unsaved": ("shot-0003",)}, "In memory only: shot-0003"),
+    ],
+)
+def test_a_fault_says_what_happened_what_was_saved_and_what_to_do(more, said):
+    _, sentence, _ = state_words.banner(
+        _snapshot(State.FAULT, message="the disk is full", remedy="free it", **more), ""
+    )
+    assert sentence.startswith("The disk is full.")
+    assert said in sentence
+    assert sentence.endswith("Free it.")
+
+
+def _channel(role: Role, snr_db: float | None = 40.0, frequency_hz: float | None = 2.73e6, clipped: float = 0.0):
+    return ChannelSignal(role, 0.5, clipped, frequency_hz, snr_db)
+
+
+def test_the_signal_line_judges_each_beat():
+    def tone(channel):
+        return state_words.signs(SignalLine((_channel(Role.REFERENCE), channel)), 1e7, 1e4)["pd1"].tone
+
+    assert tone(_channel(Role.MEASUREMENT)) is Tone.GOOD
+    assert tone(_channel(Role.MEASUREMENT, 20.0)) is Tone.WARNING
+    assert tone(_channel(Role.MEASUREMENT, 5.0)) is Tone.BAD
+    assert tone(_channel(Role.MEASUREMENT, None, None)) is Tone.BAD
+    assert tone(_channel(Role.MEASUREMENT, 5.0, 3.5e6)) is Tone.NEUTRAL
+    assert tone(_channel(Role.MEASUREMENT, 40.0, 3.5e6, 0.2)) is Tone.WARNING
+
+
+def test_a_disk_that_is_nearly_full_or_closed_to_us_is_bad():
+    full = state_words.signs(SignalLine(disk_free_bytes=10**8, folder=Path("/x")), None, 1e4)["disk"]
+    closed = state_words.signs(SignalLine(disk_free_bytes=10**12, folder_problem="no permission"), None, 1e4)["disk"]
+    assert full.tone is closed.tone is Tone.BAD
+    assert closed.hover == "no permission"
+
+
+def test_the_velocity_floor_is_what_white_phase_noise_gives():
+    rate, bandwidth, snr_db = 1e6, 1e4, 30.0
+    line = SignalLine((_channel(Role.MEASUREMENT, snr_db),))
+    said = state_words.velocity_floor_m_per_s(line, rate, bandwidth)
+    random = np.random.default_rng(3)
+    phase = random.standard_normal(2**18) / np.sqrt(10 ** (snr_db / 10))
+    spectrum = np.fft.rfft(phase)
+    frequency = np.fft.rfftfreq(len(phase), 1 / rate)
+    spectrum *= 2j * np.pi * frequency * 632.8e-9 / (4 * np.pi)
+    spectrum[frequency > bandwidth] = 0
+    assert np.fft.irfft(spectrum).std() == pytest.approx(said, rel=0.05)

@@ -15,6 +15,7 @@ from typing import Any, TextIO
 from analysis.report import SCHEMA, program_version, shot_result
 from app.export import motion_file_names, shot_row, write_motion, write_shots
 from app.load import complaint, load_and_analyse
+from instrument.foreign.remembered import remembered_mapping
 from instrument.recording_error import RecordingError
 from instrument.recording_search import find_recordings, recording_stem
 from instrument.recording_writer import write_text_beside
@@ -80,7 +81,8 @@ def _tasks(found: Sequence[Path], model: str | None, export_to: Path | None) -> 
 def _stamp(path: Path, model: str | None, motion_csv: str | None) -> str:
     parts = [program_version(), str(model), str(motion_csv), str(path.resolve())]
     stem = recording_stem(path)
-    for file in (path, stem.with_name(stem.name + ".sigmf-data"), path.with_suffix(".toml")):
+    beside = (stem.with_name(stem.name + ".sigmf-data"), path.with_suffix(".toml"), remembered_mapping(path) or path)
+    for file in (path, *beside):
         try:
             state = file.stat()
             parts.append(f"{state.st_size}:{state.st_mtime_ns}")

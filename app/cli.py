@@ -58,6 +58,7 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             diagnose=not options.no_diagnose,
             model=options.model,
             report_to=options.report,
+            hdf5=options.hdf5,
         )
     if options.acquire is not None:
         from app.acquire import acquire
@@ -79,6 +80,20 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             seed=options.seed,
             effect=options.effect,
             undeclared=options.undeclared,
+        )
+    if options.map is not None:
+        from app.map_foreign import map_foreign
+
+        return map_foreign(
+            options.map,
+            channels=options.channel,
+            volts=options.volts,
+            mass_kg=options.mass,
+            rate_hz=options.rate,
+            rest_hz=options.rest,
+            wavelength_m=options.wavelength,
+            bits=options.bits,
+            for_folder=options.for_folder,
         )
     if options.paper is not None:
         from app.paper import paper
@@ -112,10 +127,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="RECORDING",
         help="print the paper's numbers beside this program's (and beside a recording's)",
     )
+    mode.add_argument("--map", type=Path, metavar="FILE", help="what a TDMS, HDF5, WAV or CSV file holds, and its use")
     mode.add_argument("--doctor", action="store_true", help="check this machine, one line each")
     group = parser.add_argument_group("with --replay")
     group.add_argument("--json", metavar="FILE", help="write the result (- for standard output)")
     group.add_argument("--export", type=Path, metavar="DIR", help="write CSV: one motion file a shot, and shots.csv")
+    group.add_argument("--hdf5", action="store_true", help="with --export: a motion file a shot in HDF5 too")
     group.add_argument("--report", type=Path, metavar="FILE", help="write a report that prints: one HTML file")
     group.add_argument("--no-diagnose", action="store_true", help="stop after the base model's fit")
     group.add_argument("--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper)")
@@ -131,6 +148,14 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--rate", type=_positive, metavar="HZ", help="sample rate")
     group.add_argument("--samples", type=_positive_int, metavar="N", help="samples a channel and shot")
     group.add_argument("--timeout", type=_positive, metavar="S", default=60.0, help="longest wait for a shot (60)")
+    group = parser.add_argument_group("with --map (and --rate)")
+    group.add_argument("--channel", action="append", metavar="ROLE=NAME", help="measurement, reference or switch")
+    group.add_argument("--volts", action="append", metavar="ROLE=VOLTS", help="volts of one stored unit")
+    group.add_argument("--mass", type=_positive, metavar="KG", help="mass of the moving part")
+    group.add_argument("--rest", type=_positive, metavar="HZ", help="rest frequency, where no channel is the reference")
+    group.add_argument("--wavelength", type=_positive, metavar="M", help="wavelength in air (632.8e-9)")
+    group.add_argument("--bits", type=_positive_int, metavar="N", help="bits of the digitizer, where counts are stored")
+    group.add_argument("--for-folder", action="store_true", help="for every file of this format in the folder")
     group = parser.add_argument_group("with --simulate")
     group.add_argument("--shots", type=_positive_int, default=3, metavar="N", help="shots to simulate (3)")
     group.add_argument("--seed", type=int, default=1, metavar="S", help="seed of the draw (1)")
@@ -148,14 +173,19 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         given -= {"json"}
     if given and options.replay is None:
         parser.error(f"--{sorted(given)[0]} goes with --replay")
+    if options.hdf5 and options.export is None:
+        parser.error("--hdf5 goes with --export")
+    mapping = ("channel", "volts", "mass", "rest", "wavelength", "bits")
+    if options.map is None and (options.for_folder or any(getattr(options, name) is not None for name in mapping)):
+        parser.error("--channel, --volts, --mass, --rest, --wavelength, --bits and --for-folder go with --map")
     if options.figures is not None and options.paper is None:
         parser.error("--figures goes with --paper")
     if options.model is not None and options.model not in MODELS:
         parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
     if options.jobs is not None and options.scheduler is not None:
         parser.error("--jobs and --scheduler: one of them")
-    if options.report is not None and (options.jobs is not None or options.scheduler is not None):
-        parser.error("--report is of the shots of one call: leave --jobs and --scheduler out")
+    if (options.report is not None or options.hdf5) and (options.jobs is not None or options.scheduler is not None):
+        parser.error("--report and --hdf5 are of the shots of one call: leave --jobs and --scheduler out")
     if options.acquire is not None:
         if options.source is None:
             parser.error("--acquire needs --source")

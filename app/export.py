@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.budget import COLUMNS as BUDGET_COLUMNS
 from analysis.budget import budget, to_rows
@@ -16,6 +17,7 @@ from analysis.series import to_rows as series_rows
 from analysis.shot import Shot
 from instrument.recording_writer import write_text_beside
 
+Floats = NDArray[np.float64]
 MOTION_COLUMNS = (
     "time_s",
     "displacement_m",
@@ -80,14 +82,20 @@ def motion_file_names(shot_names: Sequence[str]) -> list[str]:
     return names
 
 
-def write_motion(shot: Shot, path: Path) -> None:
-    """Write one row a sample of the motion record; a value that was not measured is an empty field."""
+def motion_columns(shot: Shot) -> dict[str, Floats]:
+    """Return the columns of a shot's motion, and of the model where the fit converged; each of shape (n,)."""
     assert shot.motion is not None
     columns = {name: np.asarray(getattr(shot.motion, name)) for name in MOTION_COLUMNS}
     if shot.fit is not None and shot.fit.converged and len(shot.fit.shots) == 1:
         overlay = shot.fit.shots[0].overlay
         modelled = (overlay.displacement_m, overlay.velocity_m_per_s, overlay.force_n, overlay.gap_m)
         columns |= dict(zip(MODEL_COLUMNS, modelled, strict=True))
+    return columns
+
+
+def write_motion(shot: Shot, path: Path) -> None:
+    """Write one row a sample of the motion record; a value that was not measured is an empty field."""
+    columns = motion_columns(shot)
     table = np.stack(list(columns.values()), axis=1)
     lines = [",".join(columns)]
     lines += [",".join("" if value != value else repr(value) for value in row) for row in table.tolist()]

@@ -9,8 +9,8 @@ from analysis.pipeline import analyse, analyse_motion
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
 from instrument.motion_file import read_motion
+from instrument.open_recording import open_recording
 from instrument.recording_error import RecordingError
-from instrument.recording_file import read_recording
 from instrument.recording_search import is_motion_record
 
 Cancel = Callable[[], bool]
@@ -51,7 +51,7 @@ def load_and_analyse(
                 progress=progress,
                 cancelled=cancelled,
             )
-        recording = read_recording(path)
+        recording = open_recording(path)
         loaded = time.perf_counter() - started
         chosen = replace(chosen, model=model or chosen.model)
         return analyse(recording, chosen, load_seconds=loaded, progress=progress, cancelled=cancelled)

@@ -11,6 +11,7 @@ from analysis.quantity import Quantity, Reading
 from analysis.report import result
 from analysis.shot import AnalysisError, Shot
 from app.export import export
+from app.export_hdf5 import export_hdf5
 from app.load import complaint, load_and_analyse
 from app.report_page import report_of
 from instrument.recording_error import RecordingError
@@ -26,6 +27,7 @@ def replay(
     diagnose: bool,
     model: str | None,
     report_to: Path | None = None,
+    hdf5: bool = False,
 ) -> int:
     """Analyse recordings and motion records; return the exit status."""
     shots: list[Shot] = []
@@ -35,7 +37,7 @@ def replay(
             print(complaint(shot.path or shot.name, shot.problem), file=sys.stderr)
         shots.append(shot)
     diagnosis = _diagnosis(shots) if diagnose else None
-    ok = _write(shots, diagnosis, json_to, export_to, report_to)
+    ok = _write(shots, diagnosis, json_to, export_to, report_to, hdf5)
     return 0 if ok and shots and not any(shot.problem for shot in shots) else 1
 
 
@@ -64,12 +66,15 @@ def _write(
     json_to: str | None,
     export_to: Path | None,
     report_to: Path | None,
+    hdf5: bool,
 ) -> bool:
     ok = True
     text = json.dumps(result(shots, diagnosis), indent=1, allow_nan=False) + "\n" if json_to else ""
     try:
         if export_to is not None:
             export(shots, export_to)
+            if hdf5:
+                export_hdf5(shots, export_to)
         if report_to is not None:
             write_text_beside(report_to, report_of(shots, diagnosis), sync=True)
         if json_to == "-":

@@ -20,8 +20,10 @@ from app.load import load_and_analyse
 from app.report_page import report_of
 from app.session import Entry, Session
 from app.verdict import verdict_words
+from instrument.open_recording import open_recording
 from instrument.recording_error import RecordingError
-from instrument.recording_file import find_recordings, read_recording, rewrite_note
+from instrument.recording_file import find_recordings, rewrite_note
+from instrument.recording_search import is_motion_record
 from instrument.recording_writer import write_text_beside
 
 
@@ -274,9 +276,9 @@ def refit(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Fit | None:
 
 def raw_of(entry: Entry) -> Recording | None:
     """Return an entry's raw recording, memory-mapped, or None where there is none to be read."""
-    if entry.path is None or Path(entry.path).suffix != ".sigmf-meta":
+    if entry.path is None or is_motion_record(entry.path):
         return None
     try:
-        return read_recording(entry.path)
+        return open_recording(entry.path)
     except (RecordingError, OSError):
         return None

@@ -46,6 +46,9 @@ def read_motion(path: Path | str) -> MotionRecord:
     if table.suffix.lower() == ".toml":
         table = table.with_suffix(".csv")
     about = table.with_suffix(".toml")
+    if table.exists() and not about.exists():
+        cause = f"neither {about.name} (of a motion record) nor a mapping (of raw beats) says what it is"
+        raise RecordingError(table, f"{cause}; 'levimass --map {table.name}' shows how to give one")
     try:
         head = Checked(about, tomllib.loads(read_text(about)))
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:

@@ -109,6 +109,11 @@ def _setup(head: Checked) -> Setup:
     item = head.object("lmm:setup")
     if item is None:
         raise head.refuse("lmm:setup", "missing")
+    return setup_of(item)
+
+
+def setup_of(item: Checked) -> Setup:
+    """Return the rig that an object of ``lmm:setup``'s keys states; RecordingError names the key that is wrong."""
     extra: dict[str, Any] = {}
     air = None
     if (inside := item.object("air")) is not None:
@@ -199,7 +204,7 @@ def metadata_json(metadata: Metadata) -> dict[str, Any]:
             {**other, "role": str(c.role), "volts_per_count": c.volts_per_count, "offset_v": c.offset_v}
             for c, other in zip(metadata.channels, foreign_channels, strict=False)
         ],
-        "lmm:setup": _setup_json(metadata.setup),
+        "lmm:setup": setup_json(metadata.setup),
     }
     for key, value in (
         ("core:sha512", metadata.sha512),
@@ -227,7 +232,8 @@ def metadata_json(metadata: Metadata) -> dict[str, Any]:
     return {**extra.get("top", {}), "global": head, "captures": segments, "annotations": annotations}
 
 
-def _setup_json(setup: Setup) -> dict[str, Any]:
+def setup_json(setup: Setup) -> dict[str, Any]:
+    """Return the object that ``setup_of`` reads."""
     written: dict[str, Any] = {k: v for k, v in setup.extra.items() if k not in ("air", "plate")}
     for name in Setup.__dataclass_fields__:
         value = getattr(setup, name)

@@ -4,6 +4,8 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from instrument.foreign.remembered import ENDING, OF_FOLDER, is_foreign
+
 
 def recording_stem(path: Path | str) -> Path:
     """Return the common stem of a recording's two files; ``path`` may name either of them or the stem."""
@@ -17,6 +19,7 @@ def recording_stem(path: Path | str) -> Path:
 def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
     """Return one path a shot: a ``.sigmf-meta`` for a recording, a ``.csv`` for a motion record.
 
+    A foreign file counts as a shot where its mapping is remembered (``instrument.foreign.remembered``).
     Paths keep their order; within a folder names are in counting order (shot-2 before shot-10).  A folder that holds
     no shot itself is searched downwards (links are not followed).  A path that names nothing is returned as it is:
     reading it says why.  No shot appears twice.
@@ -30,10 +33,12 @@ def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
 
 def is_motion_record(path: Path | str) -> bool:
     """Return whether ``path`` names a motion record rather than a raw recording."""
-    return Path(path).suffix.lower() in (".csv", ".toml")
+    return Path(path).suffix.lower() in (".csv", ".toml") and not is_foreign(path)
 
 
 def _of_file(path: Path) -> Path:
+    if path.name.endswith(ENDING):
+        return path.with_name(path.name.removesuffix(ENDING))
     if path.suffix.lower() == ".toml":
         return path.with_suffix(".csv")
     stem = recording_stem(path)
@@ -68,9 +73,13 @@ def _shots_among(entries: list[Path]) -> list[Path]:
         if entry.suffix in (".sigmf-meta", ".sigmf-data"):
             stem = recording_stem(entry)
             shots[stem.with_name(stem.name + ".sigmf-meta")] = None
-        elif entry.suffix.lower() == ".csv" and entry.stem + ".toml" in names:
+        elif _is_motion_table(entry, names) or (names & {entry.name + ENDING, OF_FOLDER} and is_foreign(entry)):
             shots[entry] = None
     return sorted(shots, key=_counting_order)
+
+
+def _is_motion_table(entry: Path, names: set[str]) -> bool:
+    return entry.suffix.lower() == ".csv" and entry.stem + ".toml" in names
 
 
 def _counting_order(path: Path) -> tuple[list[tuple[int, int, str]], str]:

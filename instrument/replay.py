@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from analysis.recording import Recording, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.recording_file import RecordingError, find_recordings, read_recording
+from instrument.open_recording import open_recording
+from instrument.recording_file import RecordingError, find_recordings
 from instrument.recording_search import is_motion_record
 
 
@@ -148,7 +149,7 @@ class ReplayDigitizer(Digitizer):
             shot = self._shots[self._index]
             if not isinstance(shot, Recording):
                 try:
-                    shot = read_recording(shot)
+                    shot = open_recording(shot)
                 except RecordingError as error:
                     raise DigitizerError(str(error), "replay another recording") from error
             self._playing = shot

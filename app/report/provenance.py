@@ -14,6 +14,8 @@ from analysis.report import program_version
 from analysis.shot import Shot
 from app.report.markup import Markup, joined, table, tag
 from instrument.data_hash import data_hash
+from instrument.foreign.mapping import read_mapping
+from instrument.foreign.remembered import is_foreign, remembered_mapping
 from instrument.recording_error import RecordingError, one_line, shown
 from instrument.recording_metadata import read_metadata
 from instrument.recording_search import recording_stem
@@ -99,6 +101,8 @@ def _hash(path: str) -> list[list[str]]:
 
 def _channels(shot: Shot) -> list[list[str]]:
     """Return the channels as the recording's metadata state them; the analysed shot does not carry them."""
+    if shot.path and is_foreign(shot.path):
+        return _mapped(Path(shot.path))
     stem = recording_stem(shot.path) if shot.path else None
     meta = stem.with_name(stem.name + ".sigmf-meta") if stem is not None else None
     if meta is None or not meta.exists():
@@ -111,6 +115,21 @@ def _channels(shot: Shot) -> list[list[str]]:
         [f"channel {number}, {c.role}", f"{c.volts_per_count:.10g} V a count, offset {c.offset_v:g} V"]
         for number, c in enumerate(channels, 1)
     ]
+
+
+def _mapped(path: Path) -> list[list[str]]:
+    kept = remembered_mapping(path)
+    try:
+        mapping = read_mapping(kept) if kept is not None else None
+    except RecordingError as error:
+        return [["channels", f"not known any more: {error}"]]
+    if kept is None or mapping is None:
+        return []
+    rows = [["read by", f"{kept.name} ({mapping.format})"]]
+    for channel in mapping.channels:
+        volts = "" if channel.volts_per_unit is None else f", {channel.volts_per_unit:.10g} V a unit"
+        rows.append([str(channel.role), f"channel {channel.name}{volts}"])
+    return rows
 
 
 def _rig(setup: Setup | None, shot: Shot) -> list[list[str]]:

@@ -1,0 +1,342 @@
+"""Raw beats of other programs: what is in a file, read by a mapping, refused in one line where that fails."""
+
+import struct
+import wave
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from analysis.recording import Air, Plate, Recording, Role, Setup
+from instrument.foreign import contents, csv_table
+from instrument.foreign.counts import NotFinite, to_counts
+from instrument.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
+from instrument.foreign.reading import foreign_channels, read_foreign
+from instrument.foreign.remembered import OF_FOLDER, is_foreign, own_mapping, remembered_mapping
+from instrument.open_recording import open_recording
+from instrument.recording_error import RecordingError
+from instrument.recording_search import find_recordings, is_motion_record
+
+RATE = 2e6
+SETUP = Setup(0.01785, 1e-6, rest_frequency_hz=2.5e5)
+HEAD = 'format = "wav"\n[channels.measurement]\nname = "a"\n'
+Volts = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def volts() -> Volts:
+    """Return reference, measurement and switch in V, 12 bits of 1 V, the switch stepping at sample 6000."""
+    rng = np.random.default_rng(5)
+    t = np.arange(20_000)
+    lines = {
+        "PD0": 0.7 * np.sin(0.8 * t) + 0.1,
+        "PD1": 0.6 * np.sin(0.9 * t) + rng.normal(0, 2e-3, t.size),
+        "gate": np.where(t < 6_000, 0.05, 0.9) + rng.normal(0, 2e-3, t.size),
+    }
+    return {name: np.round(line * 2048) / 2048 for name, line in lines.items()}
+
+
+def write_tdms(path: Path, volts: Volts, counts: bool = False) -> dict[str, str]:
+    nptdms = pytest.importorskip("nptdms")
+    about = {"wf_increment": 1 / RATE, "wf_start_offset": 0.0, "wf_start_time": np.datetime64("2026-03-01T10:00:00")}
+    scale = {
+        "NI_Scaling_Status": "unscaled", "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear",
+        "NI_Scale[0]_Linear_Slope": 1 / 2048, "NI_Scale[0]_Linear_Y_Intercept": 0.0,
+        "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+    }  # fmt: skip
+    lines = []
+    for name, values in volts.items():
+        stored = np.rint(values * 2048).astype(np.int16) if counts else values
+        properties = {**about, "unit_string": "V", **(scale if counts else {})}
+        lines.append(nptdms.ChannelObject("scope", name, stored, properties))
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment(lines)
+    return {name: f"scope/{name}" for name in volts}
+
+
+def write_hdf5(path: Path, volts: Volts) -> dict[str, str]:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        file.attrs["fs"] = RATE
+        file["scope/PD0"] = volts["PD0"]
+        file["scope/PD0"].attrs["unit"] = "V"
+        table = np.stack([volts["PD1"], volts["gate"]], axis=1).astype(np.float32)
+        file.create_dataset("scope/both", data=table, compression="gzip")
+        file["remark"] = "not numbers"
+    return {"PD0": "scope/PD0", "PD1": "scope/both[0]", "gate": "scope/both[1]"}
+
+
+def write_wav(path: Path, volts: Volts) -> dict[str, str]:
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(3)
+        file.setsampwidth(2)
+        file.setframerate(int(RATE))
+        table = np.stack(list(volts.values()), axis=1)
+        file.writeframes(np.rint(table * 32768).astype("<i2").tobytes())
+    return {name: f"channel {n}" for n, name in enumerate(volts, 1)}
+
+
+def write_csv(path: Path, volts: Volts) -> dict[str, str]:
+    time = np.arange(volts["PD0"].size) / RATE
+    rows = ["Model;Scope 5", "Record Length;20000", "", "Time;PD0;PD1;gate", "(us);(V);(V);(V)"]
+    table = np.stack([1e6 * time, *volts.values()], axis=1)
+    rows += [";".join(f"{v:.7g}".replace(".", ",") for v in row) for row in table]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return {name: name for name in volts}
+
+
+WRITERS: dict[str, Callable[[Path, Volts], dict[str, str]]] = {
+    "a.tdms": write_tdms,
+    "b.tdms": lambda path, volts: write_tdms(path, volts, counts=True),
+    "a.h5": write_hdf5,
+    "a.wav": write_wav,
+    "a.csv": write_csv,
+}
+
+
+def mapping_for(path: Path, names: dict[str, str]) -> ForeignMapping:
+    channels = (
+        MappedChannel(Role.MEASUREMENT, names["PD1"]),
+        MappedChannel(Role.REFERENCE, names["PD0"]),
+        MappedChannel(Role.SWITCH, names["gate"]),
+    )
+    return ForeignMapping(foreign_channels(path).format, channels, SETUP)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_gives_the_volts_that_went_in(name: str, volts: Volts, tmp_path: Path) -> None:
+    path = tmp_path / name
+    names = WRITERS[name](path, volts)
+    held = foreign_channels(path)
+    assert set(names.values()) <= {channel.name for channel in held.channels}
+    assert all(c.samples == 20_000 and c.sample_rate_hz == pytest.approx(RATE) for c in held.channels)
+    shot = read_foreign(path, mapping_for(path, names))
+    assert shot.counts.dtype == np.int16 and not shot.counts.flags.writeable
+    assert shot.sample_rate_hz == pytest.approx(RATE) and shot.setup == SETUP
+    assert shot.name == path.stem
+    for role, key in ((Role.REFERENCE, "PD0"), (Role.MEASUREMENT, "PD1"), (Role.SWITCH, "gate")):
+        column = shot.column(role)
+        assert column is not None
+        channel = shot.channels[column]
+        got = shot.counts[:, column] * channel.volts_per_count + channel.offset_v
+        assert np.max(np.abs(got - volts[key])) < 3e-5, key  # 16 bits of 1 V
+    assert shot.trigger_sample is not None and abs(shot.trigger_sample - 6_000) <= 1
+    if name == "b.tdms":
+        assert np.array_equal(shot.counts[:, 0], np.rint(volts["PD1"] * 2048))
+    if name.endswith("tdms"):
+        assert shot.started_at == "2026-03-01T10:00:00.000000Z"
+
+
+def test_a_mapping_reads_as_it_was_written(tmp_path: Path) -> None:
+    rig = Setup(
+        0.01785, 1e-6, wavelength_vacuum_m=632.991354e-9, air=Air(20.0, 101325.0, 50.0), rest_frequency_hz=None,
+        plate=Plate(0.015, 0.002, 0.0003, 0.01, 8510.0, 131e9), digitizer_bits=12,
+        extra={"rig \"north\"\n": ["a", 1, 2.5, True, {"deep": "x"}], "air": {"co2": 450}},
+    )  # fmt: skip
+    channels = (MappedChannel(Role.REFERENCE, 'a "b"\\\n\x07é', 0.5, -1.0), MappedChannel(Role.MEASUREMENT, "PD1"))
+    mapping = ForeignMapping("tdms", channels, rig, 30e6, 17)
+    write_mapping(mapping, tmp_path / "m.toml")
+    assert read_mapping(tmp_path / "m.toml") == mapping
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "format"), ("= nonsense", "not TOML"), ('format = "wav"', "channels"), ("[[[", "not TOML"),
+        ('format = "wav"\n[channels.reference]\nname = "a"\n', "measurement"),
+        ('format = "wav"\n[channels.measurement]\nname = 3\n', "name"),
+        ('format = "wav"\n[channels.measurement]\nname = "a"\n', "setup"),
+        (f"{HEAD}volts_per_unit = 0.0\n[setup]\nmoving_mass_kg = 1.0", "zero"),
+        (f"{HEAD}[setup]\nmoving_mass_kg = nan", "moving_mass_kg"),
+        ('format = "wav"\n[channels.light]\nname = "a"\n[channels.measurement]\nname = "a"\n', "light"),
+        (f"sample_rate_hz = -1\n{HEAD}[setup]\nmoving_mass_kg = 1", "sample_rate"),
+        ("a = " + "[" * 100_000, "not TOML"),
+    ],
+)  # fmt: skip
+def test_a_wrong_mapping_is_one_line_with_its_key(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(text)
+    with pytest.raises(RecordingError, match=said) as refusal:
+        read_mapping(path)
+    assert "\n" not in str(refusal.value) and str(path) in str(refusal.value)
+
+
+def test_a_remembered_mapping_makes_a_file_a_shot(volts: Volts, tmp_path: Path) -> None:
+    first, second = tmp_path / "shot-2.wav", tmp_path / "shot-10.wav"
+    names = write_wav(first, volts)
+    write_wav(second, volts)
+    (tmp_path / "notes.csv").write_text("a,b\n1,2\n3,4\n")
+    assert find_recordings([tmp_path]) == [tmp_path]
+    with pytest.raises(RecordingError, match=r"levimass --map notes\.csv"):
+        open_recording(tmp_path)
+    with pytest.raises(RecordingError, match=r"levimass --map shot-2\.wav"):
+        open_recording(first)
+    mapping = mapping_for(first, names)
+    write_mapping(mapping, own_mapping(first))
+    assert find_recordings([tmp_path]) == [first]
+    assert find_recordings([own_mapping(first)]) == [first]
+    write_mapping(replace(mapping, sample_rate_hz=1e6), tmp_path / OF_FOLDER)
+    assert find_recordings([tmp_path]) == [first, second]  # not the table: the folder's mapping is for WAV
+    assert open_recording(first).sample_rate_hz == RATE and open_recording(second).sample_rate_hz == 1e6
+    assert remembered_mapping(second) == tmp_path / OF_FOLDER and not is_foreign(tmp_path / "notes.csv")
+
+
+def test_a_motion_record_stays_one(tmp_path: Path) -> None:
+    table = tmp_path / "m.csv"
+    table.write_text("time_s,displacement_m\n0,0\n1,1\n")
+    assert is_motion_record(table)
+    (tmp_path / "m.toml").write_text('model = "plate"\n')
+    own_mapping(table).write_text('format = "csv"\n')
+    assert is_motion_record(table) and not is_foreign(table)
+    (tmp_path / "m.toml").unlink()
+    assert not is_motion_record(table) and is_foreign(table)
+
+
+def test_counts_hold_the_volts_to_half_a_step_and_see_clipping() -> None:
+    rng = np.random.default_rng(2)
+    volts = 0.3 * np.sin(0.7 * np.arange(50_000)) + 5.0 + rng.normal(0, 1e-3, 50_000)
+    counts, unit, offset = to_counts(volts)
+    assert np.max(np.abs(counts * unit + offset - volts)) <= 0.5001 * unit
+    assert np.abs(counts).max() < 32767
+    coarse = np.round(60 * np.sin(0.7 * np.arange(50_000))) / 60  # eight bits in volts: piles up, yet is not clipped
+    assert np.abs(to_counts(coarse)[0]).max() < 32767
+    cut = np.clip(volts, 4.8, 5.2)
+    assert np.mean(np.abs(to_counts(cut)[0]) == 32767) > 0.1
+    for dtype, middle in ((np.uint8, 128), (np.uint16, 32768), (np.int8, 0), (np.int16, 0)):
+        values = np.array([np.iinfo(dtype).min, np.iinfo(dtype).max], dtype)
+        counts, unit, offset = to_counts(values)
+        assert (unit, offset) == (1.0, middle) and np.array_equal(counts.astype(int) + middle, values.astype(int))
+    with pytest.raises(NotFinite):
+        to_counts(np.array([0.0, np.nan]))
+    assert np.all(to_counts(np.full(9, 3.5))[0] == 0)
+    assert np.isfinite(to_counts(np.array([-1.7e308, 1.7e308]))[1])
+
+
+def test_tables_of_many_kinds(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    for text, names, rate in (
+        ("1\n2\n3\n", ["column 1"], None),
+        ("1,2,\n3,4,\n5,6,\n", ["column 1", "column 2"], None),
+        ('"TIME","CH1","CH1"\n0.0,1,2\n0.5,3,4\n1.0,5,6\n', ["CH1", "CH1 (2)"], 2.0),
+        ("t [ms]\tvolts (V)\n0\t1\n1\t2\n2\t1\n", ["volts"], 1000.0),
+        ("\ufeffx;y\r\n1,5;2,5\r\n2,5;3,5\r\n", ["x", "y"], None),
+    ):
+        path.write_text(text, encoding="utf-8")
+        held = foreign_channels(path)
+        assert [c.name for c in held.channels] == names, text
+        assert held.channels[0].sample_rate_hz == (None if rate is None else pytest.approx(rate))
+        assert csv_table.columns(path, names)[0].values.size == 3 - ("x;y" in text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time,a\n0,1\n1,2\n5,3\n6,1\n", "time steps"), ("time,a\n0,1\n0,2\n0,1\n", "does not rise"),
+        ("time,a\n0,1\n1,x\n", "counted from line 2"),
+        ("time,a\n0,1\n1,2\n2\n", "counted from line 2"), ("a,b\n", "no row of numbers"),
+        ("", "no row"), ("a,b\n1,2\n", "at least 2"),
+        ("time,a\n0,1\n1,nan\n2,3\n", "not a finite number"), ("\x00\x01", "not a text table"),
+    ],
+)  # fmt: skip
+def test_a_wrong_table_is_one_line(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    mapping = ForeignMapping("csv", (MappedChannel(Role.MEASUREMENT, "a"),), SETUP)
+    if text.startswith("a,b\n1"):
+        mapping = replace(mapping, sample_rate_hz=1e6)
+    with pytest.raises(RecordingError, match=said) as refusal:
+        read_foreign(path, mapping)
+    assert "\n" not in str(refusal.value) and "t.csv" in str(refusal.value)
+
+
+def test_what_a_mapping_cannot_do_is_one_line(volts: Volts, tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    mapping = mapping_for(path, write_wav(path, volts)) if write_wav(path, volts) else None
+    assert mapping is not None
+    for wrong, said in (
+        (replace(mapping, format="tdms"), "its mapping is for tdms"),
+        (replace(mapping, channels=(MappedChannel(Role.MEASUREMENT, "PD7"),)), "no channel 'PD7'.*channel 1"),
+    ):
+        with pytest.raises(RecordingError, match=said):
+            read_foreign(path, wrong)
+    assert read_foreign(path, replace(mapping, trigger_sample=10**9)).flags == ("trigger_lost",)
+    with pytest.raises(RecordingError, match="no format"):
+        foreign_channels(tmp_path / "a.xlsx")
+    with pytest.raises(RecordingError, match="no such file"):
+        foreign_channels(tmp_path / "b.wav")
+
+
+def test_claims_without_bound_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "huge.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("x", shape=(10**12,), dtype="f8", chunks=(1000,))
+    with pytest.raises(RecordingError, match="more than"):
+        foreign_channels(path)
+    with h5py.File(path, "w") as file:
+        file.create_dataset("x", shape=(6 * 10**7,), dtype="f8", chunks=(6 * 10**7,), compression="gzip")
+        (tmp_path / "outside").write_bytes(bytes(16))
+        file.create_dataset("y", shape=(2,), dtype="f8", external=[("outside", 0, 16)])
+        file["z"] = h5py.ExternalLink("elsewhere.h5", "/x")
+    assert [c.name for c in foreign_channels(path).channels] == ["x", "y"]
+    for name, said in (("x", "pieces too large"), ("y", "in other files")):
+        mapping = ForeignMapping("hdf5", (MappedChannel(Role.MEASUREMENT, name),), SETUP, 1e6)
+        with pytest.raises(RecordingError, match=said):
+            read_foreign(path, mapping)
+    wav = tmp_path / "cut.wav"
+    head = struct.pack("<4sI4s", b"RIFF", 2**32 - 1, b"WAVE")
+    head += struct.pack("<4sIHHIIHH", b"fmt ", 16, 1, 1, 1000, 2000, 2, 16) + struct.pack("<4sI", b"data", 2**32 - 2)
+    wav.write_bytes(head + bytes(64))
+    try:
+        assert foreign_channels(wav).channels[0].samples <= 32
+    except RecordingError as error:
+        assert "\n" not in str(error)
+    monkeypatch.setattr(contents, "MOST_SAMPLES", 10)
+    table = tmp_path / "long.csv"
+    table.write_text("a\n" + "1\n" * 11)
+    with pytest.raises(RecordingError, match="more than 10"):
+        foreign_channels(table)
+
+
+class Spoilable(list[tuple[str, bytes, ForeignMapping]]):
+    """Whole files with their mappings, told briefly where a test fails."""
+
+    def __repr__(self) -> str:
+        return f"{len(self)} files"
+
+
+@pytest.fixture(scope="module")
+def good(volts: Volts, tmp_path_factory: pytest.TempPathFactory) -> Spoilable:
+    folder = tmp_path_factory.mktemp("good")
+    made = []
+    for name, write in WRITERS.items():
+        short = {key: values[:400] for key, values in volts.items()}
+        names = write(folder / name, short)
+        made.append((name, (folder / name).read_bytes(), mapping_for(folder / name, names)))
+    return Spoilable(made)
+
+
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_a_spoiled_file_is_read_or_refused_in_one_line(
+    good: Spoilable, tmp_path: Path, data: st.DataObject
+) -> None:
+    name, raw, mapping = data.draw(st.sampled_from(good))
+    spoiled = bytearray(raw)
+    for _ in range(data.draw(st.integers(1, 6))):
+        at = data.draw(st.integers(0, min(len(spoiled), 3000) - 1))
+        spoiled[at] = data.draw(st.integers(0, 255))
+    if data.draw(st.booleans()):
+        del spoiled[data.draw(st.integers(0, len(spoiled))) :]
+    path = tmp_path / name
+    path.write_bytes(bytes(spoiled))
+    try:
+        shot = read_foreign(path, mapping)
+    except RecordingError as error:
+        assert "\n" not in str(error) and name in str(error)
+    else:
+        assert isinstance(shot, Recording) and shot.counts.dtype == np.int16

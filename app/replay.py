@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.diagnosis.driven import diagnose_driven
+from analysis.diagnosis.diagnose import diagnose as diagnose_motions
 from analysis.diagnosis.result import Diagnosis
 from analysis.quantity import Quantity, Reading
 from analysis.report import result
@@ -52,9 +52,7 @@ def _diagnosis(shots: Sequence[Shot]) -> Diagnosis | None:
         print(f"levimass: no joint diagnosis: the shots are of different models ({names})", file=sys.stderr)
         return None
     try:
-        if models == {"driven"}:
-            return diagnose_driven([shot.motion for shot in fitted if shot.motion is not None])
-        return None
+        return diagnose_motions([shot.motion for shot in fitted if shot.motion is not None], model=models.pop())
     except AnalysisError as error:
         print(f"levimass: no diagnosis: {error}", file=sys.stderr)
         return None
@@ -119,7 +117,7 @@ def summary(shot: Shot) -> str:
             lines.append(f"  {label:<27}{shown} {unit}".rstrip())
     if shot.fit is not None and shot.fit.converged:
         lines.append(f"  fit of model {shot.fit.model}, reduced chi2 {shot.fit.reduced_chi2:.3g}")
-        lines += [f"    {name:<28}{quantity}" for name, quantity in shot.fit.parameters.items()]
+        lines += [f"    {name:<32}{quantity}" for name, quantity in shot.fit.parameters.items()]
     if shot.flags:
         lines.append(f"  flags: {', '.join(shot.flags)}")
     return "\n".join(lines)

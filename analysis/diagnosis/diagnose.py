@@ -9,6 +9,7 @@ from analysis.diagnosis import words
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
 from analysis.diagnosis.compare import Fitted, finish, search
 from analysis.diagnosis.compare import fit as fit_hypothesis
+from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.errors import errors
 from analysis.diagnosis.explore import LEAST_FALL, Trail, explore, without
 from analysis.diagnosis.floor import Floor
@@ -51,6 +52,8 @@ def diagnose(
     tell = progress or (lambda _what, _fraction: None)
     if not motions:
         raise ValueError("no shot to diagnose")
+    if model == "driven":
+        return diagnose_driven(motions)
     catalogue = kinds()
     tell("fitting the base model", 0.0)
     shots = tuple(take(motion) for motion in motions)

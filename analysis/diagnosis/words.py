@@ -90,7 +90,5 @@ def separating(name: str, others: Sequence[str], speeds: Sequence[float]) -> str
     if group & {"sensor_drift", "frame_vibration"}:
         return "a record at rest, which shows what moves without the block"
     if fast < 1.6 * slow:
-        return (
-            f"two more, at {0.5 * slow:.2g} m/s and at {1.6 * fast:.2g} m/s: each goes with the speed its own way"
-        )
+        return f"two more, at {0.5 * slow:.2g} m/s and at {1.6 * fast:.2g} m/s: each goes with the speed its own way"
     return f"two more shots at {1.5 * fast:.2g} m/s, and more than one at {slow:.2g} m/s"

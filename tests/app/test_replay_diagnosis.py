@@ -1,0 +1,47 @@
+"""The joint diagnosis as a script sees it: the sets of the independent rig, whose truth is not told here either."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.cli import main
+
+
+def _diagnosis(capsys: pytest.CaptureFixture[str], *paths: Path) -> dict[str, Any]:
+    assert main(["--replay", *map(str, paths), "--json", "-"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["schema"] == "levimass.result/1"
+    diagnosis: dict[str, Any] = result["diagnosis"]
+    for key in ("error_before", "error_after", "error_held_out_before", "error_held_out_after"):
+        assert set(diagnosis[key]) == {"displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2"}
+    return diagnosis
+
+
+def test_the_plain_set_lacks_nothing(recordings: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    diagnosis = _diagnosis(capsys, recordings / "plain")
+    assert diagnosis["verdict"] == "adequate"
+    assert diagnosis["effects"] == []
+    assert diagnosis["error_after"] == diagnosis["error_before"]
+
+
+@pytest.mark.parametrize("number", [1, 2, 4])
+def test_what_is_found_is_cured_on_the_shot_left_out(
+    number: int, recordings: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No name is asserted: what was found must explain the shots that took no part, down to the noise."""
+    diagnosis = _diagnosis(capsys, recordings / f"undeclared-{number}")
+    assert diagnosis["verdict"] == "effect_found"
+    before, after = diagnosis["error_held_out_before"], diagnosis["error_held_out_after"]
+    assert after["displacement_rms_m"] < 0.25 * before["displacement_rms_m"]
+    assert after["displacement_rms_m"] < 1e-9
+    for effect in diagnosis["effects"]:
+        for quantity in effect["parameters"].values():
+            assert abs(quantity["value"]) > 5.0 * quantity["std"]
+
+
+def test_what_no_effect_explains_is_said(recordings: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    diagnosis = _diagnosis(capsys, recordings / "undeclared-3")
+    assert diagnosis["verdict"] == "unexplained"
+    assert diagnosis["remainder"]

@@ -31,6 +31,7 @@ class Colours:
     text: str
     faint: str  # secondary text
     edge: str
+    grid: str
     accent: str
     accent_text: str
     measured: str
@@ -54,6 +55,7 @@ LIGHT = Colours(
     text="#14181d",
     faint="#56606c",
     edge="#c6ccd4",
+    grid="#e9ecf0",
     accent="#1b5fa8",
     accent_text="#ffffff",
     measured="#1a2733",
@@ -91,6 +93,7 @@ DARK = Colours(
     text="#e8edf2",
     faint="#a3afbc",
     edge="#3a444f",
+    grid="#222a32",
     accent="#5aa9ff",
     accent_text="#06121f",
     measured="#dfe7ee",

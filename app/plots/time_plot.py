@@ -7,6 +7,7 @@ from PySide6.QtCore import QPointF, Qt, Signal, Slot
 from PySide6.QtGui import QPen
 
 from app.plots.curve import Band, PointCurve, SampledCurve
+from app.plots.plain_axis import PlainAxis
 from app.theme import Colours
 
 AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
@@ -51,7 +52,8 @@ class TimePlot(pg.PlotItem):
 
     def __init__(self, title: str, unit: str) -> None:
         self.view = QuietView()
-        super().__init__(viewBox=self.view, enableMenu=False)
+        axes = {side: PlainAxis(side) for side in ("left", "bottom")}
+        super().__init__(viewBox=self.view, axisItems=axes, enableMenu=False)
         self.title = title
         self.unit = unit
         self.sampled: list[SampledCurve] = []
@@ -72,10 +74,7 @@ class TimePlot(pg.PlotItem):
     def dress(self, colours: Colours) -> None:
         """Set the colours of axes, grid and bands."""
         for side in ("left", "bottom"):
-            axis = self.getAxis(side)
-            axis.setPen(pg.mkPen(colours.edge))
-            axis.setTextPen(pg.mkPen(colours.text))
-        self.showGrid(x=True, y=True, alpha=0.18)
+            self.getAxis(side).dress(colours.edge, colours.text, colours.grid)
         for band in self.bands:
             band.dress(colours.band, colours.band_edge)
         for mark in self.marks:

@@ -11,6 +11,7 @@ import hashlib
 import os
 import shutil
 import sys
+import tempfile
 from pathlib import Path
 
 import platformdirs
@@ -26,13 +27,24 @@ def keep_true() -> None:
     """
     if os.environ.get("NUMBA_CACHE_DIR"):
         return
+    name = _fingerprint()
     parent = Path(platformdirs.user_cache_dir("levimass", appauthor=False)) / "kernels"
-    folder = parent / _fingerprint()
+    if not _writable(parent):  # a home that is read-only or missing: the kernels are compiled once a boot, not kept
+        parent = Path(tempfile.gettempdir()) / f"levimass-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+    folder = parent / name
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = str(folder)
     if not folder.exists():
         _clear_old(parent)
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
 
 
 def _fingerprint() -> str:

@@ -76,5 +76,5 @@ class Coordinates:
             slope[at + 2, at + 1] = z[at]
         for at in self.inverse_at:
             out[at] = 1 / max(z[at], 1e-12)
-            slope[at, at] = -out[at] ** 2
+            slope[at, at] = -(out[at] ** 2)
         return out, slope

@@ -228,8 +228,26 @@ def _march(  # type: ignore[no-untyped-def]
             h = remaining
         signed = direction * h
         _reach(
-            signed, z, k, z_end, f_end, trial, a, b, rows, which, p, slots, flags,
-            f0, f1, f2, s, values, effect, told_end,
+            signed,
+            z,
+            k,
+            z_end,
+            f_end,
+            trial,
+            a,
+            b,
+            rows,
+            which,
+            p,
+            slots,
+            flags,
+            f0,
+            f1,
+            f2,
+            s,
+            values,
+            effect,
+            told_end,
         )
         item = _crossed(z, z_end, k[0], told, told_end, signed, expected, p, slots)
         if item >= 0:
@@ -250,14 +268,50 @@ def _march(  # type: ignore[no-untyped-def]
                 lo, at_lo = hi, at_hi
                 hi = new
                 _reach(
-                    hi, z, k, z_end, f_end, trial, a, b, single, which, p, slots, flags,
-                    f0, f1, f2, s, values, effect, told_end,
+                    hi,
+                    z,
+                    k,
+                    z_end,
+                    f_end,
+                    trial,
+                    a,
+                    b,
+                    single,
+                    which,
+                    p,
+                    slots,
+                    flags,
+                    f0,
+                    f1,
+                    f2,
+                    s,
+                    values,
+                    effect,
+                    told_end,
                 )
                 at_hi = _value(item, z_end, told_end, p, slots)
             signed = hi
             _reach(
-                signed, z, k, z_end, f_end, trial, a, b, rows, which, p, slots, flags,
-                f0, f1, f2, s, values, effect, told_end,
+                signed,
+                z,
+                k,
+                z_end,
+                f_end,
+                trial,
+                a,
+                b,
+                rows,
+                which,
+                p,
+                slots,
+                flags,
+                f0,
+                f1,
+                f2,
+                s,
+                values,
+                effect,
+                told_end,
             )
         if not np.isfinite(z_end[0, 0] + z_end[0, 1] + z_end[0, 3]):
             return -2

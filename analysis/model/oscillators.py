@@ -56,8 +56,10 @@ def path(collision: Collision, time_s: Floats, fastest_hz: float) -> Path:
             first = np.searchsorted(time_s, begin, side="right")
         inside = time_s[first:last]
         knots = np.concatenate([[begin], inside, [end]])
-        pieces = np.maximum(1, np.ceil(np.diff(knots) / finest - 1e-9)).astype(np.int64) if part else np.ones(
-            knots.size - 1, dtype=np.int64
+        pieces = (
+            np.maximum(1, np.ceil(np.diff(knots) / finest - 1e-9)).astype(np.int64)
+            if part
+            else np.ones(knots.size - 1, dtype=np.int64)
         )
         index = np.concatenate([[0], np.cumsum(pieces)])
         grid = np.interp(np.arange(index[-1] + 1), index, knots)
@@ -126,7 +128,7 @@ def _base_step(p, m_b, contact, h, e, w0, w1):  # type: ignore[no-untyped-def]
 def _oscillator_step(omega, damping, h, e, w):  # type: ignore[no-untyped-def]
     """Write the exact step of q'' + 2 zeta omega q' + omega^2 q = d, d straight over the step, for every oscillator."""
     for c in range(omega.size):
-        a10, a11 = -omega[c] ** 2, -2.0 * damping[c] * omega[c]
+        a10, a11 = -(omega[c] ** 2), -2.0 * damping[c] * omega[c]
         t00, t01, t10, t11 = 1.0, 0.0, 0.0, 1.0
         e[c] = 0.0
         w[c] = 0.0

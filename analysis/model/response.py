@@ -93,9 +93,7 @@ class Model:
     @cached_property
     def effect_parameters(self) -> tuple[tuple[str, Effect, int, Parameter], ...]:
         """Get (full name, effect, place, parameter) of every effect parameter."""
-        return tuple(
-            (f"{e.name}.{p.name}", e, place, p) for e in self.effects for place, p in enumerate(e.parameters)
-        )
+        return tuple((f"{e.name}.{p.name}", e, place, p) for e in self.effects for place, p in enumerate(e.parameters))
 
     @cached_property
     def shared_effect_names(self) -> tuple[str, ...]:
@@ -154,9 +152,7 @@ def respond(model: Model, shot: ShotData, shared: Floats, own: Floats, *, deriva
     names = (*model.shared_names, *model.own_names)
     wanted = {name: _direction(model, active, name) for name in names} if derivatives else {}
     times = shot.time_s - own[1]
-    response = (
-        _general(collision, active, times, wanted, names) if active else _exact(collision, times, wanted, names)
-    )
+    response = _general(collision, active, times, wanted, names) if active else _exact(collision, times, wanted, names)
     sensors = [e for e in model.effects if e.sensor is not None]
     x, columns = response.displacement_m, response.derivatives
     if derivatives:

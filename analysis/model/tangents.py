@@ -197,9 +197,7 @@ class Projection:
         self.problem = problem
         residuals, blocks = [], []
         for index, shot in enumerate(problem.shots):
-            response = respond(
-                problem.model, shot, parameters[: problem.shared], parameters[problem.own_slice(index)]
-            )
+            response = respond(problem.model, shot, parameters[: problem.shared], parameters[problem.own_slice(index)])
             both = np.column_stack([response.displacement_m, response.derivatives])
             both = shot.noise.whiten(both, shot.valid)
             residuals.append(problem.whitened[index] - both[:, 0])

@@ -81,9 +81,7 @@ ROWS = (
         Acts.ON_PLATE,
         (
             Parameter("stiffness_n_per_m", "N/m", 0.5, lower=0.0),
-            Parameter(
-                "relaxation_time_s", "s", 2e-3, lower=2e-5, upper=1.0, grid=(2e-4, 6e-4, 2e-3, 6e-3, 2e-2, 6e-2)
-            ),
+            Parameter("relaxation_time_s", "s", 2e-3, lower=2e-5, upper=1.0, grid=(2e-4, 6e-4, 2e-3, 6e-3, 2e-2, 6e-2)),
         ),
         "stiffness_n_per_m",
         viscoelastic_arm,

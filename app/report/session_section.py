@@ -54,7 +54,8 @@ def _overview(shots: Sequence[Shot]) -> Markup:
         said = "; ".join(part for part in (failed, ", ".join(shot.flags), shot.note) if part)
         rows.append([tag("a", shot.name, href=f"#shot-{number}"), shot.started_at or "", *cells, said])
     header = ["shot", "started", "v in (m/s)", "COR quasi-static", "COR kinetic", "peak force (N)", "remarks"]
-    return table(header, rows, "overview")
+    note = "± is here what each shot's own samples leave (type A), by which shots compare; the whole is in each shot."
+    return joined(table(header, rows, "overview"), tag("p", note, class_="faint"))
 
 
 def _overlay(shots: Sequence[Shot]) -> Markup:

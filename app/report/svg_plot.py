@@ -114,7 +114,7 @@ def ticks(low: float, high: float, most: int) -> tuple[list[float], int]:
     if not (math.isfinite(span) and span > 0.0):
         return [low], 3
     power = 10.0 ** math.floor(math.log10(span / most))
-    step = next(power * m for m in (1, 2, 5, 10) if span / (power * m) <= most - 1 or m == 10)
+    step = next(power * m for m in (1, 2, 5, 10) if span / (power * m) < most or m == 10)
     first = math.ceil(low / step - 1e-9)
     places = [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
     return places, max(0, -math.floor(math.log10(step) + 1e-9))

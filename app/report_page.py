@@ -51,7 +51,7 @@ def report_of(
     if len(shots) > 1:
         body.append(session_section(shots))
     if diagnosis is not None:
-        body.append(diagnosis_section(diagnosis, len(diagnosis.fit_after.shots)))
+        body.append(diagnosis_section(diagnosis, shots))
     drawn = len(shots) <= MOST_DRAWN
     if not drawn:
         said = f"Figures and budgets of single shots are left out beyond {MOST_DRAWN} shots; a report of one has them."

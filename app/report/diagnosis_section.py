@@ -1,12 +1,18 @@
 """What the diagnosis said, with its evidence, the error before and after, and what it could not have seen."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, Verdict
 from analysis.quantity import Quantity
+from analysis.shot import Shot
 from app.physics_words import effect_words, parameter_parts
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
+from app.report.shot_figures import NOISE, figure
+from app.report.svg_plot import Band, Line, Plot
+from instrument.recording_error import one_line
 
 VERDICTS = {
     Verdict.ADEQUATE: "adequate: nothing is missing that these data could show",
@@ -21,16 +27,20 @@ ERRORS = (
 )
 
 
-def diagnosis_section(diagnosis: Diagnosis, shots: int) -> Markup:
-    """Return the whole section; ``shots`` is how many it was made from."""
+MOST_DRAWN = 8  # shots whose residuals are drawn
+
+
+def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
+    """Return the whole section; ``shots`` are those of the report, in their order."""
+    count = len(diagnosis.fit_after.shots)
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict]}."), class_="verdict"),
         tag("p", diagnosis.sentence),
-        tag("p", f"Made from {shots} shot{'s' if shots != 1 else ''} together."),
+        tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together."),
     ]
     if diagnosis.effects:
         parts += [tag("h3", "Effects"), *[_effect(effect) for effect in diagnosis.effects]]
-    parts += [tag("h3", "Error before and after"), _errors(diagnosis)]
+    parts += [tag("h3", "Error before and after"), _errors(diagnosis), _residuals(diagnosis, shots)]
     if diagnosis.remainder:
         parts += [tag("h3", "What is left"), tag("p", diagnosis.remainder)]
     if diagnosis.candidates:
@@ -70,12 +80,32 @@ def _errors(diagnosis: Diagnosis) -> Markup:
     return joined(table(["", *(name for name, _ in columns)], rows, "numbers"), tag("p", note, class_="faint"))
 
 
+def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
+    """Return what the model left over of each shot, before and after; nothing where one fit served for both."""
+    before, after = diagnosis.fit_before.shots, diagnosis.fit_after.shots
+    taken = [shot.name for shot in shots if shot.motion is not None and shot.fit is not None]
+    if diagnosis.fit_after is diagnosis.fit_before or len(before) != len(after):
+        return Markup()
+    plots = []
+    for number, (one, other) in enumerate(zip(before[:MOST_DRAWN], after[:MOST_DRAWN], strict=True)):
+        name = taken[number] if len(taken) == len(before) else f"shot {number + 1}"
+        lines = []
+        for part, kind in ((one, "simulated"), (other, "residual")):
+            at = 1e3 * (part.overlay.time_s - part.touch_time_s.value)
+            lines.append(Line(at, 1e9 * part.residual_m, kind))
+        band = Band(lines[1].x, np.full(lines[1].x.size, 2e9 * diagnosis.fit_after.noise_std_m))
+        label = f"{one_line(name, 18)} (nm)"
+        plots.append(Plot("time from first touch (ms)", label, tuple(lines), (band,), zero_line=True))
+    legend = [("simulated", "before"), ("residual", "after"), NOISE]
+    return figure("Residual of displacement, before and after.", "", plots, legend, 165)
+
+
 def _candidates(diagnosis: Diagnosis) -> Markup:
     rows = []
     for c in diagnosis.candidates:
         gain = "\u2013" if c.delta_bic is None else f"{c.delta_bic:.4g}"
         rows.append([effect_words(c.name), f"{c.score:.4g}", gain, _parameters(c.parameters), c.remark])
-    return table(["effect", "score", "ΔBIC", "size", "remark"], rows, "budget")
+    return table(["effect", "score", "ΔBIC", "size", "remark"], rows, "candidates")
 
 
 def _parameters(parameters: Mapping[str, Quantity]) -> str:

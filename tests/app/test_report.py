@@ -89,6 +89,11 @@ def test_the_diagnosis_is_in_it(whole: str) -> None:
     for said in ("effect found", "quadratic drag on the block", "0.00190 ± 0.00010 N s²/m²", "cannot tell it from",
                  "viscous drag", "a wrong wavelength", "two more shots", "held-out", "3800", "1.01"):  # fmt: skip
         assert said in text
+    one = shot(count=8000)
+    assert one.fit is not None
+    found = replace(diagnosis(one), fit_after=replace(one.fit, effects=("quadratic_drag",)))
+    text = Elements(report_of([one], found, made_at=MADE)).text
+    assert "shot-1 (nm)" in text and "before and after." in text and "with quadratic_drag" in text
     assert "Diagnosis" not in Elements(report_of([shot()], None, made_at=MADE)).text
 
 

@@ -21,7 +21,7 @@ unit: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest
 
 bench: $(READY)
-	$(BIN)/python -m tests.benchmarks
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.benchmarks
 
 # >= 2,000 simulated shots, 100 kills, 12,000 spoilt files: half an hour on two cores
 bench-soak: $(READY)

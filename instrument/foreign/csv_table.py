@@ -101,7 +101,7 @@ def _layout(path: Path) -> _Layout:
     if best is None:
         raise RecordingError(path, f"no row of numbers in its first {len(lines)} lines")
     width, delimiter, first = best
-    comma = delimiter != "," and any("," in cell for cell in _cells(lines[first], delimiter))
+    comma = delimiter != "," and any("," in line for line in lines[first:])  # the first row may be all zeros
     above = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) == width]
     units = [""] * width
     if len(above) > 1 and all(re.fullmatch(r"[\[(].{1,12}[\])]|\S{0,3}", cell) for cell in above[-1]):

@@ -20,6 +20,7 @@ from instrument.recording_error import RecordingError, one_line
 _RATES = ("sample_rate_hz", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "fs", "rate_hz", "rate")
 _STEPS = ("dt", "wf_increment", "time_step", "sample_interval", "increment", "delta_t")
 _LARGEST_PIECE = 256 * 2**20  # bytes that the library unpacks at once
+_MOST_PACKED = 4000  # times smaller on disk: zlib reaches 1032 on zeros
 _WIDEST = 64  # columns of a table
 
 
@@ -62,6 +63,9 @@ def _column(path: Path, file: Any, name: str) -> ForeignColumn:
     item = file[stem]
     if item.external or item.is_virtual:
         raise RecordingError(path, "its samples lie in other files; only what is inside is read", one_line(name, 60))
+    claimed = math.prod(item.shape) * item.dtype.itemsize
+    if claimed > _MOST_PACKED * item.id.get_storage_size():
+        raise RecordingError(path, "claims more samples than the file holds", one_line(name, 60))
     if item.chunks is not None and math.prod(item.chunks) * item.dtype.itemsize > _LARGEST_PIECE:
         raise RecordingError(path, "stored in pieces too large to unpack", one_line(name, 60))
     try:
@@ -86,7 +90,8 @@ def _rate(file: Any, item: Any) -> float | None:
 
 
 def _number(item: Any, key: str) -> float | None:
-    if math.prod(item.attrs.get_id(key).shape or ()) != 1:
+    about = item.attrs.get_id(key)
+    if math.prod(about.shape or ()) != 1 or about.dtype.kind not in "iuf":
         return None
     try:
         value = float(np.asarray(item.attrs[key]).reshape(()))
@@ -96,8 +101,10 @@ def _number(item: Any, key: str) -> float | None:
 
 
 def _text(item: Any, names: Sequence[str]) -> str:
+    """Return a text attribute of fixed length; a free one may claim gigabytes, and a unit is not worth them."""
     for key in item.attrs:
-        if key.lower() in names and not item.attrs.get_id(key).shape:
+        about = item.attrs.get_id(key)
+        if key.lower() in names and not about.shape and about.dtype.kind == "S" and about.dtype.itemsize <= 1000:
             value = item.attrs[key]
             return one_line(value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value), 20)
     return ""

@@ -3,7 +3,7 @@
 import logging
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,9 @@ import numpy as np
 
 from instrument.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents, bounded, needs
 from instrument.recording_error import RecordingError, one_line
+
+_MOST_SCALES = 64  # the library makes a list as long as the file says
+_OF_LENGTH = ("nptdms.reader", "nptdms.tdms_segment")  # they tell of segments cut short
 
 
 def contents(path: Path) -> ForeignContents:
@@ -61,6 +64,8 @@ def _channels(path: Path, file: Any) -> dict[str, Any]:
     found = {}
     for group in file.groups():
         for channel in group.channels():
+            if any(_scales(part.properties) > _MOST_SCALES for part in (channel, group, file)):
+                raise RecordingError(path, f"more than {_MOST_SCALES} scales", one_line(channel.name, 60))
             dtype = channel.dtype
             if dtype is None or dtype.kind not in "iuf" or len(channel) < 2:
                 continue
@@ -69,6 +74,13 @@ def _channels(path: Path, file: Any) -> dict[str, Any]:
                 raise RecordingError(path, "claims more samples than the file holds", one_line(channel.name, 60))
             found[f"{group.name}/{channel.name}"] = channel
     return found
+
+
+def _scales(properties: Any) -> int:
+    try:
+        return int(properties.get("NI_Number_Of_Scales", 0))
+    except (TypeError, ValueError, OverflowError):
+        return 0
 
 
 def _rate(channel: Any) -> float | None:
@@ -90,14 +102,17 @@ def _started(channel: Any) -> str | None:
 
 @contextmanager
 def _heeded() -> Iterator[list[str]]:
-    """Collect what the library would print about an incomplete file."""
+    """Collect what the library says about an incomplete file, and keep it from printing anything at all."""
     complaints: list[str] = []
 
     def heed(record: logging.LogRecord) -> bool:
-        complaints.append(record.getMessage())
+        if record.name in _OF_LENGTH:
+            complaints.append(one_line(record.getMessage()))
         return False
 
-    loggers = [logging.getLogger(f"nptdms.{name}") for name in ("tdms", "reader", "tdms_segment", "base_segment")]
+    with suppress(ImportError):
+        import nptdms  # noqa: F401 - its loggers are there from here on
+    loggers = [logging.getLogger(name) for name in list(logging.root.manager.loggerDict) if name.startswith("nptdms")]
     for logger in loggers:
         logger.addFilter(heed)
     try:

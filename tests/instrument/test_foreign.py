@@ -224,6 +224,7 @@ def test_tables_of_many_kinds(tmp_path: Path) -> None:
         ('"TIME","CH1","CH1"\n0.0,1,2\n0.5,3,4\n1.0,5,6\n', ["CH1", "CH1 (2)"], 2.0),
         ("t [ms]\tvolts (V)\n0\t1\n1\t2\n2\t1\n", ["volts"], 1000.0),
         ("\ufeffx;y\r\n1,5;2,5\r\n2,5;3,5\r\n", ["x", "y"], None),
+        ("a;b\n0;0\n0,5;1\n1;1,5\n", ["a", "b"], None),
     ):
         path.write_text(text, encoding="utf-8")
         held = foreign_channels(path)
@@ -281,9 +282,10 @@ def test_claims_without_bound_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         file.create_dataset("x", shape=(6 * 10**7,), dtype="f8", chunks=(6 * 10**7,), compression="gzip")
         (tmp_path / "outside").write_bytes(bytes(16))
         file.create_dataset("y", shape=(2,), dtype="f8", external=[("outside", 0, 16)])
+        file.create_dataset("w", shape=(5 * 10**7,), dtype="f8", chunks=(1000,))
         file["z"] = h5py.ExternalLink("elsewhere.h5", "/x")
-    assert [c.name for c in foreign_channels(path).channels] == ["x", "y"]
-    for name, said in (("x", "pieces too large"), ("y", "in other files")):
+    assert [c.name for c in foreign_channels(path).channels] == ["w", "x", "y"]
+    for name, said in (("w", "more samples than"), ("x", "more samples|pieces too large"), ("y", "in other files")):
         mapping = ForeignMapping("hdf5", (MappedChannel(Role.MEASUREMENT, name),), SETUP, 1e6)
         with pytest.raises(RecordingError, match=said):
             read_foreign(path, mapping)
@@ -307,6 +309,21 @@ class Spoilable(list[tuple[str, bytes, ForeignMapping]]):
 
     def __repr__(self) -> str:
         return f"{len(self)} files"
+
+
+def test_a_tdms_file_may_lie_or_end_early(volts: Volts, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "a.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        channel = nptdms.ChannelObject("g", "a", np.arange(50, dtype=np.int16), {"NI_Number_Of_Scales": 2**31 - 1})
+        writer.write_segment([channel])
+    with pytest.raises(RecordingError, match="scales"):
+        foreign_channels(path)
+    names = write_tdms(path, volts)
+    mapping = mapping_for(path, names)
+    path.write_bytes(path.read_bytes()[:-4000])
+    assert "truncated" in read_foreign(path, mapping).flags
+    assert capfd.readouterr().err == ""
 
 
 @pytest.fixture(scope="module")

@@ -52,7 +52,7 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
         run = hypothesis.run(index, point)
         kinds = ("touch", "release")
         events = tuple((kinds[k % 2], t) for k, t in enumerate(run.changes_s))
-        white = fitted.floor.whiten(fitted.residual_m[index][:, None], shot.valid)
+        white = fitted.floor.whiten(fitted.residual_m[index][:, None], shot.valid, shot.weight)
         chi2 += float(np.sum(white**2))
         own = slice(count + 3 * index, count + 3 * index + 3)
         values, spread = point.own[index], std[own]

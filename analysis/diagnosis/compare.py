@@ -52,7 +52,7 @@ def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
     curvature, gradient = np.zeros((z.size, z.size)), np.zeros(z.size)
     chi2, samples = 0.0, 0
     for shot, (here, columns) in zip(hypothesis.rig.shots, hypothesis.linearised(z), strict=True):
-        both = floor.whiten(np.column_stack([here - shot.displacement_m, columns]), shot.valid)
+        both = floor.whiten(np.column_stack([here - shot.displacement_m, columns]), shot.valid, shot.weight)
         if not np.all(np.isfinite(both)):
             raise Infeasible("the trajectory is not finite")
         curvature += both[:, 1:].T @ both[:, 1:]
@@ -70,7 +70,14 @@ def residuals(hypothesis: Hypothesis, z: Floats) -> tuple[Floats, ...]:
 
 def learn_floor(rig: Rig, left: Sequence[Floats], start: Floor | None = None) -> tuple[Floor, float]:
     """Return the floor of what is left over, and the log-likelihood."""
-    return learn(left, [shot.valid for shot in rig.shots], rig.shots[0].spacing_s, start=start)
+    return learn(
+        left,
+        [shot.valid for shot in rig.shots],
+        rig.shots[0].spacing_s,
+        weights=[shot.weight for shot in rig.shots],
+        start=start,
+        parts=rig.parts,
+    )
 
 
 def search(

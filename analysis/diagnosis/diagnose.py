@@ -18,7 +18,7 @@ from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import Kind, kinds
 from analysis.diagnosis.remainder import Remainder, judge
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
-from analysis.diagnosis.samples import spacing, take
+from analysis.diagnosis.samples import together
 from analysis.diagnosis.screen import Projector, projector
 from analysis.diagnosis.separate import least_seen, separation
 from analysis.fit import Fit
@@ -56,9 +56,7 @@ def diagnose(
         return diagnose_driven(motions)
     catalogue = kinds()
     tell("fitting the base model", 0.0)
-    shots = tuple(take(motion) for motion in motions)
-    spacing(shots)
-    rig = Rig(shots, base_named(model))
+    rig = Rig(together(motions), base_named(model))
     base = _base_fit(rig, motions, model, fit, stop)
     before = _accept(base, catalogue, accepted, stop)
     tell("scoring the catalogue", 0.15)

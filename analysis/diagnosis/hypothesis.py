@@ -19,10 +19,11 @@ POOL = ThreadPoolExecutor(2)  # the kernels let go of the interpreter
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """The shots that are judged together, and the base model."""
+    """The shots that are judged together, the base model, and how many wandering parts their floor may have."""
 
     shots: tuple[Samples, ...]
     base: Base
+    parts: int = 2
 
     @property
     def count(self) -> int:

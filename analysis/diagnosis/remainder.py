@@ -49,7 +49,9 @@ class Remainder:
 def judge(fitted: Fitted, at: Projector) -> Remainder:
     """Test what a fit leaves over."""
     shots = fitted.hypothesis.rig.shots
-    white = [fitted.floor.whiten(r[:, None], s.valid)[:, 0] for r, s in zip(fitted.residual_m, shots, strict=True)]
+    white = [
+        fitted.floor.whiten(r[:, None], s.valid, s.weight)[:, 0] for r, s in zip(fitted.residual_m, shots, strict=True)
+    ]
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
     coherence, limit = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf)
@@ -167,7 +169,7 @@ def _line(fitted: Fitted) -> float | None:
     total: Floats | None = None
     size = min(int(s.valid.sum()) for s in shots)
     for residual, shot in zip(fitted.residual_m, shots, strict=True):
-        white = fitted.floor.whiten(residual[:, None], shot.valid)[:size, 0] * np.hanning(size)
+        white = fitted.floor.whiten(residual[:, None], shot.valid, shot.weight)[:size, 0] * np.hanning(size)
         power = np.abs(np.fft.rfft(white)) ** 2
         total = power if total is None else total + power
     assert total is not None

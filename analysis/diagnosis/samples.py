@@ -1,7 +1,8 @@
 """What the diagnosis looks at: displacement averaged over blocks of samples, data and model alike."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ class Samples:
     moving_mass_kg: float
     wavelength_m: float | None
     course: Course
+    white_m: float  # of one averaged sample, as the motion states it
+    weight: float = 1.0  # ``white_m`` over that of the shots judged together
 
     def averaged(self, columns: Floats) -> Floats:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
@@ -51,6 +54,8 @@ def take(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
     factor = max(1, round(motion.sample_rate_hz / rate_hz))
     count = valid.size // factor
     good = np.asarray(valid[: count * factor].reshape(count, factor).all(axis=1))
+    std = motion.displacement_std_m[valid]
+    white = float(np.sqrt(np.mean(std**2))) if std.size and np.all(np.isfinite(std)) else float("nan")
     filled = np.where(valid, motion.displacement_m, 0.0)[: count * factor].reshape(count, factor).mean(axis=1)
     return Samples(
         time_s=motion.time_s,
@@ -61,6 +66,7 @@ def take(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
         moving_mass_kg=motion.moving_mass_kg,
         wavelength_m=motion.wavelength_m,
         course=course,
+        white_m=white / math.sqrt(factor),
     )
 
 
@@ -70,3 +76,14 @@ def spacing(shots: Sequence[Samples]) -> float:
     if any(abs(shot.spacing_s / first - 1) > 0.01 for shot in shots):
         raise ValueError("the shots were sampled at different rates: diagnose them apart")
     return first
+
+
+def together(motions: Sequence[Motion]) -> tuple[Samples, ...]:
+    """Return the samples of several motions with their white noises weighed against each other."""
+    shots = [take(motion) for motion in motions]
+    spacing(shots)
+    white = np.array([shot.white_m for shot in shots])
+    if not np.all(np.isfinite(white) & (white > 0)):
+        return tuple(shots)
+    mean = float(np.sqrt(np.mean(white**2)))
+    return tuple(replace(shot, weight=float(w / mean)) for shot, w in zip(shots, white, strict=True))

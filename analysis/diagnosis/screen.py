@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +49,12 @@ class Projector:
     tangents: Floats  # the whitened derivatives by the fitted parameters, shape (rows, p)
     whole: Floats  # the whitened remainder, as it is
     lines: tuple[tuple[Floats, Floats], ...]  # averaged displacement and derivatives, shot by shot
+    done: dict[str, Any] = field(default_factory=dict)  # whitened columns of effects already computed here
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
         """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
         shots = self.fitted.hypothesis.rig.shots
-        return np.concatenate([self.floor.whiten(c, s.valid) for c, s in zip(columns, shots, strict=True)])
+        return np.concatenate([self.floor.whiten(c, s.valid, s.weight) for c, s in zip(columns, shots, strict=True)])
 
     def projected(self, rows: Floats) -> Floats:
         """Return ``rows``, shape (rows, k), without what the fitted parameters span."""
@@ -66,7 +68,7 @@ def projector(fitted: Fitted, floor: Floor | None = None) -> Projector:
     lines = fitted.hypothesis.linearised(fitted.z)
     rows = np.concatenate(
         [
-            floor.whiten(np.column_stack([s.displacement_m - x, j]), s.valid)
+            floor.whiten(np.column_stack([s.displacement_m - x, j]), s.valid, s.weight)
             for s, (x, j) in zip(shots, lines, strict=True)
         ]
     )
@@ -102,12 +104,15 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
 
     if kind.own:
         return _own_amplitudes(at, kind, column, freedom)
-    columns = list(POOL.map(column, kind.starts))
-    good = [i for i, c in enumerate(columns) if c is not None]
-    if not good:
-        return []
-    joined = [np.concatenate([columns[i][s] for i in good], axis=1) for s in range(len(shots))]  # type: ignore[index]
-    rows = at.projected(at.whitened(joined))
+    if kind.name not in at.done:
+        columns = list(POOL.map(column, kind.starts))
+        good = [i for i, c in enumerate(columns) if c is not None]
+        if not good:
+            return []
+        joined = [np.concatenate([columns[i][s] for i in good], axis=1) for s in range(len(shots))]  # type: ignore[index]
+        at.done[kind.name] = (good, at.whitened(joined))
+    good, bare = at.done[kind.name]
+    rows = at.projected(bare)
     power = np.einsum("ij,ij->j", rows, rows)
     along = rows.T @ at.left
     out = []
@@ -189,9 +194,9 @@ def _vibration(at: Projector, kind: Kind) -> list[Score]:
     shots = at.fitted.hypothesis.rig.shots
     length = max(float(shot.time_s[-1] - shot.time_s[0]) for shot in shots)
     grid, f = [], max(25.0, 1.5 / length)
-    while f < 4000.0:
+    while f < 2500.0:
         grid.append(f)
-        f += min(0.03 * f, 0.25 / length)
+        f += min(0.03 * f, 0.4 / length)
     freedom = len(kind.shared) + len(shots)
     out = []
     rows_before = 0
@@ -200,7 +205,11 @@ def _vibration(at: Projector, kind: Kind) -> list[Score]:
         height = int(shot.valid.sum())
         part = slice(rows_before, rows_before + height)
         angle = 2 * np.pi * np.asarray(grid)[None, :] * shot.centre_s[:, None]
-        both = at.floor.whiten(np.concatenate([np.cos(angle), np.sin(angle)], axis=1), shot.valid)
+        key = f"{kind.name} {part.start}"
+        if key not in at.done:
+            both = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+            at.done[key] = at.floor.whiten(both, shot.valid, shot.weight)
+        both = at.done[key]
         own = at.basis[part]
         # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
         inner = own.T @ both

@@ -63,7 +63,7 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
                 touch_time_s=Quantity(float(values[1]), float(spread[1]), "joint fit"),
                 offset_m=Quantity(float(values[2]), float(spread[2]), "joint fit"),
                 overlay=lay_over(motion, run.displacement_m, run.plate_m, run.gap_m, events),
-                residual_m=np.where(motion.valid, motion.displacement_m - run.displacement_m, np.nan),
+                residual_m=np.where(shot.used, motion.displacement_m - run.displacement_m, np.nan),
                 reduced_chi2=float(np.sum(white**2)) / max(1, white.size - hypothesis.size),
             )
         )

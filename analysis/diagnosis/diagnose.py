@@ -61,17 +61,17 @@ def diagnose(
     before = _accept(base, catalogue, accepted, stop)
     tell("scoring the catalogue", 0.15)
     best, trail = explore(before, catalogue, stop)
-    tell("testing what is left", 0.6)
+    tell("foretelling a held-out shot", 0.55)
+    held = choose(rig) if hold_out is None else hold_out
+    best, told = _paying(before, best, held, trail, stop)
+    tell("testing what is left", 0.7)
     at = projector(best)
     rest = judge(best, at)
-    tell("telling look-alikes apart", 0.7)
+    tell("telling look-alikes apart", 0.8)
     effects = [
         _found(best, at, name, before, catalogue, trail, stop) for name in best.names if name not in before.names
     ]
-    tell("foretelling a held-out shot", 0.8)
-    held = choose(rig) if hold_out is None else hold_out
-    told = _foretold(before, best, held, stop)
-    effects, verdict = _gates(effects, rest, told, before, best)
+    effects, verdict = _gates(effects, rest, before, best)
     after = best if effects else before
     if after is before and best is not before:
         told = (told[0], told[0]) if told else None
@@ -173,25 +173,39 @@ def _found(
 Told = tuple[Foretold, Foretold]
 
 
-def _foretold(before: Fitted, best: Fitted, held: int | None, stop: Callable[[], bool]) -> Told | None:
+def _paying(
+    before: Fitted, best: Fitted, held: int | None, trail: Trail, stop: Callable[[], bool]
+) -> tuple[Fitted, Told | None]:
+    """Return the fit without the effects that do not pay on the held-out shot, and what is foretold of it.
+
+    All foretelling is compared under the best fit's floor.
+    """
     if held is None:
-        return None
-    first = foretell(before, held, best.floor, stop)
-    if first is None:
-        return None
-    second = first if best is before else foretell(best, held, best.floor, stop)
-    return (first, second) if second is not None else None
+        return best, None
+    floor = best.floor
+    first = foretell(before, held, floor, stop)
+    while best is not before:
+        told = foretell(best, held, floor, stop)
+        if first is None or told is None:
+            return best, None
+        added = [name for name in best.names if name not in before.names]
+        if len(added) == 1:
+            return (best, (first, told)) if told.chi2 < first.chi2 else (before, (first, first))
+        shorter = [(f, foretell(f, held, floor, stop)) for f in (without(best, n, trail, stop) for n in added) if f]
+        worse = [(t.chi2, f) for f, t in shorter if t is not None and t.chi2 <= told.chi2]
+        if not worse:
+            return best, (first, told)
+        best = min(worse, key=lambda pair: pair[0])[1]
+    return before, (first, first) if first is not None else None
 
 
 def _gates(
-    effects: list[FoundEffect], rest: Remainder, told: Told | None, before: Fitted, best: Fitted
+    effects: list[FoundEffect], rest: Remainder, before: Fitted, best: Fitted
 ) -> tuple[list[FoundEffect], Verdict]:
     """Return the effects that may be named, and the verdict."""
     if not effects:
         return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
-    if not best.converged or (told is not None and told[1].chi2 >= told[0].chi2):
-        return [], Verdict.UNEXPLAINED
-    if rest.rough:
+    if not best.converged or rest.rough:
         return [], Verdict.UNEXPLAINED
     if rest.significant:
         explained = 2 * (best.log_likelihood - before.log_likelihood)

@@ -37,7 +37,7 @@ def errors(
             motion.moving_mass_kg * (motion.acceleration_m_per_s2 - acceleration),
         )
         for k, values in enumerate(left):
-            good = values[motion.valid & np.isfinite(values)]
+            good = values[shot.used & np.isfinite(values)]
             sums[k] += float(good @ good)
             counts[k] += good.size
         rest = (shot.displacement_m - shot.averaged(model))[:, None]

@@ -52,6 +52,11 @@ def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int =
         if best is None or here.bic - best.bic < LEAST_FALL:
             break
         here = prune(best, start, trail, stop)
+    if here is not start and not here.converged:
+        polished = fit(here.hypothesis, here.z, here.floor, evaluations=60, cancelled=stop)
+        if polished.log_likelihood > here.log_likelihood - 0.5:
+            here = polished
+            trail.keep(here)
     return here, trail
 
 
@@ -80,7 +85,7 @@ def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *,
             break
         if place >= 2 * REFITTED or (worth < -2 * math.log(here.samples) and not strong and place >= 2):
             break
-        for score in _starts(listed)[: 1 if place >= 3 else 2]:
+        for score in _starts(listed)[: 1 if place >= 3 else 3]:
             if stop():
                 raise Cancelled
             trial = refit(here, score.kind, score.start, stop)
@@ -149,11 +154,13 @@ def _starts(listed: Sequence[Score]) -> list[Score]:
     """Return starts that lie apart: the best, and the next that is not its neighbour on a frequency grid."""
     out = [listed[0]]
     for score in listed[1:]:
-        mine, best = score.start[0], listed[0].start[0]
+        mine = score.start[0]
         apart = [k for k in mine if k in ("frequency_hz", "relaxation_time_s", "range_m", "order")]
-        if score.gain > 0.3 * listed[0].gain and any(abs(math.log(mine[k] / best[k])) > 0.12 for k in apart):
+        near = any(all(abs(math.log(mine[k] / other.start[0][k])) < 0.12 for k in apart) for other in out)
+        if score.gain > 0.3 * listed[0].gain and apart and not near:
             out.append(score)
-            break
+            if len(out) == 3:
+                break
     return out
 
 

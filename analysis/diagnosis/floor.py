@@ -164,7 +164,8 @@ def learn(
     """Return the most likely floor of ``series`` (in m, one a shot) and its log-likelihood.
 
     Up to ``parts`` wandering parts are taken, each only where it pays by the Bayesian information criterion.
-    ``weights`` are the shots' white noises relative to each other; ``start`` a floor near which to begin.  About 2-10 ms for three shots.
+    ``weights`` are the shots' white noises relative to each other; ``start`` a floor near which to
+    begin.  About 2-10 ms for three shots.
     """
     values = [np.where(v, s, 0.0) for s, v in zip(series, valid, strict=True)]
     count = max(1, sum(int(v.sum()) for v in valid))

@@ -26,6 +26,11 @@ class Rig:
     parts: int = 2
 
     @property
+    def band_hz(self) -> tuple[float, float]:
+        """Get the frequencies between which a line can be told from a drift and from an alias."""
+        return 2.5 / max(shot.length_s for shot in self.shots), 0.45 / self.shots[0].spacing_s
+
+    @property
     def count(self) -> int:
         """Get the number of shared base parameters."""
         return len(self.base.names)
@@ -109,6 +114,9 @@ class Hypothesis:
         low[self.rig.count - 1] = 0.0  # a dashpot never drives
         for k, (_, knob, _) in enumerate(self.knobs):
             low[self.offset + k], high[self.offset + k] = knob.bounds
+            if knob.name == "frequency_hz":
+                slowest, fastest = self.rig.band_hz
+                low[self.offset + k], high[self.offset + k] = np.log(slowest), np.log(fastest)
         return low, high
 
     def full(self, point: Point) -> list[Floats]:

@@ -74,15 +74,17 @@ def _grid(low: float, high: float, step: float) -> Floats:
     return np.geomspace(low, high, count)
 
 
-def _lines(fixed: Mapping[str, float], low_hz: float, high_hz: float) -> tuple[Mapping[str, float], ...]:
-    return tuple({**fixed, "frequency_hz": float(f)} for f in _grid(low_hz, high_hz, 0.03))
+def _lines(
+    fixed: Mapping[str, float], low_hz: float, high_hz: float, step: float = 0.03
+) -> tuple[Mapping[str, float], ...]:
+    return tuple({**fixed, "frequency_hz": float(f)} for f in _grid(low_hz, high_hz, step))
 
 
 def _one(name: str, parameter: str, size: float, low: float = 0.0, *, one_body: bool = True) -> Kind:
     return Kind(name, (Knob(parameter, size, low),), (parameter,), ({parameter: size},), one_body)
 
 
-FREQUENCY = Knob("frequency_hz", 1.0, 20.0, 9e3, logarithmic=True)
+FREQUENCY = Knob("frequency_hz", 1.0, 1.0, 9e3, logarithmic=True)
 DAMPING = Knob("damping_ratio", 1.0, 1e-4, 0.6, logarithmic=True)
 
 
@@ -98,7 +100,7 @@ def kinds() -> Sequence[Kind]:
             "block_mode",
             (Knob("mass_kg", 1e-5, 0.0, 8e-3), FREQUENCY, DAMPING),
             ("mass_kg",),
-            _lines({"mass_kg": 2e-5, "damping_ratio": 0.015}, 60.0, 4000.0),
+            _lines({"mass_kg": 2e-5, "damping_ratio": 0.015}, 10.0, 4000.0),
         ),
         _one("cubic_stiffness", "coefficient_n_per_m3", 1e5, -np.inf),
         _one("plate_damping", "coefficient_n_s_per_m", 2e-4, one_body=False),
@@ -120,7 +122,7 @@ def kinds() -> Sequence[Kind]:
             "support_compliance",
             (Knob("compliance_m_per_n", 1e-5, 0.0, 1e-2), FREQUENCY),
             ("compliance_m_per_n",),
-            _lines({"compliance_m_per_n": 1e-6}, 100.0, 5000.0),
+            _lines({"compliance_m_per_n": 1e-6}, 150.0, 4000.0, 0.012),
             one_body=False,
         ),
         Kind(
@@ -130,7 +132,7 @@ def kinds() -> Sequence[Kind]:
             ({"velocity_m_per_s": 1e-4, "displacement_m": 1e-7},),
             one_body=False,
         ),
-        Kind("contact_exponent", (Knob("delta", 0.02, -0.5, 2.0),), ("delta",), ({"delta": 0.01},)),
+        Kind("contact_exponent", (Knob("delta", 0.02, -0.15, 2.0),), ("delta",), ({"delta": 0.01},)),
         _one("nonlinear_contact_damping", "coefficient_n_s_per_m2", 1e3),
         Kind(
             "adhesion",
@@ -141,7 +143,7 @@ def kinds() -> Sequence[Kind]:
         _one("sensor_drift", "ramp_m_per_s2", 1e-4, -np.inf),
         Kind(
             "demodulation_lag",
-            (Knob("time_s", 1e-5, 0.0, 2e-4),),
+            (Knob("time_s", 1.0, 2e-7, 5e-4, logarithmic=True),),
             ("time_s",),
             ({"time_s": 1e-5},),
         ),

@@ -97,11 +97,13 @@ def respond(
         raise Infeasible("something would swing faster than any record can show")
     n = time_s.size
     x, v, plate, changes = np.empty(n), np.empty(n), np.empty(n), np.zeros(64)
-    count = quick.integrate(time_s - own[1], p, float(own[0]), max(1, pieces), x, v, plate, changes)
+    # Where something attracts, the motion is followed from the edge of its reach, which lies before the touch.
+    ahead = p[quick.REACH] / abs(float(own[0])) if p[quick.ATTRACTION] != 0.0 else 0.0
+    count = quick.integrate(time_s - own[1] + ahead, p, float(own[0]), max(1, pieces), x, v, plate, changes)
     if count < 0 or not np.isfinite(x[-1]):
         raise Infeasible("no trajectory")
     seen = _seen(x, v, time_s, values, optics) + own[2]
-    touches = tuple(float(c + own[1]) for c in (0.0, *changes[:count]))
+    touches = tuple(float(c + own[1] - ahead) for c in (changes[:count] if ahead else (0.0, *changes[:count])))
     return Run(seen, v, plate, x - plate, touches)
 
 

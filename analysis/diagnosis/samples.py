@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model import starts
+from analysis.model.fitting import FITTED_CONTACT_TIMES
 from analysis.model.starts import Course
 from analysis.motion import Motion
 
@@ -18,12 +19,13 @@ RATE_HZ = 20e3  # nothing that a catalogue effect does to the displacement lies 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """One shot, block-averaged: ``time_s``, shape (n,), is the motion's; the rest has shape (n // factor,).
+    """One shot, block-averaged: ``time_s`` and ``used``, shape (n,), are the motion's, the rest is averaged.
 
     A mean over a block keeps white noise white and loses no sample at the ends.
     """
 
     time_s: Floats
+    used: Mask
     factor: int
     displacement_m: Floats
     valid: Mask
@@ -42,6 +44,11 @@ class Samples:
         )
 
     @property
+    def length_s(self) -> float:
+        """Get the length of the part that is used in s."""
+        return float(self.valid.sum()) * self.spacing_s
+
+    @property
     def centre_s(self) -> Floats:
         """Get the times of the averaged samples."""
         return self.averaged(self.time_s)
@@ -51,6 +58,8 @@ def take(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
     """Return the samples of a motion that shows a collision; NoCollision (an AnalysisError) says why there is none."""
     valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
     course = starts.read(motion.time_s, motion.displacement_m, valid)
+    around = FITTED_CONTACT_TIMES * course.contact_time_s
+    valid &= (motion.time_s > course.touch_time_s - around) & (motion.time_s < course.release_time_s + around)
     factor = max(1, round(motion.sample_rate_hz / rate_hz))
     count = valid.size // factor
     good = np.asarray(valid[: count * factor].reshape(count, factor).all(axis=1))
@@ -59,6 +68,7 @@ def take(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
     filled = np.where(valid, motion.displacement_m, 0.0)[: count * factor].reshape(count, factor).mean(axis=1)
     return Samples(
         time_s=motion.time_s,
+        used=valid,
         factor=factor,
         displacement_m=np.where(good, filled, 0.0),
         valid=good,

@@ -12,6 +12,7 @@ from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import POOL, Hypothesis, Point
 from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.samples import Samples
 from analysis.model.least_squares import Infeasible
 
 Floats = NDArray[np.float64]
@@ -105,43 +106,86 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
     if kind.own:
         return _own_amplitudes(at, kind, column, freedom)
     if kind.name not in at.done:
-        columns = list(POOL.map(column, kind.starts))
-        good = [i for i, c in enumerate(columns) if c is not None]
-        if not good:
-            return []
-        joined = [np.concatenate([columns[i][s] for i in good], axis=1) for s in range(len(shots))]  # type: ignore[index]
-        at.done[kind.name] = (good, at.whitened(joined))
-    good, bare = at.done[kind.name]
+        at.done[kind.name] = _columns(at, kind.starts, column)
+    starts, bare = at.done[kind.name]
+    out = _linear(at, kind, starts, bare, freedom)
+    if out and "frequency_hz" in out[0].start[0]:
+        finer = _between(out, kind)
+        out += _linear(at, kind, *_columns(at, finer, column), freedom)
+    out.sort(key=lambda score: -score.gain)
+    return out
+
+
+def _columns(
+    at: Projector,
+    starts: Sequence[Mapping[str, float]],
+    column: Callable[[Mapping[str, float]], list[Floats] | None],
+) -> tuple[list[Mapping[str, float]], Floats]:
+    """Return the starts that have a trajectory and their whitened columns, shape (rows, starts)."""
+    shots = at.fitted.hypothesis.rig.shots
+    found = list(POOL.map(lambda start: column(start) if within(start, shots) else None, starts))
+    good = [(start, c) for start, c in zip(starts, found, strict=True) if c is not None]
+    if not good:
+        return [], np.empty((at.left.size, 0))
+    joined = [np.concatenate([c[s] for _, c in good], axis=1) for s in range(len(shots))]
+    return [start for start, _ in good], at.whitened(joined)
+
+
+def _between(listed: Sequence[Score], kind: Kind) -> list[Mapping[str, float]]:
+    """Return starts around the best two peaks: a line that hardly fades is narrower than the grid's steps."""
+    ranked = sorted(listed, key=lambda score: -score.gain)
+    peaks = [ranked[0]]
+    for score in ranked[1:]:
+        if abs(math.log(score.start[0]["frequency_hz"] / peaks[0].start[0]["frequency_hz"])) > 0.1:
+            peaks.append(score)
+            break
+    out: list[Mapping[str, float]] = []
+    amplitude = kind.amplitude[0]
+    for peak in peaks:
+        start = {**peak.start[0], amplitude: kind.starts[0][amplitude]}
+        dampings = [0.003, 0.015, 0.06] if "damping_ratio" in start else [None]
+        for factor in np.exp(np.linspace(-0.03, 0.03, 13)):
+            for damping in dampings:
+                more = {} if damping is None else {"damping_ratio": damping}
+                out.append({**start, **more, "frequency_hz": start["frequency_hz"] * float(factor)})
+    return out
+
+
+def _linear(
+    at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]], bare: Floats, freedom: int
+) -> list[Score]:
+    """Return the scores of columns in whose amplitude the displacement is linear (signs kept physical)."""
+    shots = at.fitted.hypothesis.rig.shots
     rows = at.projected(bare)
     power = np.einsum("ij,ij->j", rows, rows)
     along = rows.T @ at.left
+    knob = next(knob for knob in kind.knobs if knob.name == kind.amplitude[0])
     out = []
-    for k, i in enumerate(good):
+    for k, begin in enumerate(starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
-        start = dict(kind.starts[i])
-        knob = next(knob for knob in kind.knobs if knob.name == kind.amplitude[0])
-        if kind.name == "second_plate_mode":
+        start = dict(begin)
+        if kind.name == "second_plate_mode":  # its effect goes as one over the mass
             factor = max(factor, 1e-9)
             start[knob.name] = start[knob.name] / factor
             factor = factor if factor > 1e-9 else 0.0
+        elif kind.name == "demodulation_lag":  # what is not a mere delay goes as its square
+            factor = max(factor, 0.0)
+            start[knob.name] = max(start[knob.name] * math.sqrt(factor), knob.low)
         else:
             if knob.low >= 0:
                 factor = max(factor, 0.0)
             start[knob.name] = min(max(start[knob.name] * factor, knob.low), knob.high)
         gain = 2 * factor * along[k] - factor**2 * power[k]
-        out.append(
-            Score(
-                kind,
-                (start,) * len(shots),
-                float(gain),
-                freedom,
-                factor * rows[:, k],
-                float(power[k]),
-                kind.starts[i][knob.name],
-            )
-        )
-    out.sort(key=lambda score: -score.gain)
+        direction = factor * rows[:, k]
+        unit = begin[knob.name]
+        out.append(Score(kind, (start,) * len(shots), float(gain), freedom, direction, float(power[k]), unit))
     return out
+
+
+def within(start: Mapping[str, float], shots: Sequence[Samples]) -> bool:
+    """Return whether a start's line, if it has one, lies within what the records can show."""
+    f = start.get("frequency_hz")
+    return f is None or 2.5 / max(s.length_s for s in shots) < f < 0.45 / shots[0].spacing_s
 
 
 def fixed_of(kind: Kind, start: Mapping[str, float]) -> Mapping[str, float]:
@@ -192,9 +236,9 @@ def _own_amplitudes(
 def _vibration(at: Projector, kind: Kind) -> list[Score]:
     """Score a line of the frame: any amplitude and phase a shot, frequencies dense against 1 / record."""
     shots = at.fitted.hypothesis.rig.shots
-    length = max(float(shot.time_s[-1] - shot.time_s[0]) for shot in shots)
-    grid, f = [], max(25.0, 1.5 / length)
-    while f < 2500.0:
+    length = max(shot.length_s for shot in shots)
+    grid, f = [], 2.5 / length
+    while f < min(2500.0, 0.4 / shots[0].spacing_s):
         grid.append(f)
         f += min(0.03 * f, 0.4 / length)
     freedom = len(kind.shared) + len(shots)

@@ -43,8 +43,8 @@ def diagnose(
     """Diagnose ``motions`` (one or several shots of one rig) against the base ``model`` with ``accepted`` effects.
 
     ``fit`` is a joint base fit of these motions, where there is one already; ``hold_out`` the index of the shot that
-    is foretold from the others (default: the middle speed; with one shot nothing is held out).  Everything is judged
-    in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there is nothing to judge,
+    is foretold from the others (default: the middle speed of three, each in turn of four or more, none of one).
+    Everything is judged in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there is nothing to judge,
     Cancelled when asked to stop.
     """
     began = time.perf_counter()
@@ -62,7 +62,7 @@ def diagnose(
     tell("scoring the catalogue", 0.15)
     best, trail = explore(before, catalogue, stop)
     tell("foretelling a held-out shot", 0.55)
-    held = choose(rig) if hold_out is None else hold_out
+    held = choose(rig) if hold_out is None else (hold_out,)
     best, told = _paying(before, best, held, trail, stop)
     tell("testing what is left", 0.7)
     at = projector(best)
@@ -174,13 +174,13 @@ Told = tuple[Foretold, Foretold]
 
 
 def _paying(
-    before: Fitted, best: Fitted, held: int | None, trail: Trail, stop: Callable[[], bool]
+    before: Fitted, best: Fitted, held: tuple[int, ...], trail: Trail, stop: Callable[[], bool]
 ) -> tuple[Fitted, Told | None]:
     """Return the fit without the effects that do not pay on the held-out shot, and what is foretold of it.
 
     All foretelling is compared under the best fit's floor.
     """
-    if held is None:
+    if not held:
         return best, None
     floor = best.floor
     first = foretell(before, held, floor, stop)
@@ -219,10 +219,12 @@ def _errors(motions: Sequence[Motion], fitted: Fitted, floor: Floor) -> Errors:
     return errors(motions, hypothesis.rig.shots, hypothesis.full(fitted.point), floor, hypothesis.size)
 
 
-def _held(motions: Sequence[Motion], rig: Rig, held: int | None, told: Foretold | None, floor: Floor) -> Errors | None:
-    if held is None or told is None:
+def _held(
+    motions: Sequence[Motion], rig: Rig, held: tuple[int, ...], told: Foretold | None, floor: Floor
+) -> Errors | None:
+    if not held or told is None:
         return None
-    return errors([motions[held]], [rig.shots[held]], [told.displacement_m], floor, 3)
+    return errors([motions[i] for i in held], [rig.shots[i] for i in held], told.displacement_m, floor, 3 * len(held))
 
 
 def _candidates(before: Fitted, trail: Trail, best: Fitted) -> tuple[Candidate, ...]:

@@ -16,26 +16,39 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Foretold:
-    """A held-out shot as the others foretell it: its displacement on the motion's grid, and the whitened chi^2."""
+    """Held-out shots as the others foretell them: displacements on the motions' grids, whitened chi^2 of all."""
 
-    displacement_m: Floats
+    displacement_m: tuple[Floats, ...]
     chi2: float
 
 
-def choose(rig: Rig) -> int | None:
-    """Return the shot to hold out: the middle speed of three or more, the slower of two, none of one."""
+def choose(rig: Rig) -> tuple[int, ...]:
+    """Return the shots to hold out, one at a time: all of four or more, of three the middle, of two the slower."""
     speeds = [abs(shot.course.velocity_in_m_per_s) for shot in rig.shots]
     order = [int(i) for i in np.argsort(speeds)]
     if len(order) < 2:
-        return None
-    return order[0] if len(order) == 2 else order[len(order) // 2]
+        return ()
+    if len(order) > 3:
+        return tuple(range(len(order)))
+    return (order[0],) if len(order) == 2 else (order[1],)
 
 
-def foretell(fitted: Fitted, held: int, floor: Floor, stop: Callable[[], bool]) -> Foretold | None:
-    """Fit the shared parameters on all shots but ``held``, only the start of that one on itself; None where it fails.
+def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Callable[[], bool]) -> Foretold | None:
+    """Foretell each held-out shot from a fit of the shared parameters to all others; None where one fails.
 
-    ``floor`` whitens the held-out shot: give the same one to what is compared.
+    Only its start is fitted on the shot itself.  ``floor`` whitens it: give the same one to what is compared.
     """
+    shown, chi2 = [], 0.0
+    for shot in held:
+        told = _foretell(fitted, shot, floor, stop)
+        if told is None:
+            return None
+        shown.append(told[0])
+        chi2 += told[1]
+    return Foretold(tuple(shown), chi2)
+
+
+def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Callable[[], bool]) -> tuple[Floats, float] | None:
     hypothesis = fitted.hypothesis
     point = fitted.point
     others = [i for i in range(len(hypothesis.rig.shots)) if i != held]
@@ -55,7 +68,7 @@ def foretell(fitted: Fitted, held: int, floor: Floor, stop: Callable[[], bool]) 
         shared += [one.offset + k for k, (_, _, shot) in enumerate(one.knobs) if shot < 0]
         low[shared] = high[shared] = z[shared]
         found = minimise(lambda at: square_of(one, floor, at), z, lower=low, upper=high, evaluations=10, tolerance=1e-2)
-        return Foretold(one.full(one.unpack(found.parameters))[0], found.square.chi2)
+        return one.full(one.unpack(found.parameters))[0], found.square.chi2
     except (Infeasible, np.linalg.LinAlgError):
         return None
 

@@ -21,6 +21,7 @@ UNITS = (
     ("_m", "m"),
     ("_s", "s"),
 )
+UNDETERMINED = 5  # more look-alikes than this: it is not even a class
 CLASSES = {
     frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",
     frozenset({"plate_damping", "viscoelastic_arm"}): "a loss in the plate whose form is undetermined",
@@ -62,6 +63,8 @@ def quantity(name: str, value: Quantity) -> str:
 def found(name: str, parameters: Mapping[str, Quantity], others: Sequence[str]) -> str:
     """Return the sentence of one found effect."""
     numbers = ", ".join(f"{stem(key)} {quantity(key, q)}" for key, q in parameters.items())
+    if len(others) > UNDETERMINED:
+        return f"a further small effect whose form this data does not determine (best as {plain(name)}: {numbers})"
     if others:
         group = frozenset({name, *others})
         klass = next((words for names, words in CLASSES.items() if group <= names), "")
@@ -86,7 +89,7 @@ def verdict(kind: Verdict, effects: Sequence[FoundEffect], remainder: str, fall:
 def separating(name: str, others: Sequence[str], speeds: Sequence[float]) -> str:
     """Return the shot that would tell look-alikes apart."""
     fast, slow = max(speeds), min(speeds)
-    group = {name, *others}
+    group = {name, *others[:1]}
     if group & {"sensor_drift", "frame_vibration"}:
         return "a record at rest, which shows what moves without the block"
     if fast < 1.6 * slow:

@@ -44,8 +44,8 @@ def diagnose(
 
     ``fit`` is a joint base fit of these motions, where there is one already; ``hold_out`` the index of the shot that
     is foretold from the others (default: the middle speed of three, each in turn of four or more, none of one).
-    Everything is judged in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there is nothing to judge,
-    Cancelled when asked to stop.
+    Everything is judged in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there
+    is nothing to judge, Cancelled when asked to stop.
     """
     began = time.perf_counter()
     stop = cancelled or (lambda: False)

@@ -1,12 +1,12 @@
 """Where a joint fit with effects may begin: the linear estimate, and sizes too large for it to see."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from analysis.model.effects.row import Effect
-from analysis.model.least_squares import Infeasible, Minimum
+from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Floats
 from analysis.model.response import Model
 from analysis.model.search import Problem
@@ -17,17 +17,38 @@ Chosen = tuple[tuple[str, float], ...]
 
 
 def effect_starts(
-    bare: Problem, minimum: Minimum, model: Model, given: Mapping[str, float]
+    bare: Problem, bases: Sequence[Floats], model: Model, given: Mapping[str, float]
 ) -> Iterator[tuple[Chosen, Floats]]:
     """Yield (values of parameters that are not fitted, start vector) for ``model``, the likeliest first.
 
-    ``bare`` is the same problem without effects at its ``minimum``; ``given`` fixes starts by full name.  First the
-    linear estimate at the best points of the effects' grids (or a fraction of it, where the whole makes things worse:
-    the base parameters have yet to give way), then natural sizes, then large ones.
+    ``bare`` is the same problem without effects, ``bases`` sets of its parameters to begin from: its minimum, and
+    where the effect may have drawn that far away, a guess that the effect disturbs less.  ``given`` fixes starts by
+    full name.  From each base first the linear estimate at the best points of the effects' grids (or a fraction of it,
+    where the whole makes things worse: the base parameters have yet to give way), then natural sizes, then large ones.
     """
-    ranked = {name: found[:_POINTS] for name, found in _ranked(bare, minimum, model, given).items()}
-    rounds = [("linear", place) for place in range(max(len(found) for found in ranked.values()))]
-    for size, place in [*rounds, ("natural", 0), ("large", 0)]:
+    rankings: list[dict[str, list[tuple[Candidate, Gain]]]] = []
+    for base in bases:
+        ranked = _ranked(bare, base, model, given)
+        rankings.append(ranked)
+        yield from _from(bare, base, model, given, ranked, [("linear", 0)])
+        if all(name in given for name in model.shared_effect_names):
+            return
+    more = [("linear", place) for place in range(1, _POINTS)]
+    for base, ranked in zip(bases, rankings, strict=True):
+        most = max(len(found) for found in ranked.values())
+        rounds = [*more[: most - 1], ("natural", 0), ("large", 0)]
+        yield from _from(bare, base, model, given, ranked, rounds)
+
+
+def _from(
+    bare: Problem,
+    base: Floats,
+    model: Model,
+    given: Mapping[str, float],
+    ranked: Mapping[str, list[tuple[Candidate, Gain]]],
+    rounds: Sequence[tuple[str, int]],
+) -> Iterator[tuple[Chosen, Floats]]:
+    for size, place in rounds:
         values: dict[str, float] = {}
         own: list[dict[str, float]] = [{} for _ in bare.shots]
         for effect in model.effects:
@@ -38,10 +59,9 @@ def effect_starts(
         chosen = tuple((name, values[name]) for name, _, _, p in model.effect_parameters if p.fixed)
         problem = Problem(Model(model.base, model.effects, chosen), bare.shots, bare.whitened)
         fractions = (1.0, 0.1, 0.01) if size == "linear" else (1.0,)
-        options = [_vector(bare, minimum.parameters, model, _fraction(model, values, f), own) for f in fractions]
-        yield chosen, min(options, key=lambda option: _chi2(problem, option))
-        if all(name in given for name in model.shared_effect_names):
-            return
+        options = [_vector(bare, base, model, _fraction(model, values, f), own) for f in fractions]
+        costs = [_chi2(problem, option) for option in options]
+        yield chosen, options[int(np.argmin(costs))]
 
 
 def _fraction(model: Model, values: dict[str, float], fraction: float) -> dict[str, float]:
@@ -61,12 +81,12 @@ def _chi2(problem: Problem, parameters: Floats) -> float:
 
 
 def _ranked(
-    bare: Problem, minimum: Minimum, model: Model, given: Mapping[str, float]
+    bare: Problem, base: Floats, model: Model, given: Mapping[str, float]
 ) -> dict[str, list[tuple[Candidate, Gain]]]:
     """Return each effect's grid points, best first, neighbours of a better one left out."""
-    projection = Projection(bare, minimum.parameters)
+    projection = Projection(bare, base)
     every: dict[str, list[Candidate]] = {effect.name: [] for effect in model.effects}
-    for candidate in candidates(bare, minimum.parameters, list(every)):
+    for candidate in candidates(bare, base, list(every)):
         every[candidate.name].append(candidate)
     out: dict[str, list[tuple[Candidate, Gain]]] = {}
     for name, found in every.items():

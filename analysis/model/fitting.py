@@ -1,7 +1,9 @@
 """A model fitted to one shot or to several at once, in displacement, with honest uncertainties."""
 
+import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +25,9 @@ Progress = Callable[[str, float], None]
 MODELS = ("paper", "clamped", "no_tension", "contact")
 FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part in the fit
 _TRIED_STARTS = 6
+_FOLLOWED_STARTS = 3
+_EARLY = 0.3  # of the contact time: the bounces
+_STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
 _GOOD_ENOUGH = 1.1  # chi^2 a sample: a minimum down at the noise, no other start can do better
 
 
@@ -59,11 +64,11 @@ def fit_shots(
     bare = Problem.of(Model(base), shots)
     own = [own_start(shot, bare.model) for shot in shots]
     if all(name in given for name in base.names):
-        shared = np.array([float(given[name]) for name in base.names])
+        begins = [np.array([float(given[name]) for name in base.names])]
     else:
-        shared = first_guess(base, shots, stop)
+        begins = first_guesses(base, shots, stop)
     tell("fitting", 0.4)
-    found = search(bare, np.concatenate([shared, *own]), stop)
+    found = _base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
     problem = bare
     if rows:
         tell("fitting the effects", 0.6)
@@ -104,8 +109,8 @@ def prepare(motion: Motion) -> ShotData:
     )
 
 
-def first_guess(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool]) -> Floats:
-    """Return the shared parameters that a short fit of the fastest shot's contact likes best."""
+def first_guesses(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool]) -> list[Floats]:
+    """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact."""
     shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
     ranked = guesses.rank(
         shot.course, shot.time_s, shot.displacement_m, shot.block_mass_kg, base.variant, base.one_body
@@ -120,20 +125,41 @@ def first_guess(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool])
         noise_model.white(max(shot.course.noise_std_m, 1e-15)),
     )
     problem = Problem.of(Model(base), [coarse])
-    best: Minimum | None = None
+    trials: list[Minimum] = []
     for candidate in ranked[:_TRIED_STARTS]:
         if stop():
             raise Cancelled
         begin = np.concatenate([base.shared(candidate), own_start(coarse, problem.model)])
-        try:
-            trial = search(problem, begin, stop, evaluations=18)
-        except Infeasible:
-            continue
-        if best is None or trial.square.chi2 < best.square.chi2:
-            best = trial
-    if best is None:
+        with contextlib.suppress(Infeasible):
+            trials.append(search(problem, begin, stop, evaluations=18))
+    if not trials:
         raise starts.NoCollision("no trajectory of the base model resembles this contact")
-    return best.parameters[: len(base.names)]
+    trials.sort(key=lambda trial: trial.square.chi2)
+    out: list[Floats] = []
+    for trial in trials:
+        shared = trial.parameters[: len(base.names)]
+        if all(np.any(np.abs(shared - other) > 0.03 * np.abs(other)) for other in out):
+            out.append(shared)
+    return out
+
+
+def _base_minimum(bare: Problem, begins: Sequence[Floats], stop: Callable[[], bool]) -> Minimum:
+    """Return the best minimum of the base model; one far above the noise makes the other starts worth trying.
+
+    Such a remainder is either an effect's or a wrong pattern of bounces; the first bounces alone tell which.
+    """
+    best = search(bare, begins[0], stop)
+    samples = best.square.samples
+    if best.square.chi2 < _STRONG * samples:
+        return best
+    for begin in (_early(bare, best.parameters, stop), *begins[1:_FOLLOWED_STARTS]):
+        with contextlib.suppress(Infeasible):
+            trial = search(bare, begin, stop)
+            if trial.square.chi2 < best.square.chi2 * (1 - 1e-6):
+                best = trial
+            if best.square.chi2 < _STRONG * samples:
+                break
+    return best
 
 
 def _with_effects(
@@ -142,7 +168,10 @@ def _with_effects(
     """Return the best joint minimum over the starts that the base fit's remainder suggests."""
     best: tuple[Problem, Minimum] | None = None
     why: Infeasible | None = None
-    for chosen, begin in effect_starts(bare, base_minimum, model, given):
+    bases = [base_minimum.parameters]
+    if base_minimum.square.chi2 > _STRONG * base_minimum.square.samples:
+        bases.insert(0, _early(bare, base_minimum.parameters, stop))
+    for chosen, begin in effect_starts(bare, bases, model, given):
         problem = Problem(Model(model.base, model.effects, chosen), bare.shots, bare.whitened)
         try:
             trial = search(problem, begin, stop, evaluations=40)
@@ -157,6 +186,23 @@ def _with_effects(
     if best is None:
         raise Infeasible(f"no start of {', '.join(e.name for e in model.effects)} gives a trajectory: {why}")
     return best
+
+
+def _early(bare: Problem, parameters: Floats, stop: Callable[[], bool]) -> Floats:
+    """Return the base parameters that the first bounces alone suggest.
+
+    Most effects build up with time, travel or deflection: over the first bounces they have disturbed little, whereas
+    a fit of the whole shot may have left the bounces' valley to make up for them.
+    """
+    shots = []
+    for shot in bare.shots:
+        early = shot.time_s < shot.course.touch_time_s + _EARLY * shot.course.contact_time_s
+        shots.append(replace(shot, valid=shot.valid & early))
+    problem = Problem.of(bare.model, shots)
+    try:
+        return search(problem, parameters, stop, evaluations=40).parameters
+    except Infeasible:
+        return parameters
 
 
 def fit_of(model_name: str, problem: Problem, motions: Sequence[Motion], found: Minimum, seconds: float) -> Fit:

@@ -14,12 +14,17 @@ class Infeasible(ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Square:
-    """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and sample count."""
+    """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and sample count.
+
+    ``residual``, shape (n,), and ``jacobian``, shape (n, p), where the search is to follow bent valleys.
+    """
 
     chi2: float
     curvature: Floats
     gradient: Floats
     samples: int
+    residual: Floats | None = None
+    jacobian: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +39,9 @@ class Minimum:
 
 
 Function = Callable[[Floats], Square]
+Residual = Callable[[Floats], Floats]
+_PROBE = 0.1  # of a step: where the valley's bend is felt
+_MOST_BEND = 0.75  # second-order part of a step over its first-order part, beyond which neither is believed
 
 
 def minimise(
@@ -44,11 +52,13 @@ def minimise(
     upper: Floats | None = None,
     evaluations: int = 60,
     tolerance: float = 1e-6,
+    residual: Residual | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> Minimum:
     """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
 
-    A fall of 1e-6 is a move of 1e-3 standard deviations.  The function may raise Infeasible anywhere but at the start.
+    With ``residual`` (whitened residuals at a point) and squares that carry theirs, each step is bent along the valley
+    by its second-order part (geodesic acceleration; Transtrum and Sethna, arXiv:1201.5885).  A fall of 1e-6 is a move of 1e-3 standard deviations.  The function may raise Infeasible anywhere but at the start.
     """
     low = np.full(start.size, -np.inf) if lower is None else lower
     high = np.full(start.size, np.inf) if upper is None else upper
@@ -56,6 +66,7 @@ def minimise(
     square = function(here)
     damping = 1e-6  # the base model has directions a million times softer than others: begin near Gauss-Newton
     used = 1
+    refused = 0
     while used < evaluations:
         if cancelled is not None and cancelled():
             break
@@ -75,6 +86,9 @@ def minimise(
             if damping > 1e12:
                 break
             continue
+        bend = None if residual is None else _bend(residual, square, here, step, free, damping)
+        if bend is not None:
+            step = step + bend
         there = np.clip(here + step, low, high)
         moved = there - here
         expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
@@ -87,13 +101,17 @@ def minimise(
         if fell > 0 and expected > 0:
             here, square = there, trial
             ratio = fell / expected
-            damping *= 0.01 if ratio > 0.7 else (0.2 if ratio > 0.3 else 4.0)
+            # Freedom regained step by step after a refusal, at once where none has been met.
+            easing = 0.3 if refused else 0.01
+            damping *= easing if ratio > 0.7 else (0.5 if ratio > 0.3 else 4.0)
             damping = max(damping, 1e-14)
+            refused = max(0, refused - 1)
         else:
             # Rounding hides falls below 1e-12 of chi^2: a rejected step of that size is the end of the road.
             if 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
                 return Minimum(here, square, True, used)
             damping = max(10 * damping, 1e-9)
+            refused = 3
             if damping > 1e12:
                 break
     return Minimum(here, square, False, used)
@@ -105,8 +123,29 @@ def _free(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarr
     return np.asarray(~held)
 
 
-def _step(square: Square, free: np.ndarray, damping: float) -> Floats | None:
+def _bend(
+    residual: Residual, square: Square, here: Floats, step: Floats, free: np.ndarray, damping: float
+) -> Floats | None:
+    """Return the second-order part of a step, or None where it is as large as the step or cannot be had."""
+    if square.residual is None or square.jacobian is None:
+        return None
+    try:
+        ahead = residual(here + _PROBE * step)
+    except Infeasible:
+        return None
+    second = 2 / _PROBE * ((ahead - square.residual) / _PROBE - square.jacobian @ step)
+    bend = _step(square, free, damping, square.jacobian.T @ second)
+    if bend is None:
+        return None
+    scale = np.sqrt(np.diag(square.curvature))
+    if np.linalg.norm(scale * bend) > _MOST_BEND * np.linalg.norm(scale * step):
+        return None
+    return np.asarray(0.5 * bend)
+
+
+def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | None = None) -> Floats | None:
     """Return the damped Gauss-Newton step (zero where not ``free``), or None where it is not determined."""
+    gradient = square.gradient if gradient is None else gradient
     index = np.flatnonzero(free)
     curvature = square.curvature[np.ix_(index, index)]
     scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
@@ -115,7 +154,7 @@ def _step(square: Square, free: np.ndarray, damping: float) -> Floats | None:
         factor = np.linalg.cholesky(scaled)
     except np.linalg.LinAlgError:
         return None
-    right = -square.gradient[index] / scale
+    right = -gradient[index] / scale
     solution = np.linalg.solve(factor.T, np.linalg.solve(factor, right)) / scale
     if not np.all(np.isfinite(solution)):
         return None

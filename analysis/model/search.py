@@ -50,7 +50,7 @@ class Problem:
         """Return the whitened sum of squares with its derivatives; Infeasible where there is no trajectory."""
         size = parameters.size
         curvature, gradient = np.zeros((size, size)), np.zeros(size)
-        chi2, samples = 0.0, 0
+        residuals, jacobians = [], []
         for index, shot in enumerate(self.shots):
             response = respond(self.model, shot, parameters[: self.shared], parameters[self.own_slice(index)])
             both = np.column_stack([response.displacement_m, response.derivatives])
@@ -60,23 +60,32 @@ class Problem:
             place = self.places(index)
             curvature[np.ix_(place, place)] += jacobian.T @ jacobian
             gradient[place] += jacobian.T @ residual
-            chi2 += float(residual @ residual)
-            samples += residual.size
+            residuals.append(residual)
+            wide = np.zeros((residual.size, size))
+            wide[:, place] = jacobian
+            jacobians.append(wide)
+        stacked = np.concatenate(residuals)
+        chi2 = float(stacked @ stacked)
         if not (np.isfinite(chi2) and np.all(np.isfinite(gradient))):
             raise Infeasible("the trajectory is not finite")
-        return Square(chi2, curvature, gradient, samples)
+        return Square(chi2, curvature, gradient, stacked.size, stacked, np.concatenate(jacobians))
 
-    def chi2(self, parameters: Floats) -> float:
-        """Return the whitened sum of squares alone; Infeasible where there is no trajectory."""
-        total = 0.0
+    def residual(self, parameters: Floats) -> Floats:
+        """Return the whitened residuals of all shots, shape (n,); Infeasible where there is no trajectory."""
+        parts = []
         for index, shot in enumerate(self.shots):
             own = parameters[self.own_slice(index)]
             response = respond(self.model, shot, parameters[: self.shared], own, derivatives=False)
-            rest = shot.noise.whiten(response.displacement_m, shot.valid) - self.whitened[index]
-            total += float(rest @ rest)
-        if not np.isfinite(total):
+            parts.append(shot.noise.whiten(response.displacement_m, shot.valid) - self.whitened[index])
+        out = np.concatenate(parts)
+        if not np.all(np.isfinite(out)):
             raise Infeasible("the trajectory is not finite")
-        return total
+        return out
+
+    def chi2(self, parameters: Floats) -> float:
+        """Return the whitened sum of squares alone; Infeasible where there is no trajectory."""
+        out = self.residual(parameters)
+        return float(out @ out)
 
 
 def search(
@@ -105,7 +114,12 @@ def search(
     def function(z: Floats) -> Square:
         parameters, slope = coordinates.to_parameters(z)
         at = problem.square(parameters)
-        return Square(at.chi2, slope.T @ at.curvature @ slope, slope.T @ at.gradient, at.samples)
+        assert at.jacobian is not None
+        bent = slope.T @ at.curvature @ slope
+        return Square(at.chi2, bent, slope.T @ at.gradient, at.samples, at.residual, at.jacobian @ slope)
+
+    def residual(z: Floats) -> Floats:
+        return problem.residual(coordinates.to_parameters(z)[0])
 
     start = coordinates.to_search(begin)
     lower, upper = np.full(start.size, -np.inf), np.full(start.size, np.inf)
@@ -122,7 +136,14 @@ def search(
             lower[place] = max(lower[place], start[place] / _FURTHEST)
             upper[place] = min(upper[place], start[place] * _FURTHEST)
     found = minimise(
-        function, start, lower=lower, upper=upper, evaluations=evaluations, tolerance=tolerance, cancelled=stop
+        function,
+        start,
+        lower=lower,
+        upper=upper,
+        evaluations=evaluations,
+        tolerance=tolerance,
+        residual=residual,
+        cancelled=stop,
     )
     if stop():
         raise Cancelled

@@ -149,15 +149,18 @@ def _base_minimum(bare: Problem, begins: Sequence[Floats], stop: Callable[[], bo
     Such a remainder is either an effect's or a wrong pattern of bounces; the first bounces alone tell which.
     """
     best = search(bare, begins[0], stop)
-    samples = best.square.samples
-    if best.square.chi2 < _STRONG * samples:
+    if best.square.chi2 < _STRONG * best.square.samples or len(begins) == 1:
         return best
-    for begin in (_early(bare, best.parameters, stop), *begins[1:_FOLLOWED_STARTS]):
+    early = _early(bare, best.parameters, stop)
+    others = list(begins[1:_FOLLOWED_STARTS])
+    if early is not None and early.square.chi2 < _STRONG * early.square.samples:
+        others = [early.parameters]
+    for begin in others:
         with contextlib.suppress(Infeasible):
             trial = search(bare, begin, stop)
-            if trial.square.chi2 < best.square.chi2 * (1 - 1e-6):
+            if trial.square.chi2 < best.square.chi2:
                 best = trial
-            if best.square.chi2 < _STRONG * samples:
+            if best.square.chi2 < _STRONG * best.square.samples:
                 break
     return best
 
@@ -170,7 +173,9 @@ def _with_effects(
     why: Infeasible | None = None
     bases = [base_minimum.parameters]
     if base_minimum.square.chi2 > _STRONG * base_minimum.square.samples:
-        bases.insert(0, _early(bare, base_minimum.parameters, stop))
+        early = _early(bare, base_minimum.parameters, stop)
+        if early is not None:
+            bases.insert(0, early.parameters)
     for chosen, begin in effect_starts(bare, bases, model, given):
         problem = Problem(Model(model.base, model.effects, chosen), bare.shots, bare.whitened)
         try:
@@ -188,8 +193,8 @@ def _with_effects(
     return best
 
 
-def _early(bare: Problem, parameters: Floats, stop: Callable[[], bool]) -> Floats:
-    """Return the base parameters that the first bounces alone suggest.
+def _early(bare: Problem, parameters: Floats, stop: Callable[[], bool]) -> Minimum | None:
+    """Return the base parameters that the first bounces alone suggest, or None where they suggest none.
 
     Most effects build up with time, travel or deflection: over the first bounces they have disturbed little, whereas
     a fit of the whole shot may have left the bounces' valley to make up for them.
@@ -200,9 +205,9 @@ def _early(bare: Problem, parameters: Floats, stop: Callable[[], bool]) -> Float
         shots.append(replace(shot, valid=shot.valid & early))
     problem = Problem.of(bare.model, shots)
     try:
-        return search(problem, parameters, stop, evaluations=40).parameters
+        return search(problem, parameters, stop, evaluations=30)
     except Infeasible:
-        return parameters
+        return None
 
 
 def fit_of(model_name: str, problem: Problem, motions: Sequence[Motion], found: Minimum, seconds: float) -> Fit:

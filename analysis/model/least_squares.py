@@ -16,7 +16,8 @@ class Infeasible(ArithmeticError):
 class Square:
     """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and sample count.
 
-    ``residual``, shape (n,), and ``jacobian``, shape (n, p), where the search is to follow bent valleys.
+    ``residual``, shape (n,), and the products with its derivatives J, where the search is to follow bent valleys:
+    ``along(step)`` = J step, ``pull(vector)`` = J^T vector.
     """
 
     chi2: float
@@ -24,7 +25,8 @@ class Square:
     gradient: Floats
     samples: int
     residual: Floats | None = None
-    jacobian: Floats | None = None
+    along: Callable[[Floats], Floats] | None = None
+    pull: Callable[[Floats], Floats] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,8 @@ def minimise(
     """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
 
     With ``residual`` (whitened residuals at a point) and squares that carry theirs, each step is bent along the valley
-    by its second-order part (geodesic acceleration; Transtrum and Sethna, arXiv:1201.5885).  A fall of 1e-6 is a move of 1e-3 standard deviations.  The function may raise Infeasible anywhere but at the start.
+    by its second-order part (geodesic acceleration; Transtrum and Sethna, arXiv:1201.5885).  A fall of 1e-6 is a move
+    of 1e-3 standard deviations.  The function may raise Infeasible anywhere but at the start.
     """
     low = np.full(start.size, -np.inf) if lower is None else lower
     high = np.full(start.size, np.inf) if upper is None else upper
@@ -127,14 +130,14 @@ def _bend(
     residual: Residual, square: Square, here: Floats, step: Floats, free: np.ndarray, damping: float
 ) -> Floats | None:
     """Return the second-order part of a step, or None where it is as large as the step or cannot be had."""
-    if square.residual is None or square.jacobian is None:
+    if square.residual is None or square.along is None or square.pull is None:
         return None
     try:
         ahead = residual(here + _PROBE * step)
     except Infeasible:
         return None
-    second = 2 / _PROBE * ((ahead - square.residual) / _PROBE - square.jacobian @ step)
-    bend = _step(square, free, damping, square.jacobian.T @ second)
+    second = 2 / _PROBE * ((ahead - square.residual) / _PROBE - square.along(step))
+    bend = _step(square, free, damping, square.pull(second))
     if bend is None:
         return None
     scale = np.sqrt(np.diag(square.curvature))

@@ -264,6 +264,53 @@ def _watchlist(phase, variant, p, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _glide(times, i, t, h, w, e, watching, watched, p, spring, dash, states):  # type: ignore[no-untyped-def]
+    """Propagate the bare state from sample to sample while the grid is even and nothing is crossed; (i, t) reached.
+
+    The same arithmetic as ``step``, kept in registers: about 12 ns a sample.
+    """
+    k, g, k_p, per_plate, per_block = p[2] * spring, p[3] * dash, p[0], 1.0 / p[1], 1.0 / p[7]
+    e00, e01, e02, e03 = e[0, 0], e[0, 1], e[0, 2], e[0, 3]
+    e10, e11, e12, e13 = e[1, 0], e[1, 1], e[1, 2], e[1, 3]
+    e20, e21, e22, e23 = e[2, 0], e[2, 1], e[2, 2], e[2, 3]
+    e30, e31, e32, e33 = e[3, 0], e[3, 1], e[3, 2], e[3, 3]
+    a0, b0, d0 = watching[0, 0], watching[0, 1], watching[0, 2]
+    a1, b1, d1 = watching[1, 0], watching[1, 1], watching[1, 2]
+    if watched < 2:
+        a1, b1, d1 = 0.0, 0.0, 0.0
+    bent = b0 != 0.0 or b1 != 0.0
+    x, v, y, u = w[0, 0], w[0, 1], w[0, 2], w[0, 3]
+    pull = k * (y - x) + g * (u - v)
+    drift = -((k_p * y + pull) * per_plate + pull * per_block) if bent else 0.0
+    n = times.size
+    while i < n and abs(times[i] - t - h) < 2e-15:
+        xn = e00 * x + e01 * v + e02 * y + e03 * u
+        vn = e10 * x + e11 * v + e12 * y + e13 * u
+        yn = e20 * x + e21 * v + e22 * y + e23 * u
+        un = e30 * x + e31 * v + e32 * y + e33 * u
+        xi, rate, before = yn - xn, un - vn, u - v
+        drift_n = 0.0
+        if bent:
+            pull = k * xi + g * rate
+            drift_n = -((k_p * yn + pull) * per_plate + pull * per_block)
+        if (a0 * xi + b0 * rate) * d0 >= 0.0 or (
+            (a0 * before + b0 * drift) * d0 > 0.0 and (a0 * rate + b0 * drift_n) * d0 < 0.0
+        ):
+            break
+        if d1 != 0.0 and (
+            (a1 * xi + b1 * rate) * d1 >= 0.0
+            or ((a1 * before + b1 * drift) * d1 > 0.0 and (a1 * rate + b1 * drift_n) * d1 < 0.0)
+        ):
+            break
+        x, v, y, u, drift = xn, vn, yn, un, drift_n
+        states[i, 0], states[i, 1], states[i, 2], states[i, 3] = x, v, y, u
+        t += h
+        i += 1
+    w[0, 0], w[0, 1], w[0, 2], w[0, 3] = x, v, y, u
+    return i, t
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _copy(w, out, rows):  # type: ignore[no-untyped-def]
     for j in range(rows):
         for k in range(4):
@@ -276,7 +323,7 @@ def solve(times, p, variant, rows, states, d_x, event_time, event_kind, event_st
 
     Writes the states, shape (n, 4), the derivatives of x_b, shape (n, 7), when ``rows`` is 8, and the changes of
     phase: time, 10 * before + after, state, dt/dtheta, d(state at that event)/dtheta.  Returns their number, or -1
-    when more than MAX_EVENTS happen.  About 30 ns a sample without and 120 ns with derivatives, plus 20 us an event.
+    when more than MAX_EVENTS happen.  About 15 ns a sample without and 120 ns with derivatives, plus 20 us an event.
     """
     n = times.size
     k_p, m_p = p[0], p[1]
@@ -284,18 +331,15 @@ def solve(times, p, variant, rows, states, d_x, event_time, event_kind, event_st
     i = 0
     while i < n and times[i] <= 0.0:
         t = times[i]
-        cosine = math.cos(omega * t)
-        sine = math.sin(omega * t) / omega if omega > 0.0 else t
         states[i, 0] = p[5] + p[4] * t
         states[i, 1] = p[4]
-        states[i, 2] = p[5] * cosine + p[6] * sine
-        states[i, 3] = p[6] * cosine - p[5] * omega * omega * sine
         if rows > 1:
             for j in range(COLUMNS):
                 d_x[i, j] = 0.0
             d_x[i, 4] = t
             d_x[i, 5] = 1.0
         i += 1
+    _ring(times, 0, i, 0.0, omega, p[5], p[6], states)
     w = np.zeros((COLUMNS + 1, 4))
     w_end = np.zeros((COLUMNS + 1, 4))
     w[0, 0] = p[5]
@@ -325,6 +369,10 @@ def solve(times, p, variant, rows, states, d_x, event_time, event_kind, event_st
     gone = False
     rate = np.empty((COLUMNS + 1, 4))
     while i < n:
+        if rows == 1 and not gone and e_step[phase] > 0.0:
+            i, t = _glide(times, i, t, e_step[phase], w, e[phase], watching, watched, p, spring, dash, states)
+            if i == n:
+                break
         target = times[i]
         while t < target:
             if gone:
@@ -391,15 +439,33 @@ def solve(times, p, variant, rows, states, d_x, event_time, event_kind, event_st
         for j in range(rows - 1):
             d_x[i, j] = w[j + 1, 0]
         i += 1
-    while i < n:  # gone for good: the block flies on, the plate rings on
-        dt = times[i] - t
-        cosine = math.cos(omega * dt)
-        sine = math.sin(omega * dt) / omega if omega > 0.0 else dt
-        states[i, 0] = w[0, 0] + w[0, 1] * dt
-        states[i, 1] = w[0, 1]
-        states[i, 2] = w[0, 2] * cosine + w[0, 3] * sine
-        states[i, 3] = w[0, 3] * cosine - w[0, 2] * omega * omega * sine
-        for j in range(rows - 1):
-            d_x[i, j] = w[j + 1, 0] + w[j + 1, 1] * dt
-        i += 1
+    if i < n:  # gone for good: the block flies on, the plate rings on
+        for j in range(i, n):
+            dt = times[j] - t
+            states[j, 0] = w[0, 0] + w[0, 1] * dt
+            states[j, 1] = w[0, 1]
+            for k in range(rows - 1):
+                d_x[j, k] = w[k + 1, 0] + w[k + 1, 1] * dt
+        _ring(times, i, n, t, omega, w[0, 2], w[0, 3], states)
     return events
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _ring(times, begin, end, t, omega, y, u, states):  # type: ignore[no-untyped-def]
+    """Write the free plate at samples ``begin`` to ``end``; turned on from sample to sample where the grid is even."""
+    step, turn_c, turn_s = -1.0, 1.0, 0.0
+    cosine = sine = 0.0
+    for i in range(begin, end):
+        dt = times[i] - t
+        if omega == 0.0:
+            states[i, 2], states[i, 3] = y + u * dt, u
+            continue
+        if i > begin and abs(times[i] - times[i - 1] - step) < 1e-13 and (i - begin) % 256 != 0:
+            cosine, sine = cosine * turn_c - sine * turn_s, sine * turn_c + cosine * turn_s
+        else:
+            cosine, sine = math.cos(omega * dt), math.sin(omega * dt)
+            if i + 1 < end:
+                step = times[i + 1] - times[i]
+                turn_c, turn_s = math.cos(omega * step), math.sin(omega * step)
+        states[i, 2] = y * cosine + u * sine / omega
+        states[i, 3] = u * cosine - y * omega * sine

@@ -61,14 +61,22 @@ class Problem:
             curvature[np.ix_(place, place)] += jacobian.T @ jacobian
             gradient[place] += jacobian.T @ residual
             residuals.append(residual)
-            wide = np.zeros((residual.size, size))
-            wide[:, place] = jacobian
-            jacobians.append(wide)
+            jacobians.append((place, jacobian))
         stacked = np.concatenate(residuals)
         chi2 = float(stacked @ stacked)
         if not (np.isfinite(chi2) and np.all(np.isfinite(gradient))):
             raise Infeasible("the trajectory is not finite")
-        return Square(chi2, curvature, gradient, stacked.size, stacked, np.concatenate(jacobians))
+        def along(step: Floats) -> Floats:
+            return np.concatenate([jacobian @ step[place] for place, jacobian in jacobians])
+
+        def pull(vector: Floats) -> Floats:
+            out, row = np.zeros(size), 0
+            for place, jacobian in jacobians:
+                out[place] += jacobian.T @ vector[row : row + jacobian.shape[0]]
+                row += jacobian.shape[0]
+            return out
+
+        return Square(chi2, curvature, gradient, stacked.size, stacked, along, pull)
 
     def residual(self, parameters: Floats) -> Floats:
         """Return the whitened residuals of all shots, shape (n,); Infeasible where there is no trajectory."""
@@ -114,9 +122,17 @@ def search(
     def function(z: Floats) -> Square:
         parameters, slope = coordinates.to_parameters(z)
         at = problem.square(parameters)
-        assert at.jacobian is not None
-        bent = slope.T @ at.curvature @ slope
-        return Square(at.chi2, bent, slope.T @ at.gradient, at.samples, at.residual, at.jacobian @ slope)
+        along, pull = at.along, at.pull
+        assert along is not None and pull is not None
+        return Square(
+            at.chi2,
+            slope.T @ at.curvature @ slope,
+            slope.T @ at.gradient,
+            at.samples,
+            at.residual,
+            lambda step: along(slope @ step),
+            lambda vector: np.asarray(slope.T @ pull(vector)),
+        )
 
     def residual(z: Floats) -> Floats:
         return problem.residual(coordinates.to_parameters(z)[0])

@@ -95,7 +95,7 @@ class Photographer:
 
     def _views(self) -> None:
         self.press(Qt.Key.Key_1)
-        self.take("shot")
+        self.take("window")
         for key, name in (
             (Qt.Key.Key_2, "first-contact"),
             (Qt.Key.Key_3, "force-deflection"),

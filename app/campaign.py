@@ -21,6 +21,7 @@ from instrument.recording_search import find_recordings, recording_stem
 from instrument.recording_writer import write_text_beside
 
 JOURNAL = "campaign.jsonl"
+SCHEDULER_ANSWERS_S = 10.0
 AHEAD = 4  # shots handed out for each worker, so that none waits and none hoards
 
 
@@ -204,7 +205,7 @@ def _workers(jobs: int | None, scheduler: str | None) -> Iterator[tuple[Executor
         from distributed import Client
     except ImportError:
         raise OSError(0, "needs dask.distributed: pip install 'levimass[cluster]'", "--scheduler") from None
-    with Client(scheduler, timeout="10s", set_as_default=False) as client:
+    with Client(scheduler, timeout=SCHEDULER_ANSWERS_S, set_as_default=False) as client:
         width = sum(client.nthreads().values()) or 1
         yield client.get_executor(pure=False), width
 

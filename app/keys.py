@@ -17,6 +17,7 @@ KEYS: tuple[Key, ...] = (
     Key("Space", "arm", "ARM: wait for the light switch and record", "Taking a shot"),
     Key("Esc", "abort", "Abort; closes a sheet first when one is open", "Taking a shot"),
     Key("T", "trigger_now", "Stand in for the light switch while armed", "Taking a shot"),
+    Key("Ctrl+S", "save_elsewhere", "Save shots that are only in memory elsewhere", "Taking a shot"),
     Key("R", "toggle_rearm", "Re-arm by itself, on or off", "Taking a shot"),
     Key("S", "focus_source", "Choose the source", "Taking a shot"),
     Key("Ctrl+1", "show_live", "LIVE", "Pages"),
@@ -24,6 +25,8 @@ KEYS: tuple[Key, ...] = (
     Key("Ctrl+3", "show_compare", "COMPARE", "Pages"),
     Key("Ctrl+4", "show_spectrum", "SPECTRUM", "Pages"),
     Key("Ctrl+5", "show_diagnosis", "DIAGNOSIS", "Pages"),
+    Key("Ctrl+6", "show_budget", "BUDGET", "Pages"),
+    Key("Ctrl+7", "show_paper", "PAPER", "Pages"),
     Key("F2", "toggle_settings", "Settings", "Pages"),
     Key("F1", "toggle_keys", "This sheet", "Pages"),
     Key("1", "view_whole", "Whole shot", "The shot's plots"),
@@ -45,6 +48,7 @@ KEYS: tuple[Key, ...] = (
     Key("Ctrl+Up", "previous_shot", "Shot before", "The session"),
     Key("Ctrl+Down", "next_shot", "Shot after", "The session"),
     Key("D", "diagnose", "Diagnose the selected shots", "The session"),
+    Key("B", "show_budget", "Uncertainty budget of the shot", "The session"),
     Key("Ctrl+Q", "close", "Quit", "The session"),
 )
 

@@ -4,6 +4,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QTabWidget, QVBoxLayout, QWidget
 
 from app.panels.banner import Banner
+from app.panels.budget import BudgetPanel
 from app.panels.compare import ComparePanel
 from app.panels.controls import Controls
 from app.panels.diagnosis import DiagnosisPanel
@@ -11,6 +12,7 @@ from app.panels.key_sheet import KeySheet
 from app.panels.live import LivePanel
 from app.panels.model import ModelPanel
 from app.panels.numbers import NumbersPanel
+from app.panels.paper import PaperPanel
 from app.panels.session_table import SessionTable
 from app.panels.settings_sheet import SettingsSheet
 from app.panels.shot import ShotPanel
@@ -23,7 +25,7 @@ from app.theme import Theme
 class Layout(QWidget):
     """All panels, placed; the two sheets lie over them and are hidden."""
 
-    LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS = range(5)
+    LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS, BUDGET, PAPER = range(7)
 
     def __init__(self, theme: Theme, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -36,6 +38,8 @@ class Layout(QWidget):
         self.compare = ComparePanel(c, self)
         self.spectrum = SpectrumPanel(c, self)
         self.diagnosis = DiagnosisPanel(c, self)
+        self.budget = BudgetPanel(self)
+        self.paper = PaperPanel(c, self)
         self.numbers = NumbersPanel(c, self)
         self.model = ModelPanel(c, self)
         self.table = SessionTable(self)
@@ -49,6 +53,8 @@ class Layout(QWidget):
             ("COMPARE", self.compare),
             ("SPECTRUM", self.spectrum),
             ("DIAGNOSIS", self.diagnosis),
+            ("BUDGET", self.budget),
+            ("PAPER", self.paper),
         ):
             index = self.tabs.addTab(page, name)
             self.tabs.setTabToolTip(index, f"{name}  (Ctrl+{index + 1})")
@@ -101,6 +107,7 @@ class Layout(QWidget):
             self.compare,
             self.spectrum,
             self.diagnosis,
+            self.paper,
             self.numbers,
             self.model,
             self.work.notices,

@@ -16,7 +16,6 @@ from instrument.capture import Capture
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.found_devices import found_devices
-from instrument.recording_error import RecordingError
 from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
 from instrument.sources import open_source
 
@@ -124,16 +123,16 @@ class Rig:
             except OSError as error:
                 self._problems.append(f"the settings were not taken: {error}")
 
-    def save_pending(self, folder: Path) -> str:
-        """Save shots that are only in memory to ``folder``; return what was done or why not, in one line."""
+    def save_pending(self, folder: Path) -> dict[str, Path]:
+        """Save shots that are only in memory to ``folder`` and return each one's path by its name; waits for the disk.
+
+        Raises RecordingError at the first that cannot be saved; it stays in memory.
+        """
         running = self._running
         if running is None:
-            return "no shot waits"
-        try:
-            saved = running.capture.save_pending(folder)
-        except RecordingError as error:
-            return str(error)
-        return f"{len(saved)} shots saved to {folder}"
+            return {}
+        names = running.capture.latest().unsaved
+        return dict(zip(names, running.capture.save_pending(folder), strict=False))
 
     # what the screen pulls ----------------------------------------------------------------------------------------
 

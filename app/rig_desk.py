@@ -1,6 +1,7 @@
 """What an operator does with the rig: source, arm, abort, re-arm, settings; and what the rig says, on the screen."""
 
 import time
+from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QFileDialog
@@ -25,6 +26,7 @@ class RigDesk(QObject):
     shot_finished = Signal(object)
     said = Signal(str, Tone)
     appearance_chosen = Signal(str)
+    save_elsewhere_wanted = Signal(object)  # the folder, as a Path
 
     def __init__(self, rig: Rig, choices: Choices, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
@@ -34,6 +36,7 @@ class RigDesk(QObject):
         panels.controls.abort_wanted.connect(self.abort)
         panels.controls.rearm_changed.connect(self._rearm_changed)
         panels.controls.source_chosen.connect(self._source_chosen)
+        panels.banner.save_wanted.connect(self.save_elsewhere)
         panels.work.settings_wanted.connect(self.toggle_settings)
         panels.settings.applied.connect(self._settings_applied)
         panels.settings.offer(FIELDS)
@@ -46,6 +49,7 @@ class RigDesk(QObject):
         word, sentence, tone = state_words.banner(snapshot, self._last_shot, self._rig.arming(snapshot))
         since = "" if tone is Tone.NEUTRAL else duration(time.monotonic() - snapshot.since_s)
         p.banner.show_state(word, sentence, tone, since)
+        p.banner.offer_saving(len(snapshot.unsaved))
         p.controls.show_state(self._rig.can_arm(snapshot), self._rig.can_abort(snapshot))
         for name, sign in state_words.signs(
             snapshot.signal, self._rig.rate_hz, self._choices.settings.bandwidth_hz
@@ -96,6 +100,16 @@ class RigDesk(QObject):
     def trigger_now(self) -> None:
         """Stand in for the light switch."""
         self._rig.trigger_now()
+
+    @Slot()
+    def save_elsewhere(self) -> None:
+        """Ask for a folder and save the shots there that are only in memory."""
+        if not self._rig.latest().unsaved:
+            self.said.emit("No shot waits: all are saved", Tone.NEUTRAL)
+            return
+        folder = QFileDialog.getExistingDirectory(self._panels, "Save the shots in memory to")
+        if folder:
+            self.save_elsewhere_wanted.emit(Path(folder))
 
     @Slot()
     def toggle_rearm(self) -> None:

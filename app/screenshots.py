@@ -119,6 +119,12 @@ class Photographer:
         self.press(Qt.Key.Key_4, Qt.KeyboardModifier.ControlModifier)
         self.wait("spectra", self.window.panels.spectrum.has_spectra)
         self.take("spectrum")
+        self.press(Qt.Key.Key_B)
+        self.window.panels.budget.table.topLevelItem(0).setExpanded(True)
+        self.take("budget")
+        self.press(Qt.Key.Key_7, Qt.KeyboardModifier.ControlModifier)
+        self.wait("the paper", lambda: self.window.panels.paper.table.topLevelItemCount() > 0)
+        self.take("paper")
 
     def _several(self) -> None:
         session, panels = self.window.bench.session, self.window.panels

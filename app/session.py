@@ -75,6 +75,13 @@ class Session:
         """Give an entry its analysed shot (after reopening, or when the model changed)."""
         self._change(number, lambda entry: replace(entry, shot=shot, name=shot.name, settings=shot.settings))
 
+    def set_path(self, name: str, path: str) -> None:
+        """Say where a shot that was only in memory was saved at last; the newest of that name is meant."""
+        entry = next((e for e in reversed(self._entries) if e.name == name and e.path is None), None)
+        if entry is not None:
+            shot = None if entry.shot is None else replace(entry.shot, path=path)
+            self._change(entry.number, lambda old: replace(old, path=path, shot=shot))
+
     def set_verdict(self, number: int, verdict: str) -> None:
         """Set what the diagnosis said of an entry."""
         self._change(number, lambda entry: replace(entry, verdict=verdict))

@@ -29,6 +29,7 @@ class ViewDesk(QObject):
         p.live.stack.export_wanted.connect(self._live)
         p.diagnosis.stack.export_wanted.connect(self._residuals)
         p.model.details_wanted.connect(self.show_diagnosis)
+        p.numbers.budget_wanted.connect(self.show_budget)
         p.work.keys_wanted.connect(self.toggle_keys)
 
     @Slot()
@@ -55,6 +56,16 @@ class ViewDesk(QObject):
     def show_diagnosis(self) -> None:
         """Bring DIAGNOSIS to the front."""
         self._panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
+
+    @Slot()
+    def show_budget(self) -> None:
+        """Bring BUDGET to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.BUDGET)
+
+    @Slot()
+    def show_paper(self) -> None:
+        """Bring PAPER to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.PAPER)
 
     @Slot()
     def view_whole(self) -> None:

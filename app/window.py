@@ -16,6 +16,7 @@ from app.rig import Open, Rig, open_patiently
 from app.rig_desk import RigDesk
 from app.session import Entry, Session
 from app.session_desk import SessionDesk
+from app.tables_desk import TablesDesk
 from app.theme import Theme, Tone
 from app.view_desk import ViewDesk
 from app.warm import Kernels
@@ -33,15 +34,18 @@ class MainWindow(QMainWindow):
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
         self.rig, self.bench, self.theme = rig, bench, theme
+        self._warned = False  # that shots are only in memory
         self.panels = Layout(theme, self)
         self.setCentralWidget(self.panels)
         self.rig_desk = RigDesk(rig, choices, self.panels, self)
         self.session_desk = SessionDesk(bench, self.panels, self)
         self.view_desk = ViewDesk(self.panels, self)
+        self.tables_desk = TablesDesk(bench, self.panels, self.session_desk.front, self)
         for desk in (self.rig_desk, self.session_desk, self.view_desk):
             desk.said.connect(self.say)
         self.rig_desk.shot_finished.connect(self._shot_finished)
         self.session_desk.arrived.connect(self._arrived)
+        self.rig_desk.save_elsewhere_wanted.connect(self._save_elsewhere)
         self.rig_desk.appearance_chosen.connect(self._appearance_chosen)
         theme.changed.connect(self._dress)
         keyboard.bind(self, (self.rig_desk, self.session_desk, self.view_desk, self))
@@ -65,6 +69,7 @@ class MainWindow(QMainWindow):
         snapshot = self.rig_desk.show()
         self.session_desk.rig_doing, self.session_desk.rig_share = snapshot.doing, snapshot.progress
         self.session_desk.show()
+        self.tables_desk.show()
 
     @Slot(str, Tone)
     def say(self, words: str, tone: Tone) -> None:
@@ -74,6 +79,10 @@ class MainWindow(QMainWindow):
     @Slot(object)
     def _shot_finished(self, finished: FinishedShot) -> None:
         self.session_desk.take(finished, stay=self.rig.rearm)
+
+    @Slot(object)
+    def _save_elsewhere(self, folder: Path) -> None:
+        self.bench.save_elsewhere(self.rig.save_pending, folder)
 
     @Slot(object)
     def _arrived(self, entry: Entry) -> None:
@@ -104,7 +113,14 @@ class MainWindow(QMainWindow):
         event.acceptProposedAction()
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """End every thread before the window goes."""
+        """End every thread before the window goes; shots only in memory ask for a second thought."""
+        unsaved = len(self.rig.latest().unsaved)
+        if unsaved and not self._warned:
+            self._warned = True
+            what = "1 shot is" if unsaved == 1 else f"{unsaved} shots are"
+            self.say(f"{what} only in memory: save elsewhere (Ctrl+S), or close again to drop them", Tone.BAD)
+            event.ignore()
+            return
         self._timer.stop()
         self.bench.close()
         self.rig.close()

@@ -60,14 +60,15 @@ class Workbench:
     def __init__(self, session: Session, settings: Callable[[], AnalysisSettings]) -> None:
         self.session = session
         self.jobs = Jobs()
+        self.errands = Jobs()  # short work that must not wait behind a diagnosis
         self.effects: tuple[str, ...] = ()
         self.diagnosed: Diagnosed | None = None
         self._settings = settings
         self._waiting: list[Happening] = []
 
     def close(self) -> bool:
-        """Cancel all work and wait for it; return whether the thread ended."""
-        return self.jobs.close()
+        """Cancel all work and wait for it; return whether the threads ended."""
+        return self.jobs.close() & self.errands.close()
 
     # what is asked for ------------------------------------------------------------------------------------------
 
@@ -114,6 +115,14 @@ class Workbench:
             return Happening(Kind.EXPORTED, f"{len(shots)} shots exported to {folder} ({len(written)} files)")
 
         self.jobs.submit("export", work, "export")
+
+    def save_elsewhere(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
+        """Queue the saving of shots that are only in memory; ``save`` does it and returns each one's path by name."""
+
+        def work(_: Report, __: Asked) -> _SavedElsewhere:
+            return _SavedElsewhere(save(folder), folder)
+
+        self.errands.submit("saving elsewhere", work, "save")
 
     def diagnose(self, numbers: Sequence[int]) -> str | None:
         """Queue the diagnosis of these entries; return why not, or None."""
@@ -188,7 +197,7 @@ class Workbench:
 
     def poll(self) -> list[Happening]:
         """Return what ended since the last call."""
-        for job in self.jobs.finished():
+        for job in (*self.jobs.finished(), *self.errands.finished()):
             if job.cancelled:
                 continue
             if job.problem is not None:
@@ -207,6 +216,12 @@ class Workbench:
             for number in result.numbers:
                 self.session.set_verdict(number, verdict_words(result.diagnosis))
             self._waiting.append(Happening(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
+        elif isinstance(result, _SavedElsewhere):
+            for name, path in result.paths.items():
+                self.session.set_path(name, str(path))
+            count = len(result.paths)
+            words = f"{count} shot{'s' if count > 1 else ''} saved to {result.folder}" if count else "no shot waits"
+            self._waiting.append(Happening(Kind.EXPORTED, words))
         elif isinstance(result, _Opened):
             entry = self.session.add(result.shot, copy_of=result.copy_of)
             self._waiting.append(Happening(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
@@ -258,6 +273,12 @@ class Workbench:
 class _Opened:
     shot: Shot
     copy_of: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class _SavedElsewhere:
+    paths: dict[str, Path]
+    folder: Path
 
 
 @dataclass(frozen=True, slots=True)

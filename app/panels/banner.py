@@ -1,7 +1,7 @@
 """The state of the instrument, readable from two metres: one word, one sign, one colour, and what to do."""
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from app.theme import Colours, Tone, sized
 
@@ -17,6 +17,8 @@ SIGNS = {
 
 class Banner(QFrame):
     """A coloured, worded sign.  Nothing in it moves when its words change."""
+
+    save_wanted = Signal()
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -46,6 +48,12 @@ class Banner(QFrame):
         row.addWidget(self._sign)
         row.addWidget(self._word)
         row.addWidget(self._detail, 1)
+        self.save_elsewhere = QPushButton("Save elsewhere …", self)
+        self.save_elsewhere.setToolTip("Save the shots that are only in memory to another folder  (Ctrl+S)")
+        self.save_elsewhere.setMinimumHeight(int(2.2 * self.fontMetrics().height()))
+        self.save_elsewhere.clicked.connect(self._save)
+        self.save_elsewhere.hide()
+        row.addWidget(self.save_elsewhere)
         row.addWidget(self._clock)
         self.setFixedHeight(max(self._word.sizeHint().height() + 12, 3 * self._detail.fontMetrics().lineSpacing() + 12))
         self.setAccessibleName("State of the instrument")
@@ -73,6 +81,18 @@ class Banner(QFrame):
         self.setStyleSheet(
             f"#banner {{ background: {background}; border-radius: 6px; }} #banner QLabel {{ color: {text}; }}"
         )
+
+    def offer_saving(self, unsaved: int) -> None:
+        """Show the button that saves elsewhere while shots are only in memory."""
+        if self.save_elsewhere.isHidden() == (unsaved > 0):
+            self.save_elsewhere.setVisible(unsaved > 0)
+        words = f"Save {unsaved} shot{'s' if unsaved > 1 else ''} elsewhere …"
+        if unsaved and self.save_elsewhere.text() != words:
+            self.save_elsewhere.setText(words)
+
+    @Slot()
+    def _save(self) -> None:
+        self.save_wanted.emit()
 
     def show_state(self, word: str, detail: str, tone: Tone, clock: str = "") -> None:
         """Show a state; called at every pull, so it touches only what changed."""

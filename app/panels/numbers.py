@@ -4,8 +4,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QGridLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QScrollArea, QVBoxLayout, QWidget
 
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.shot import Shot
@@ -106,6 +106,8 @@ def _flag_tone(flag: str) -> Tone:
 class NumbersPanel(QScrollArea):
     """A column of named numbers whose places never move."""
 
+    budget_wanted = Signal()
+
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
@@ -118,7 +120,13 @@ class NumbersPanel(QScrollArea):
         self.title = QLabel("No shot", inner)
         self.title.setFont(sized(self.font(), 1.25, bold=True))
         self.title.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        column.addWidget(self.title)
+        top = QHBoxLayout()
+        self.budget = QPushButton("Budget", inner)
+        self.budget.setToolTip("Where each ± comes from, source by source  (B)")
+        self.budget.clicked.connect(self._budget)
+        top.addWidget(self.title, 1)
+        top.addWidget(self.budget)
+        column.addLayout(top)
         grid = QGridLayout()
         grid.setHorizontalSpacing(8)
         grid.setVerticalSpacing(2)
@@ -165,6 +173,10 @@ class NumbersPanel(QScrollArea):
         grid.addWidget(value, line, 1)
         grid.addWidget(unit, line, 2)
         self._values[row.name], self._names[row.name] = value, name
+
+    @Slot()
+    def _budget(self) -> None:
+        self.budget_wanted.emit()
 
     def text(self, name: str) -> str:
         """Return what is shown for a number."""

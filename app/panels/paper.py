@@ -33,6 +33,15 @@ class PaperPanel(QWidget):
         if self._result is not None:
             self.show_reproduction(self._result)
 
+    def say(self, words: str) -> None:
+        """Say what is being done, or why there is nothing to show."""
+        self._say.setText(words)
+
+    @property
+    def words(self) -> str:
+        """Get the line above the table."""
+        return self._say.text()
+
     def show_reproduction(self, result: Reproduction) -> None:
         """Show it; every section is a line that holds its numbers."""
         self._result = result

@@ -63,7 +63,10 @@ def test_over_a_scheduler(shots: Path, tmp_path: Path, capsys: pytest.CaptureFix
     assert "2 shots, 2 analysed" in capsys.readouterr().out
 
 
-def test_a_scheduler_that_does_not_answer(shots: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scheduler_that_does_not_answer(
+    shots: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    monkeypatch.setattr("app.campaign.SCHEDULER_ANSWERS_S", 0.5)
     assert main(["--replay", str(shots / "a"), "--scheduler", "tcp://127.0.0.1:9"]) == 1
     assert "127.0.0.1:9" in capsys.readouterr().err

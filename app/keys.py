@@ -28,6 +28,8 @@ KEYS: tuple[Key, ...] = (
     Key("Ctrl+6", "show_budget", "BUDGET", "Pages"),
     Key("Ctrl+7", "show_paper", "PAPER", "Pages"),
     Key("F2", "toggle_settings", "Settings", "Pages"),
+    Key("F3", "toggle_setup", "Set-up: devices, permission, signal check", "Pages"),
+    Key("F4", "toggle_tour", "The short tour", "Pages"),
     Key("F1", "toggle_keys", "This sheet", "Pages"),
     Key("1", "view_whole", "Whole shot", "The shot's plots"),
     Key("2", "view_contact", "First contact (Fig. 5)", "The shot's plots"),

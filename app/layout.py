@@ -15,9 +15,11 @@ from app.panels.numbers import NumbersPanel
 from app.panels.paper import PaperPanel
 from app.panels.session_table import SessionTable
 from app.panels.settings_sheet import SettingsSheet
+from app.panels.setup_sheet import SetupSheet
 from app.panels.shot import ShotPanel
 from app.panels.signal_line import SignalLine
 from app.panels.spectrum import SpectrumPanel
+from app.panels.tour import Tour
 from app.panels.work_line import WorkLine
 from app.theme import Theme
 
@@ -60,7 +62,9 @@ class Layout(QWidget):
             self.tabs.setTabToolTip(index, f"{name}  (Ctrl+{index + 1})")
         self._place()
         self.settings = SettingsSheet(c, self)
+        self.setup = SetupSheet(c, self)
         self.keys = KeySheet(self)
+        self.tour = Tour(c, self)
         self._theme = theme
 
     def _place(self) -> None:
@@ -112,11 +116,15 @@ class Layout(QWidget):
             self.model,
             self.work.notices,
             self.settings,
+            self.setup,
+            self.tour,
         ):
             panel.dress(self._theme.colours)
 
     def place_sheets(self) -> None:
         """Keep the sheets where they belong after a change of size."""
         self.settings.place()
+        self.setup.place()
+        self.tour.place()
         if self.keys.isVisible():
             self.keys.place()

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from instrument.bench.digitizer import BenchDigitizer
 from instrument.capture import Capture
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.found_devices import found_devices
+from instrument.found_devices import FoundDevice, found_devices
 from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
 from instrument.sources import open_source
 
@@ -38,6 +38,7 @@ class _Running:
     digitizer: Digitizer
     capture: Capture
     channels: tuple[Channel, ...]
+    bits: int
     rate_hz: float | None
 
 
@@ -88,6 +89,10 @@ class Rig:
     def sources(self) -> list[tuple[str, str]]:
         """Return (name, words) of what can be chosen: the bench, the devices found, a recording to play."""
         return [(BENCH, WORDS[BENCH]), *self._found, ("replay:", WORDS["replay:"])]
+
+    def remember_found(self, found: Sequence[FoundDevice]) -> None:
+        """Offer these devices as sources from now on."""
+        self._found = tuple((device.source, f"{device.name}, {device.where}") for device in found)
 
     def arm(self) -> None:
         """Wait for the light switch; a source that failed to open is opened again."""
@@ -140,6 +145,11 @@ class Rig:
     def channels(self) -> tuple[Channel, ...]:
         """Get the channels of the open source."""
         return self._running.channels if self._running is not None else ()
+
+    @property
+    def bits(self) -> int | None:
+        """Get the resolution of the open source."""
+        return self._running.bits if self._running is not None else None
 
     @property
     def rate_hz(self) -> float | None:
@@ -219,7 +229,7 @@ class Rig:
 
     def _look_around(self) -> None:
         try:
-            self._found = tuple((device.source, f"{device.name}, {device.where}") for device in found_devices())
+            self.remember_found(found_devices())
         except DigitizerError:
             self._found = ()  # no USB library: the doctor says so; the bench works without
 
@@ -246,7 +256,7 @@ class Rig:
         self._serial += 1
         settings: CaptureSettings | None = options.settings or digitizer.default_settings()
         rate = settings.sample_rate_hz if settings is not None else None
-        self._running = _Running(source, digitizer, capture, able.channels, rate)
+        self._running = _Running(source, digitizer, capture, able.channels, able.bits, rate)
 
     def _analyse(self, recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
         progress("waiting for the kernels", 0.0)

@@ -35,12 +35,12 @@ class RigDesk(QObject):
         panels.controls.arm_wanted.connect(self.arm)
         panels.controls.abort_wanted.connect(self.abort)
         panels.controls.rearm_changed.connect(self._rearm_changed)
-        panels.controls.source_chosen.connect(self._source_chosen)
+        panels.controls.source_chosen.connect(self.use_source)
         panels.banner.save_wanted.connect(self.save_elsewhere)
         panels.work.settings_wanted.connect(self.toggle_settings)
         panels.settings.applied.connect(self._settings_applied)
         panels.settings.offer(FIELDS)
-        panels.controls.offer_sources(rig.sources(), rig.source)
+        self._offer_sources()
 
     def show(self) -> Snapshot:
         """Bring banner, buttons, signal line and LIVE up to date with the newest snapshot, and return it."""
@@ -50,6 +50,9 @@ class RigDesk(QObject):
         since = "" if tone is Tone.NEUTRAL else duration(time.monotonic() - snapshot.since_s)
         p.banner.show_state(word, sentence, tone, since)
         p.banner.offer_saving(len(snapshot.unsaved))
+        sources = self._rig.sources()
+        if sources != self._offered and not p.controls.source.view().isVisible():
+            self._offer_sources()
         p.controls.show_state(self._rig.can_arm(snapshot), self._rig.can_abort(snapshot))
         for name, sign in state_words.signs(
             snapshot.signal, self._rig.rate_hz, self._choices.settings.bandwidth_hz
@@ -90,9 +93,10 @@ class RigDesk(QObject):
     def abort(self) -> None:
         """Close an open sheet; else abort."""
         p = self._panels
-        if p.keys.isVisible() or p.settings.isVisible():
-            p.keys.hide()
-            p.settings.hide()
+        sheets = [sheet for sheet in (p.tour, p.keys, p.settings, p.setup) if sheet.isVisible()]
+        if sheets:
+            for sheet in sheets:
+                sheet.close()
             return
         self._rig.abort()
 
@@ -126,14 +130,19 @@ class RigDesk(QObject):
         self._panels.controls.source.setFocus()
 
     @Slot(str)
-    def _source_chosen(self, name: str) -> None:
+    def use_source(self, name: str) -> None:
+        """Open another source; for a recording, ask which."""
         if name == "replay:":
             path, _ = QFileDialog.getOpenFileName(self._panels, "Recording to play back", "", RECORDINGS)
             name = f"replay:{path}" if path else self._rig.source
         if name != self._rig.source:
             self._rig.open(name)
             self._choices.remember_source(name)
-        self._panels.controls.offer_sources(self._rig.sources(), self._rig.source)
+        self._offer_sources()
+
+    def _offer_sources(self) -> None:
+        self._offered = self._rig.sources()
+        self._panels.controls.offer_sources(self._offered, self._rig.source)
 
     @Slot()
     def toggle_settings(self) -> None:
@@ -142,6 +151,7 @@ class RigDesk(QObject):
         if sheet.isVisible():
             sheet.hide()
         else:
+            self._panels.setup.hide()
             sheet.show_values(self._choices.settings.values())
             sheet.open()
 

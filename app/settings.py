@@ -43,6 +43,7 @@ class Settings:
     folder: str = ""
     appearance: str = "system"
     source: str = "bench"
+    tour_done: bool = False
 
     def __post_init__(self) -> None:
         air = (self.temperature_c, self.pressure_pa, self.humidity_percent)
@@ -54,6 +55,8 @@ class Settings:
             raise WrongSettings("light switch: the low threshold must lie below the high one")
         if self.pre_trigger_s >= self.duration_s:
             raise WrongSettings("the part before the trigger must be shorter than the shot")
+        if not isinstance(self.tour_done, bool):
+            raise WrongSettings(f"tour_done: {self.tour_done!r} is neither true nor false")
         for field in FIELDS:
             value = getattr(self, field.key)
             if field.kind == "number":

@@ -16,8 +16,10 @@ from app.rig import Open, Rig, open_patiently
 from app.rig_desk import RigDesk
 from app.session import Entry, Session
 from app.session_desk import SessionDesk
+from app.setup_desk import SetupDesk
 from app.tables_desk import TablesDesk
 from app.theme import Theme, Tone
+from app.tour_desk import TourDesk
 from app.view_desk import ViewDesk
 from app.warm import Kernels
 from app.workbench import Workbench
@@ -40,6 +42,10 @@ class MainWindow(QMainWindow):
         self.rig_desk = RigDesk(rig, choices, self.panels, self)
         self.session_desk = SessionDesk(bench, self.panels, self)
         self.view_desk = ViewDesk(self.panels, self)
+        self.setup_desk = SetupDesk(rig, choices, bench.errands, self.panels, self)
+        self.setup_desk.source_wanted.connect(self.rig_desk.use_source)
+        self.setup_desk.arm_wanted.connect(self.rig_desk.arm)
+        self.tour_desk = TourDesk(choices, self.panels, self)
         self.tables_desk = TablesDesk(bench, self.panels, self.session_desk.front, self)
         for desk in (self.rig_desk, self.session_desk, self.view_desk):
             desk.said.connect(self.say)
@@ -48,7 +54,7 @@ class MainWindow(QMainWindow):
         self.rig_desk.save_elsewhere_wanted.connect(self._save_elsewhere)
         self.rig_desk.appearance_chosen.connect(self._appearance_chosen)
         theme.changed.connect(self._dress)
-        keyboard.bind(self, (self.rig_desk, self.session_desk, self.view_desk, self))
+        keyboard.bind(self, (self.rig_desk, self.session_desk, self.view_desk, self.setup_desk, self.tour_desk, self))
         if bench.session.problem:
             self.say(bench.session.problem, Tone.WARNING)
         for words in choices.warnings:
@@ -70,6 +76,7 @@ class MainWindow(QMainWindow):
         self.session_desk.rig_doing, self.session_desk.rig_share = snapshot.doing, snapshot.progress
         self.session_desk.show()
         self.tables_desk.show()
+        self.setup_desk.show(snapshot)
 
     @Slot(str, Tone)
     def say(self, words: str, tone: Tone) -> None:
@@ -155,4 +162,5 @@ def run(argv: list[str]) -> int:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Qt's loop never returns to Python for a Ctrl+C
     window = open_window(user_config_path("levimass"))
     window.show()
+    window.tour_desk.start_once()
     return application.exec()

@@ -14,6 +14,7 @@ class WorkLine(QWidget):
     cancel_wanted = Signal()
     settings_wanted = Signal()
     keys_wanted = Signal()
+    setup_wanted = Signal()
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -35,10 +36,13 @@ class WorkLine(QWidget):
             widget.hide()
         settings = QPushButton("Settings", self)
         settings.setToolTip("Mass, air, wavelength, bandwidth, trigger, folders  (F2)")
+        setup = QPushButton("Set-up", self)
+        setup.setToolTip("Find devices, permission, check the signals before arming  (F3)")
+        setup.clicked.connect(self._setup_pressed)
         keys = QPushButton("Keys", self)
         keys.setToolTip("All keys on one sheet  (F1)")
         row.addWidget(self.notices, 1)
-        for widget in (self.progress, self._cancel, settings, keys):
+        for widget in (self.progress, self._cancel, setup, settings, keys):
             row.addWidget(widget)
         self._cancel.clicked.connect(self._cancel_pressed)
         settings.clicked.connect(self._settings_pressed)
@@ -71,6 +75,10 @@ class WorkLine(QWidget):
     @Slot()
     def _settings_pressed(self) -> None:
         self.settings_wanted.emit()
+
+    @Slot()
+    def _setup_pressed(self) -> None:
+        self.setup_wanted.emit()
 
     @Slot()
     def _keys_pressed(self) -> None:

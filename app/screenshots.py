@@ -78,7 +78,15 @@ class Photographer:
     def run(self) -> None:
         """Take all pictures."""
         panels = self.window.panels
+        self.wait("the window in front", self.window.isActiveWindow)
         self.wait("the beat", lambda: panels.controls.arm.isEnabled() and panels.live.text("velocity") != "–")
+        self.press(Qt.Key.Key_F4)
+        self.take("tour")
+        self.press(Qt.Key.Key_Escape)
+        self.press(Qt.Key.Key_F3)
+        self.wait("the verdicts", lambda: len(panels.setup.lines) == 4 and panels.setup.look.isEnabled())
+        self.take("set-up")
+        self.press(Qt.Key.Key_F3)
         self.press(Qt.Key.Key_Space)
         self.wait("ARMED", lambda: panels.banner.word == "ARMED")
         self.take("armed")

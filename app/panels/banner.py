@@ -1,6 +1,7 @@
 """The state of the instrument, readable from two metres: one word, one sign, one colour, and what to do."""
 
 from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from app.theme import Colours, Tone, sized
@@ -13,6 +14,7 @@ SIGNS = {
     Tone.WARNING: "!",
     Tone.BAD: "✗",
 }
+FACTORS = (1.15, 1.0, 0.85)  # of the system's font, for the sentence
 
 
 class Banner(QFrame):
@@ -40,7 +42,7 @@ class Banner(QFrame):
         self._detail.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._sign.setFixedWidth(self._sign.fontMetrics().horizontalAdvance("◉◉"))
         self._sign.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self._word.setMinimumWidth(self._word.fontMetrics().horizontalAdvance("TRANSFERRING"))
+        self._word.setMinimumWidth(self._word.fontMetrics().horizontalAdvance("ANALYSING"))
         self._clock.setFixedWidth(self._clock.fontMetrics().horizontalAdvance("00:00 "))
         self._clock.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         column = QVBoxLayout()
@@ -86,9 +88,29 @@ class Banner(QFrame):
         """Show the button that saves elsewhere while shots are only in memory."""
         if self.save_elsewhere.isHidden() == (unsaved > 0):
             self.save_elsewhere.setVisible(unsaved > 0)
+            self._clock.setVisible(unsaved == 0)  # its room is needed for the words
+            self._fit()
         words = f"Save {unsaved} shot{'s' if unsaved > 1 else ''} elsewhere …"
         if unsaved and self.save_elsewhere.text() != words:
             self.save_elsewhere.setText(words)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Fit the sentence anew."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Take the largest font in which the whole sentence can be read."""
+        self.layout().activate()
+        room = self.contentsRect().height() - 12
+        for factor in FACTORS:
+            font = sized(self.font(), factor)
+            flags = Qt.TextFlag.TextWordWrap.value
+            needed = QFontMetrics(font).boundingRect(0, 0, self._detail.width(), 10_000, flags, self._detail.text())
+            if needed.height() <= room or factor == FACTORS[-1]:
+                if self._detail.font() != font:
+                    self._detail.setFont(font)
+                return
 
     @Slot()
     def _save(self) -> None:
@@ -103,6 +125,8 @@ class Banner(QFrame):
         if word != self._word.text() or detail != self._detail.text():
             self._word.setText(word)
             self._detail.setText(detail)
+            self._detail.setToolTip(detail)
             self.setAccessibleDescription(f"{word}. {detail}")
+            self._fit()
         if clock != self._clock.text():
             self._clock.setText(clock)

@@ -24,6 +24,7 @@ class PaperPanel(QWidget):
         self._say = QLabel(self)
         self._say.setWordWrap(True)
         self.table = TreeTable("The paper, reproduced and audited", COLUMNS, (1, 2, 3, 4, 5), self)
+        self.table.header().moveSection(COLUMNS.index("difference"), 1)  # what matters stays in view when it is narrow
         column.addWidget(self._say)
         column.addWidget(self.table, 1)
 

@@ -42,7 +42,7 @@ class SetupSheet(QFrame):
         column.addLayout(top)
 
         row = QHBoxLayout()
-        row.addWidget(self._heading("1   CHOOSE WHERE THE SAMPLES COME FROM"), 1)
+        row.addWidget(self._heading("1   CHOOSE THE SOURCE"), 1)
         self.look = QPushButton("Look again", self)
         self.look.setToolTip("Look for devices that were plugged in meanwhile")
         self.look.clicked.connect(self._look)
@@ -78,7 +78,7 @@ class SetupSheet(QFrame):
         for _ in range(MOST_CHECKS):
             line = QLabel(self)
             line.setWordWrap(True)
-            line.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
+            line.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
             line.setAlignment(Qt.AlignmentFlag.AlignTop)
             line.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             line.hide()

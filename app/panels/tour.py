@@ -119,7 +119,7 @@ class Tour(QFrame):
         around = QRect(target.mapTo(parent, QPoint(0, 0)), target.size()).adjusted(-4, -4, 4, 4)
         self._ring.setGeometry(around.intersected(parent.rect()))
         self._ring.raise_()
-        self.setFixedHeight(self.layout().heightForWidth(self.width()))
+        self.setFixedHeight(self.layout().heightForWidth(self.width()) + self.fontMetrics().lineSpacing() // 2)
         below = around.bottom() + GAP
         above = around.top() - GAP - self.height()
         y = below if below + self.height() < parent.height() else above

@@ -8,8 +8,9 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
+from app.panels.banner import Banner
 from app.panels.setup_sheet import SetupSheet
-from app.theme import LIGHT
+from app.theme import LIGHT, Tone
 from app.window import MainWindow, open_window
 from instrument.digitizer import DigitizerError
 from instrument.doctor import Check, Grade
@@ -110,3 +111,20 @@ def test_verdicts_are_worded_by_the_worst_of_the_checks(qtbot: QtBot) -> None:
     assert "All is well" in sheet.verdict and sheet.lines == ["✓ PD0, rest beat: beat at 2.73 MHz"]
     sheet.show_checks((good, Check("PD1", Grade.FAIL, "no beat")))
     assert "Not fit for a shot: mend PD1" in sheet.verdict
+
+
+def test_a_long_fault_stays_readable_beside_the_button_that_saves_elsewhere(qtbot: QtBot) -> None:
+    banner = Banner(LIGHT)
+    qtbot.addWidget(banner)
+    banner.resize(700, banner.height())
+    banner.show()
+    banner.show_state("READY", "Press ARM (space), then push the block.", Tone.NEUTRAL)
+    large = banner._detail.font().pointSizeF()
+    banner.offer_saving(2)
+    words = "The shot could not be saved: No space left on device. In memory only: shot-0003. "
+    banner.show_state("FAULT", words + "Save it elsewhere, then arm again.", Tone.BAD)
+    assert banner._detail.font().pointSizeF() < large
+    qtbot.waitUntil(lambda: banner._detail.heightForWidth(banner._detail.width()) <= banner.height() - 12)
+    assert banner.save_elsewhere.text() == "Save 2 shots elsewhere …"
+    banner.offer_saving(0)
+    assert banner.save_elsewhere.isHidden()

@@ -20,7 +20,7 @@ from analysis.diagnosis.remainder import Remainder, judge
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.samples import together
 from analysis.diagnosis.screen import Projector, projector
-from analysis.diagnosis.separate import least_seen, separation
+from analysis.diagnosis.separate import LEAST_SEPARATION, least_seen, separation, snr
 from analysis.fit import Fit
 from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
@@ -65,13 +65,18 @@ def diagnose(
     held = choose(rig) if hold_out is None else (hold_out,)
     best, told = _paying(before, best, held, trail, stop)
     tell("testing what is left", 0.7)
-    at = projector(best)
+    at, paying = projector(best), best
+    while faint := [n for n in best.names if n not in before.names and snr(best, at, n) < LEAST_SEPARATION]:
+        shorter = without(best, faint[0], trail, stop)
+        best = before if shorter is None or len(faint) == len(best.names) - len(before.names) == 1 else shorter
+        at = projector(best)
+    if best is not paying and told is not None:
+        again = foretell(best, held, best.floor, stop)
+        told = (told[0], again) if again is not None else None
     rest = judge(best, at)
     tell("telling look-alikes apart", 0.8)
-    effects = [
-        _found(best, at, name, before, catalogue, trail, stop) for name in best.names if name not in before.names
-    ]
-    effects, verdict = _gates(effects, rest, before, best)
+    effects = [_found(best, at, name, rest, catalogue, trail, stop) for name in best.names if name not in before.names]
+    effects, verdict = _gates(effects, rest, best)
     after = best if effects else before
     if after is before and best is not before:
         told = (told[0], told[0]) if told else None
@@ -137,7 +142,7 @@ def _found(
     best: Fitted,
     at: Projector,
     name: str,
-    before: Fitted,
+    remainder: Remainder,
     catalogue: Sequence[Kind],
     trail: Trail,
     stop: Callable[[], bool],
@@ -145,15 +150,15 @@ def _found(
     """Return an effect with its evidence and with what else it may be."""
     if stop():
         raise Cancelled
-    rest = without(best, name, trail, stop)
-    fall = (rest.bic if rest else before.bic) - best.bic
+    fewer = without(best, name, trail, stop)
+    fall = fewer.bic - best.bic if fewer else 0.0
     apart = separation(best, at, name, catalogue)
-    others = list(apart.too_close())
+    others = list(apart.too_close(remainder.size))
     lead = np.inf
-    fewer = [n for n in best.names if n != name]
+    kept = {n for n in best.names if n != name}
     for key, other in trail.fits.items():
         swapped = set(key) - set(best.names)
-        if len(key) == len(best.names) and len(swapped) == 1 and set(fewer) <= set(key):
+        if len(key) == len(best.names) and len(swapped) == 1 and kept <= set(key):
             gap = other.bic - best.bic
             lead = min(lead, gap)
             new = next(iter(swapped))
@@ -199,18 +204,15 @@ def _paying(
     return before, (first, first) if first is not None else None
 
 
-def _gates(
-    effects: list[FoundEffect], rest: Remainder, before: Fitted, best: Fitted
-) -> tuple[list[FoundEffect], Verdict]:
+def _gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
     """Return the effects that may be named, and the verdict."""
     if not effects:
         return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
     if not best.converged or rest.rough:
         return [], Verdict.UNEXPLAINED
     if rest.significant:
-        explained = 2 * (best.log_likelihood - before.log_likelihood)
-        keep = effects if rest.coherence < 0.05 * explained else []
-        return keep, Verdict.UNEXPLAINED
+        keep = [effect for effect in effects if len(effect.indistinguishable_from) <= words.UNDETERMINED]
+        return keep if len(keep) == len(effects) else [], Verdict.UNEXPLAINED
     return effects, Verdict.EFFECT_FOUND
 
 

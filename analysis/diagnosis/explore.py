@@ -51,13 +51,17 @@ def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int =
         best = extend(here, catalogue, trail, stop, first=here is start)
         if best is None or here.bic - best.bic < LEAST_FALL:
             break
-        here = prune(best, start, trail, stop)
-    if here is not start and not here.converged:
-        polished = fit(here.hypothesis, here.z, here.floor, evaluations=60, cancelled=stop)
-        if polished.log_likelihood > here.log_likelihood - 0.5:
-            here = polished
-            trail.keep(here)
+        here = polish(prune(best, start, trail, stop), trail, stop)
     return here, trail
+
+
+def polish(fitted: Fitted, trail: Trail, stop: Stop) -> Fitted:
+    """Return the fit brought to its very minimum: what a short search leaves over would call for one effect more."""
+    better = fit(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, cancelled=stop)
+    if better.log_likelihood < fitted.log_likelihood and not (better.converged and not fitted.converged):
+        return fitted
+    trail.fits[tuple(sorted(better.names))] = better
+    return better
 
 
 def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *, first: bool = False) -> Fitted | None:

@@ -12,7 +12,7 @@ from analysis.model.least_squares import Infeasible
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, float]]
-FINE, COARSE = 0.1, 0.5  # radians of the fastest swing a step
+FINE, COARSE = 0.05, 0.5  # radians of the fastest swing a step
 _MOST_PIECES = 200
 _TWO_PI = 2 * math.pi
 

@@ -34,6 +34,7 @@ class Remainder:
     correlation: float
     ratio: float
     text: str
+    size: float = 0.0  # of a significant shared shape, in units of the noise
 
     @property
     def rough(self) -> bool:
@@ -54,17 +55,24 @@ def judge(fitted: Fitted, at: Projector) -> Remainder:
     ]
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
-    coherence, limit = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf)
+    coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
     loud = correlation > WORST_CORRELATION or ratio > WORST_RATIO or coherence > limit
     text = describe(fitted) if loud else "nothing is left that the noise does not do"
-    return Remainder(coherence, limit, correlation, ratio, text)
+    size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
+    return Remainder(coherence, limit, correlation, ratio, text, size)
 
 
 def _correlation(white: Sequence[Floats]) -> float:
-    """Return the largest autocorrelation at lags of 1 to 20 samples (pooled over the shots)."""
+    """Return the largest autocorrelation at lags of 1 to 20 samples (pooled over the shots).
+
+    The first three lags count half: an optics filter colours neighbouring samples and nothing else.
+    """
     power = sum(float(w @ w) for w in white)
-    lags = [abs(sum(float(w[lag:] @ w[:-lag]) for w in white if w.size > lag)) / power for lag in range(1, 21)]
-    return max(lags)
+    out = 0.0
+    for lag in range(1, 21):
+        value = abs(sum(float(w[lag:] @ w[:-lag]) for w in white if w.size > lag)) / power
+        out = max(out, 0.5 * value if lag <= 3 else value)
+    return out
 
 
 def _phase_of(shot: Samples) -> list[tuple[str, NDArray[np.bool_]]]:
@@ -90,8 +98,8 @@ def _ratio(white: Sequence[Floats], shots: Sequence[Samples]) -> float:
     return max(means) / max(min(means), 1e-12) if means else 1.0
 
 
-def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float]:
-    """Return the largest likelihood ratio of a remainder shared by all shots, and its limit.
+def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
+    """Return the largest likelihood ratio of a remainder shared by all shots, its limit, and its parameters.
 
     The shape is free (bumps over the time since touch), its size goes as the speed to the power 0, 1 or 2.
     """
@@ -114,7 +122,7 @@ def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float]:
         best = max(best, 2 * (value - fitted.log_likelihood))
         width = int(some.sum())
     limit = _SMALL_SAMPLE * float(chi2_law.isf(FALSE_ALARM / len(_POWERS), width))
-    return best, limit
+    return best, limit, width
 
 
 def _bumps(shot: Samples) -> Floats:

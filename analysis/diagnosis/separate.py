@@ -22,10 +22,13 @@ class Separation:
     snr: float
     from_other: dict[str, float]
 
-    def too_close(self) -> tuple[str, ...]:
-        """Return the effects that cannot be told from this one, closest first."""
+    def too_close(self, remainder: float = 0.0) -> tuple[str, ...]:
+        """Return the effects that cannot be told from this one, closest first.
+
+        What stays unexplained, of size ``remainder`` in units of the noise, may stand in for a difference of its size.
+        """
         near = sorted(self.from_other.items(), key=lambda item: item[1])
-        return tuple(name for name, distance in near if distance < LEAST_SEPARATION)
+        return tuple(name for name, distance in near if distance < LEAST_SEPARATION + remainder)
 
 
 def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
@@ -45,6 +48,11 @@ def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
     rows = [(hypothesis.coarse(i, point) - hypothesis.coarse(i, without))[:, None] for i in range(len(shots))]
     done = at.whitened(rows)[:, 0]
     return replace(at, basis=basis, left=done - basis @ (basis.T @ done))
+
+
+def snr(fitted: Fitted, at: Projector, name: str) -> float:
+    """Return the size of one effect of a fit beside all its other parameters, in units of the noise."""
+    return float(np.linalg.norm(beside(fitted, at, name).left))
 
 
 def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[Kind]) -> Separation:
@@ -80,4 +88,4 @@ def least_seen(at: Projector, kind: Kind, snr: float = 5.0) -> float | None:
     return float(snr * size / np.sqrt(best)) if kind.name != "second_plate_mode" else float(size * np.sqrt(best) / snr)
 
 
-__all__ = ["LEAST_SEPARATION", "Separation", "beside", "least_seen", "separation"]
+__all__ = ["LEAST_SEPARATION", "Separation", "beside", "least_seen", "separation", "snr"]

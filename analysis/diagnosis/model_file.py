@@ -1,0 +1,152 @@
+"""The model a session has arrived at, as TOML text: base, effects, parameters, covariance, shots, errors.
+
+Reading and writing the file is the caller's; these are pure functions on text.
+"""
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.knobs import kinds
+from analysis.diagnosis.result import Diagnosis, Errors
+from analysis.fit import Fit
+from analysis.quantity import Quantity
+from analysis.shot import AnalysisError
+
+SCHEMA = "levimass.model/1"
+BASES = ("paper", "clamped", "no_tension", "contact", "driven")
+_ERRORS = ("before", "after", "held_out_before", "held_out_after")
+
+
+class ModelFileError(AnalysisError):
+    """Why a text is no model, in one line that names the key."""
+
+
+@dataclass(frozen=True, slots=True)
+class SavedModel:
+    """A model as it was saved.
+
+    ``parameters`` has the names of a fit ("plate_stiffness_n_per_m", effects as "effect.parameter"), ``covariance``
+    is over them in that order; ``errors`` may hold "before", "after", "held_out_before" and "held_out_after".
+    """
+
+    base: str
+    effects: tuple[str, ...]
+    parameters: Mapping[str, Quantity]
+    covariance: NDArray[np.float64]
+    shots: tuple[str, ...]
+    errors: Mapping[str, Errors]
+
+
+def saved(fit: Fit, shots: Sequence[str], diagnosis: Diagnosis | None = None) -> SavedModel:
+    """Return what is to be saved of a fit of ``shots``, with the errors of the diagnosis that led to it."""
+    errors: dict[str, Errors] = {}
+    if diagnosis is not None:
+        given = {name: getattr(diagnosis, f"error_{name}") for name in _ERRORS}
+        errors = {name: value for name, value in given.items() if value is not None}
+    return SavedModel(fit.model, fit.effects, dict(fit.parameters), fit.covariance, tuple(shots), errors)
+
+
+def to_text(model: SavedModel) -> str:
+    """Return the model as TOML."""
+    lines = [
+        f"schema = {_string(SCHEMA)}",
+        f"base = {_string(model.base)}",
+        f"effects = [{', '.join(_string(name) for name in model.effects)}]",
+        f"shots = [{', '.join(_string(name) for name in model.shots)}]",
+        "",
+        "[parameters]  # value and standard uncertainty, SI units",
+    ]
+    lines += [
+        f"{_string(name)} = {{ value = {_number(q.value)}, std = {_number(q.std)} }}"
+        for name, q in model.parameters.items()
+    ]
+    lines += ["", "[covariance]  # of the parameters, in their order", "rows = ["]
+    lines += [f"  [{', '.join(_number(float(value)) for value in row)}]," for row in model.covariance]
+    lines += ["]"]
+    for name, errors in model.errors.items():
+        lines += ["", f"[errors.{name}]"]
+        lines += [f"{key} = {_number(value)}" for key, value in asdict(errors).items()]
+    return "\n".join(lines) + "\n"
+
+
+def from_text(text: str) -> SavedModel:
+    """Read a model from TOML; ModelFileError says in one line what is wrong."""
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ModelFileError(f"not TOML: {' '.join(str(error).split())[:100]}") from None
+    if data.get("schema") != SCHEMA:
+        raise ModelFileError(f"schema: {SCHEMA!r} is expected, not {str(data.get('schema'))[:40]!r}")
+    base = data.get("base")
+    if base not in BASES:
+        raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
+    effects = _strings(data, "effects")
+    known = {kind.name for kind in kinds()}
+    if unknown := [name for name in effects if name not in known]:
+        raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
+    parameters = {}
+    for name, entry in _table(data, "parameters").items():
+        if not isinstance(entry, dict):
+            raise ModelFileError(f"parameters.{name}: value and std are expected")
+        parameters[name] = Quantity(_float(entry, "value", name), _float(entry, "std", name), "model file")
+    rows = _table(data, "covariance").get("rows", [])
+    try:
+        covariance = np.array(rows, dtype=np.float64).reshape(len(rows), -1)
+    except (TypeError, ValueError):
+        raise ModelFileError("covariance.rows: rows of numbers are expected") from None
+    if covariance.shape not in ((0, 0), (len(parameters), len(parameters))):
+        raise ModelFileError(f"covariance.rows: {len(parameters)} rows of {len(parameters)} numbers are expected")
+    errors = {}
+    for name, entry in _table(data, "errors").items():
+        if name not in _ERRORS or not isinstance(entry, dict):
+            raise ModelFileError(f"errors.{name}: one of {', '.join(_ERRORS)} is expected")
+        keys = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
+        errors[name] = Errors(*(_float(entry, key, name) for key in keys))
+    return SavedModel(base, effects, parameters, covariance, _strings(data, "shots"), errors)
+
+
+def drift(model: SavedModel, fit: Fit) -> dict[str, float]:
+    """Return how far each shared parameter of a new fit lies from the saved one, in joint standard uncertainties."""
+    out = {}
+    for name, now in fit.parameters.items():
+        then = model.parameters.get(name)
+        spread = math.hypot(now.std, then.std) if then is not None else 0.0
+        if then is not None and spread > 0:
+            out[name] = (now.value - then.value) / spread
+    return out
+
+
+def _string(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+
+
+def _number(value: float) -> str:
+    return repr(float(value))  # inf and nan are TOML's own words
+
+
+def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = data.get(key, {})
+    if not isinstance(value, dict):
+        raise ModelFileError(f"{key}: a table is expected")
+    return value
+
+
+def _strings(data: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    value = data.get(key, [])
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        raise ModelFileError(f"{key}: a list of names is expected")
+    return tuple(value)
+
+
+def _float(entry: Mapping[str, Any], key: str, where: str) -> float:
+    value = entry.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ModelFileError(f"{where}.{key}: a number is expected")
+    return float(value)

@@ -1,0 +1,29 @@
+"""Sets of shots from the bench, which shares no code with the analysis: a rig, its effects, its noise."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.motion import Motion
+from analysis.shot import AnalysisSettings
+from analysis.signal.record import motion_from_displacement
+from instrument.bench.blind import Truth, drawn, records
+from instrument.bench.effects import Effects
+from instrument.bench.noise import Noise, NoiseKind
+
+WHITE_M = 1e-10
+
+
+def shots(effects: Effects, *, seed: int = 3, count: int = 3, floor: bool = False) -> tuple[Motion, ...]:
+    """Return motions of a rig with ``effects``, white noise of 0.1 nm a sample and, if asked for, a floor of 0.3 nm."""
+    noise = Noise(NoiseKind.FLOOR if floor else NoiseKind.WHITE, white_m=WHITE_M)
+    truth: Truth = replace(drawn((), seed, noise, count), effects=effects)
+    settings = AnalysisSettings()
+    out = []
+    for record in records(truth):
+        motion = motion_from_displacement(
+            record.time_s, record.displacement_m, None, None, record.moving_mass_kg, 1e-6, settings.bandwidth_hz
+        )
+        std = np.full(record.time_s.size, record.noise_m)
+        out.append(replace(motion, wavelength_m=record.wavelength_m, displacement_std_m=std))
+    return tuple(out)

@@ -1,0 +1,50 @@
+"""The model file: what is written comes back, and what is wrong is named."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.model_file import ModelFileError, SavedModel, from_text, to_text
+from analysis.diagnosis.result import Errors
+from analysis.quantity import Quantity
+
+MODEL = SavedModel(
+    base="paper",
+    effects=("coulomb_friction",),
+    parameters={
+        "plate_stiffness_n_per_m": Quantity(221.3977, 0.0003),
+        "coulomb_friction.force_n": Quantity(9.0e-5, 3.5e-8),
+    },
+    covariance=np.array([[9e-8, 1e-13], [1e-13, 1.2e-15]]),
+    shots=('shot "1"', "shot\\2"),
+    errors={"before": Errors(1e-6, 2e-4, 7e-3, 8e4), "after": Errors(4e-10, 2e-6, 1e-3, 1.0)},
+)
+
+
+def test_what_is_written_comes_back() -> None:
+    back = from_text(to_text(MODEL))
+    np.testing.assert_array_equal(back.covariance, MODEL.covariance)
+    values = {name: (q.value, q.std) for name, q in back.parameters.items()}
+    assert values == {name: (q.value, q.std) for name, q in MODEL.parameters.items()}
+    assert dataclasses.replace(back, covariance=MODEL.covariance, parameters=MODEL.parameters) == MODEL
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ('schema = "levimass.model/1"', "schema = 3", "schema"),
+        ('base = "paper"', 'base = "glue"', "base"),
+        ('effects = ["coulomb_friction"]', 'effects = ["gremlins"]', "gremlins"),
+        ("value = 221.3977", 'value = "much"', "plate_stiffness_n_per_m.value"),
+        ("[9e-08, 1e-13]", "[9e-08]", "covariance"),
+        ("[errors.before]", "[errors.never]", "errors.never"),
+        ("[parameters]", "[parameters", "not TOML"),
+    ],
+)
+def test_what_is_wrong_is_named_in_one_line(old: str, new: str, named: str) -> None:
+    text = to_text(MODEL)
+    assert old in text
+    with pytest.raises(ModelFileError, match=named) as caught:
+        from_text(text.replace(old, new))
+    assert "\n" not in str(caught.value)

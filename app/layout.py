@@ -10,6 +10,7 @@ from app.panels.controls import Controls
 from app.panels.diagnosis import DiagnosisPanel
 from app.panels.key_sheet import KeySheet
 from app.panels.live import LivePanel
+from app.panels.mapping_sheet import MappingSheet
 from app.panels.model import ModelPanel
 from app.panels.numbers import NumbersPanel
 from app.panels.paper import PaperPanel
@@ -63,6 +64,7 @@ class Layout(QWidget):
         self._place()
         self.settings = SettingsSheet(c, self)
         self.setup = SetupSheet(c, self)
+        self.mapping = MappingSheet(c, self)
         self.keys = KeySheet(self)
         self.tour = Tour(c, self)
         self._theme = theme
@@ -117,6 +119,7 @@ class Layout(QWidget):
             self.work.notices,
             self.settings,
             self.setup,
+            self.mapping,
             self.tour,
         ):
             panel.dress(self._theme.colours)
@@ -125,6 +128,7 @@ class Layout(QWidget):
         """Keep the sheets where they belong after a change of size."""
         self.settings.place()
         self.setup.place()
+        self.mapping.place()
         self.tour.place()
         if self.keys.isVisible():
             self.keys.place()

@@ -93,7 +93,7 @@ class RigDesk(QObject):
     def abort(self) -> None:
         """Close an open sheet; else abort."""
         p = self._panels
-        sheets = [sheet for sheet in (p.tour, p.keys, p.settings, p.setup) if sheet.isVisible()]
+        sheets = [sheet for sheet in (p.tour, p.keys, p.settings, p.setup, p.mapping) if sheet.isVisible()]
         if sheets:
             for sheet in sheets:
                 sheet.close()

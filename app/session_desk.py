@@ -13,7 +13,16 @@ from app.spectrum_work import SpectrumWork
 from app.theme import Tone
 from app.verdict import tone_of
 from app.workbench import Happening, Kind, Workbench, raw_of
+from instrument.foreign.remembered import FORMATS, format_of, is_foreign
 from instrument.snapshot import FinishedShot
+
+OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for ending in FORMATS)})"
+
+
+def is_unmapped(path: Path) -> bool:
+    """Return whether this is another program's file and nobody said yet which of its channels is which."""
+    motion = path.suffix.lower() == ".csv" and path.with_suffix(".toml").exists()
+    return format_of(path) is not None and not motion and not is_foreign(path)
 
 
 class SessionDesk(QObject):
@@ -21,6 +30,7 @@ class SessionDesk(QObject):
 
     said = Signal(str, Tone)
     arrived = Signal(object)
+    mapping_wanted = Signal(object)  # paths of files whose channels are not known yet
 
     def __init__(self, bench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
@@ -157,14 +167,17 @@ class SessionDesk(QObject):
     @Slot()
     def open_recordings(self) -> None:
         """Ask for recordings and open them."""
-        paths, _ = QFileDialog.getOpenFileNames(self._panels, "Open recordings", str(self._folder), RECORDINGS)
+        paths, _ = QFileDialog.getOpenFileNames(self._panels, "Open recordings", str(self._folder), OPENED)
         self.open_paths([Path(path) for path in paths])
 
     def open_paths(self, paths: list[Path]) -> None:
         """Open recordings and folders of recordings."""
         if paths:
             self._folder = paths[0].parent
-            self._bench.open_paths(paths)
+            unmapped = [path for path in paths if path.is_file() and is_unmapped(path)]
+            self._bench.open_paths([path for path in paths if path not in unmapped])
+            if unmapped:
+                self.mapping_wanted.emit(unmapped)
 
     @Slot(list)
     def _export_pressed(self, _: list[int]) -> None:

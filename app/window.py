@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from app import keyboard
 from app.choices import Choices
 from app.layout import Layout
+from app.mapping_desk import MappingDesk
 from app.rig import Open, Rig, open_patiently
 from app.rig_desk import RigDesk
 from app.session import Entry, Session
@@ -46,6 +47,8 @@ class MainWindow(QMainWindow):
         self.setup_desk.source_wanted.connect(self.rig_desk.use_source)
         self.setup_desk.arm_wanted.connect(self.rig_desk.arm)
         self.tour_desk = TourDesk(choices, self.panels, self)
+        self.mapping_desk = MappingDesk(bench, choices, self.panels, self)
+        self.session_desk.mapping_wanted.connect(self.mapping_desk.ask)
         self.tables_desk = TablesDesk(bench, self.panels, self.session_desk.front, self)
         for desk in (self.rig_desk, self.session_desk, self.view_desk):
             desk.said.connect(self.say)
@@ -76,6 +79,7 @@ class MainWindow(QMainWindow):
         self.session_desk.rig_doing, self.session_desk.rig_share = snapshot.doing, snapshot.progress
         self.session_desk.show()
         self.tables_desk.show()
+        self.mapping_desk.show()
         self.setup_desk.show(snapshot)
 
     @Slot(str, Tone)

@@ -6,6 +6,7 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from app.keyboard import EnterPresses
 from app.theme import MARKS, Colours, Tone, sized
 from instrument.doctor import Check, Grade
 from instrument.found_devices import FoundDevice
@@ -26,6 +27,7 @@ class SetupSheet(QFrame):
         super().__init__(parent)
         self._colours = colours
         self._checks: tuple[Check, ...] = ()
+        self._presses = EnterPresses(self)
         self.setProperty("card", True)
         self.setAccessibleName("Set-up")
         column = QVBoxLayout(self)
@@ -142,6 +144,7 @@ class SetupSheet(QFrame):
         button.setAccessibleName(f"Use {name}")
         button.setProperty("source", source)
         button.clicked.connect(self._use)
+        button.installEventFilter(self._presses)
         self._devices.addWidget(label, line, 0)
         self._devices.addWidget(button, line, 1, Qt.AlignmentFlag.AlignTop)
 

@@ -111,9 +111,11 @@ def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Cancel 
         started = time.perf_counter()
         try:
             if driven:
-                fit = fit_driven([shot.motion])
+                fit = fit_driven([shot.motion], shot.settings.effects)
             else:
-                fit = fit_shots([shot.motion], model=shot.settings.model, cancelled=cancelled)
+                fit = fit_shots(
+                    [shot.motion], model=shot.settings.model, effects=shot.settings.effects, cancelled=cancelled
+                )
             flags = _merged(flags, fit.flags, () if fit.converged else ("fit_not_converged",))
         except AnalysisError as error:
             flags = _merged(flags, ("fit_failed",))

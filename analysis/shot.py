@@ -28,6 +28,7 @@ class AnalysisSettings:
     model: str = "paper"  # "paper" | "clamped" | "no_tension" | "contact" | "driven"
     rest: str = "smoothed"  # "smoothed" | "instantaneous": how PD0 is taken off
     fit: bool = True
+    effects: tuple[str, ...] = ()  # of the catalogue, accepted into the model
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from analysis.report import SCHEMA, program_version, shot_result
+from analysis.shot import AnalysisError, AnalysisSettings
 from app.export import motion_file_names, shot_row, write_motion, write_shots
 from app.load import complaint, load_and_analyse
+from app.model_choice import known_model
 from instrument.foreign.remembered import remembered_mapping
 from instrument.recording_error import RecordingError
 from instrument.recording_search import find_recordings, recording_stem
@@ -50,6 +52,14 @@ def campaign(
     The shots are not joined into one diagnosis: the result's ``diagnosis`` is null.
     """
     found = find_recordings(paths)
+    try:
+        known_model(model)  # once here, so that a bad file is said once
+    except AnalysisError as error:
+        print(f"levimass: {model}: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"levimass: {model}: {error.strerror}", file=sys.stderr)
+        return 1
     tasks = _tasks(found, model, export_to)
     journal = _journal(json_to, export_to)
     try:
@@ -94,7 +104,9 @@ def _stamp(path: Path, model: str | None, motion_csv: str | None) -> str:
 
 def analyse_one(task: Task) -> dict[str, Any]:
     """Analyse one shot in a worker; return its result entry and its row of ``shots.csv``."""
-    shot = load_and_analyse(Path(task.path), task.model)
+    known = known_model(task.model)
+    settings = AnalysisSettings(effects=known.effects) if known else None
+    shot = load_and_analyse(Path(task.path), known.base if known else task.model, settings=settings)
     motion_csv = ""
     if task.motion_csv and shot.motion is not None:
         write_motion(shot, Path(task.motion_csv))

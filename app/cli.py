@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from analysis.report import program_version
+from app.model_choice import MODELS, is_model_file
 
-MODELS = ("paper", "clamped", "no_tension", "contact", "driven")
 OK, FAILED, USAGE = 0, 1, 2
 
 
@@ -59,6 +59,7 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             model=options.model,
             report_to=options.report,
             hdf5=options.hdf5,
+            save_model_to=options.save_model,
         )
     if options.acquire is not None:
         from app.acquire import acquire
@@ -135,7 +136,10 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--hdf5", action="store_true", help="with --export: a motion file a shot in HDF5 too")
     group.add_argument("--report", type=Path, metavar="FILE", help="write a report that prints: one HTML file")
     group.add_argument("--no-diagnose", action="store_true", help="stop after the base model's fit")
-    group.add_argument("--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper)")
+    group.add_argument(
+        "--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)"
+    )
+    group.add_argument("--save-model", type=Path, metavar="FILE", help="write the model that the diagnosis arrived at")
     group.add_argument("--jobs", type=_positive_int, metavar="N", help="a campaign over N processes, resumable")
     group.add_argument("--scheduler", metavar="ADDRESS", help="a campaign over the machines of a dask scheduler")
     group = parser.add_argument_group("with --paper (and --json)")
@@ -166,7 +170,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     """Refuse options that would otherwise be passed over in silence."""
-    names = ("json", "export", "report", "model", "jobs", "scheduler")
+    names = ("json", "export", "report", "model", "save_model", "jobs", "scheduler")
     given = {name for name in names if getattr(options, name) is not None}
     given |= {"no-diagnose"} if options.no_diagnose else set()
     if options.paper is not None:
@@ -180,12 +184,15 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         parser.error("--channel, --volts, --mass, --rest, --wavelength, --bits and --for-folder go with --map")
     if options.figures is not None and options.paper is None:
         parser.error("--figures goes with --paper")
-    if options.model is not None and options.model not in MODELS:
+    if options.model is not None and options.model not in MODELS and not is_model_file(options.model):
         parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
+    if options.save_model is not None and options.no_diagnose:
+        parser.error("--save-model writes what a diagnosis arrived at: leave --no-diagnose out")
     if options.jobs is not None and options.scheduler is not None:
         parser.error("--jobs and --scheduler: one of them")
-    if (options.report is not None or options.hdf5) and (options.jobs is not None or options.scheduler is not None):
-        parser.error("--report and --hdf5 are of the shots of one call: leave --jobs and --scheduler out")
+    of_one_call = options.report is not None or options.hdf5 or options.save_model is not None
+    if of_one_call and (options.jobs is not None or options.scheduler is not None):
+        parser.error("--report, --hdf5 and --save-model are of one call's shots: leave --jobs and --scheduler out")
     if options.acquire is not None:
         if options.source is None:
             parser.error("--acquire needs --source")

@@ -6,17 +6,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose as diagnose_motions
+from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis
 from analysis.quantity import Quantity, Reading
 from analysis.report import result
-from analysis.shot import AnalysisError, Shot
+from analysis.shot import AnalysisError, AnalysisSettings, Shot
 from app.export import export
 from app.export_hdf5 import export_hdf5
 from app.load import complaint, load_and_analyse
+from app.model_choice import known_model
 from app.report_page import report_of
 from instrument.recording_error import RecordingError
 from instrument.recording_search import find_recordings
 from instrument.recording_writer import write_text_beside
+
+DRIFT_SIGMAS = 4.0
 
 
 def replay(
@@ -28,16 +32,33 @@ def replay(
     model: str | None,
     report_to: Path | None = None,
     hdf5: bool = False,
+    save_model_to: Path | None = None,
 ) -> int:
-    """Analyse recordings and motion records; return the exit status."""
+    """Analyse recordings and motion records; return the exit status.
+
+    ``model`` is a base model's name or the path of a model file, whose effects are then part of the model.
+    """
     shots: list[Shot] = []
+    try:
+        known = known_model(model)
+    except AnalysisError as error:
+        print(f"levimass: {model}: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"levimass: {model}: {error.strerror}", file=sys.stderr)
+        return 1
+    settings = AnalysisSettings(effects=known.effects) if known else None
     for path in find_recordings(paths):
-        shot = load_and_analyse(path, model)
+        shot = load_and_analyse(path, known.base if known else model, settings=settings)
         if shot.problem:
             print(complaint(shot.path or shot.name, shot.problem), file=sys.stderr)
         shots.append(shot)
     diagnosis = _diagnosis(shots) if diagnose else None
     ok = _write(shots, diagnosis, json_to, export_to, report_to, hdf5)
+    if known is not None and diagnosis is not None:
+        _tell_drift(known, diagnosis)
+    if save_model_to is not None:
+        ok = _save_model(shots, diagnosis, save_model_to) and ok
     return 0 if ok and shots and not any(shot.problem for shot in shots) else 1
 
 
@@ -52,10 +73,37 @@ def _diagnosis(shots: Sequence[Shot]) -> Diagnosis | None:
         print(f"levimass: no joint diagnosis: the shots are of different models ({names})", file=sys.stderr)
         return None
     try:
-        return diagnose_motions([shot.motion for shot in fitted if shot.motion is not None], model=models.pop())
+        return diagnose_motions(
+            [shot.motion for shot in fitted if shot.motion is not None],
+            model=models.pop(),
+            accepted=fitted[0].settings.effects,
+        )
     except AnalysisError as error:
         print(f"levimass: no diagnosis: {error}", file=sys.stderr)
-        return None
+    except Exception as error:  # a fault of the program's own must not cost the shots their numbers
+        cause = " ".join(str(error).split())
+        print(f"levimass: no diagnosis: a fault of the program: {type(error).__name__}: {cause}", file=sys.stderr)
+    return None
+
+
+def _tell_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
+    """Say which parameters of the model file these shots no longer agree with."""
+    for name, deviation in drift(known, diagnosis.fit_after).items():
+        if abs(deviation) > DRIFT_SIGMAS:
+            print(f"levimass: {name} lies {deviation:+.1f} standard deviations from the model file's", file=sys.stderr)
+
+
+def _save_model(shots: Sequence[Shot], diagnosis: Diagnosis | None, path: Path) -> bool:
+    if diagnosis is None or not diagnosis.fit_after.converged:
+        print(f"levimass: {path}: no model to save without a diagnosis whose fit converged", file=sys.stderr)
+        return False
+    names = [shot.path or shot.name for shot in shots if shot.fit is not None]
+    try:
+        write_text_beside(path, to_text(saved(diagnosis.fit_after, names, diagnosis)), sync=True)
+    except RecordingError as error:
+        print(f"levimass: {error}", file=sys.stderr)
+        return False
+    return True
 
 
 def _write(

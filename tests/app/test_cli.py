@@ -20,6 +20,9 @@ from app.cli import USAGE, main
         ["--undeclared"],
         ["--simulate", "d", "--undeclared", "--effect", "tilt:angle_rad=1e-4"],
         ["--replay", "x", "--doctor"],
+        ["--replay", "x", "--save-model", "m.toml", "--no-diagnose"],
+        ["--replay", "x", "--save-model", "m.toml", "--jobs", "2"],
+        ["--figures", "d"],
     ],
 )
 def test_wrong_usage_is_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,25 @@
+"""What ``--model`` names: a base model, or a file that holds one with the effects accepted into it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.model_file import SavedModel
+
+MODELS = ("paper", "clamped", "no_tension", "contact", "driven")
+
+
+def is_model_file(model: str) -> bool:
+    """Return whether ``--model`` names a file rather than a base model."""
+    return model.endswith(".toml") or "/" in model
+
+
+def known_model(model: str | None) -> SavedModel | None:
+    """Return the model of a model file, or None where ``model`` is a name.  Raises OSError, AnalysisError."""
+    if model is None or not is_model_file(model):
+        return None
+    from analysis.diagnosis.model_file import from_text  # not for the sake of a usage error
+
+    return from_text(Path(model).read_text(encoding="utf-8", errors="replace"))

@@ -40,7 +40,7 @@ def load_and_analyse(
                 record.velocity_m_per_s,
                 record.force_n,
                 moving_mass_kg=record.moving_mass_kg,
-                moving_mass_u_kg=record.moving_mass_u_kg,
+                moving_mass_u_kg=record.moving_mass_u_kg or 0.0,
             )
             return analyse_motion(
                 motion,

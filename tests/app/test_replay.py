@@ -11,7 +11,7 @@ import pytest
 
 from app.cli import main
 from instrument.recording_writer import write_recording
-from tests.analysis.collision import Rig
+from tests.analysis.collision import Rig, motion_of
 from tests.beats import recording_of
 
 # the figures for the recording "paper": value and how far the replay may lie from it
@@ -178,3 +178,19 @@ def test_the_recording_paper(recordings: Path, capsys: pytest.CaptureFixture[str
     assert shot["cor_kinetic"]["force_peaks"]["value"] == pytest.approx(0.563, abs=0.012)
     for name, (value, share) in FITTED.items():
         assert shot["fit"]["parameters"][name]["value"] == pytest.approx(value, rel=share), name
+
+
+def test_a_motion_record_without_the_mass_s_uncertainty(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    motion = motion_of(Rig())
+    np.savetxt(
+        tmp_path / "shot.csv",
+        np.column_stack([motion.time_s, motion.displacement_m]),
+        delimiter=",",
+        header="time_s,displacement_m",
+        comments="",
+    )
+    (tmp_path / "shot.toml").write_text('model = "plate"\nmoving_mass_kg = 0.01785\n')
+    status, result, complaints = _replay(capsys, tmp_path / "shot.csv", "--no-diagnose")
+    assert (status, complaints) == (0, "")
+    assert result["shots"][0]["cor_quasi_static"]["value"] == pytest.approx(0.987556, abs=2e-5)
+    assert result["shots"][0]["rest_frequency_hz"] is None

@@ -45,3 +45,24 @@ def test_what_no_effect_explains_is_said(recordings: Path, capsys: pytest.Captur
     diagnosis = _diagnosis(capsys, recordings / "undeclared-3")
     assert diagnosis["verdict"] == "unexplained"
     assert diagnosis["remainder"]
+
+
+def test_a_model_is_saved_and_judges_the_next_shots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shots, model = tmp_path / "shots", tmp_path / "model.toml"
+    effect = "viscous_drag:coefficient_n_s_per_m=1e-3"
+    assert main(["--simulate", str(shots), "--shots", "3", "--seed", "3", "--effect", effect]) == 0
+    capsys.readouterr()
+    assert main(["--replay", str(shots), "--save-model", str(model), "--json", "-"]) == 0
+    first = json.loads(capsys.readouterr().out)["diagnosis"]
+    assert [e["name"] for e in first["effects"]] == ["viscous_drag"]
+    assert main(["--replay", str(shots), "--model", str(model), "--json", "-"]) == 0
+    printed = capsys.readouterr()
+    again = json.loads(printed.out)
+    assert again["diagnosis"]["verdict"] == "adequate"
+    assert "viscous_drag.coefficient_n_s_per_m" in again["shots"][0]["fit"]["parameters"]
+    assert printed.err == ""  # the same shots: nothing has drifted from the model file
+
+    model.write_text("schema = 'something else'\n")
+    assert main(["--replay", str(shots), "--model", str(model)]) == 1
+    assert "schema" in capsys.readouterr().err
+    assert main(["--replay", str(shots), "--model", str(tmp_path / "none.toml")]) == 1

@@ -208,7 +208,7 @@ def _structured(spectra: Sequence[tuple[Floats, Floats, float]], sample_interval
     least = min(t[0] for t in tried)
     if alone - least < 4.0:  # two more numbers must earn their keep
         return white(float(np.sqrt(flat)), sample_interval_s, samples=samples)
-    _, time_s, white_, floor = [t for t in tried if t[0] < least + 2.0][-1]
+    _, time_s, white_, floor = [t for t in tried if t[0] < least + 1.0][-1]
     return Noise(float(np.sqrt(white_)), float(np.sqrt(floor)), float(time_s), np.ones(1), sample_interval_s, samples)
 
 

@@ -15,7 +15,7 @@ from analysis.model.parameters import Collision, Floats
 from analysis.model.phases import CONTACT, FREE, MAX_EVENTS, OVERLAPPED, PARTING
 from analysis.model.rates import SLOT_COLUMNS
 
-_BASE_STEP = 0.2  # radians of the fastest swing of block, contact and plate a step: 1e-12 of the displacement
+_BASE_STEP = 0.17  # radians of the fastest swing of block, contact and plate a step: 1e-12 of the displacement
 _HIDDEN_STEP = 0.22  # of an effect's own swing, which is small beside the motion
 _LONGEST_S = 1e-3
 BASE = 8  # parameters of the base model, in ``parameters.kernel_order``; then three a slot
@@ -145,7 +145,7 @@ def _kind(code: int) -> str:
 
 
 def _steps(collision: Collision, effects: Sequence[Active]) -> Floats:
-    """Return the longest steps in s: in contact, apart, gone, before the touch."""
+    """Return the longest steps in s (in contact, apart, gone, before the touch), their growth and nearing."""
     c = collision
     factor = math.prod(active.effect.stiffens(np.asarray(active.values)) for active in effects)
     inverse = 1 / c.block_mass_kg + 1 / c.plate_mass_kg
@@ -159,4 +159,7 @@ def _steps(collision: Collision, effects: Sequence[Active]) -> Floats:
     def longest(base: float, own: float) -> float:
         return min(_BASE_STEP / max(base, 1e-9), _HIDDEN_STEP / max(own, 1e-9), _LONGEST_S)
 
-    return np.array([longest(contact, every), longest(math.sqrt(plate), every), longest(0.0, inside), _LONGEST_S])
+    steps = [longest(contact, every), longest(math.sqrt(plate), every), longest(0.0, inside), _LONGEST_S]
+    # A law that is not smooth where the overlap begins is stepped away from, and up to, in short strides.
+    rough = any(active.effect.rough for active in effects)
+    return np.array([*steps, *((1.35, 0.4) if rough else (3.0, 0.0))])

@@ -42,6 +42,7 @@ ROWS = (
         (Parameter("delta", "", 0.02, lower=-0.6, upper=2.0),),
         "delta",
         contact_exponent,
+        rough=True,
         stiffens=lambda values: (1 + abs(float(values[0]))) * 4 ** abs(float(values[0])),
         look_alikes=("cubic_stiffness",),
     ),

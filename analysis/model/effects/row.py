@@ -66,7 +66,8 @@ class Effect:
     vanishes as that parameter grows.  ``kernel`` is the mechanical function, ``sensor`` the one on the displacement,
     shape (n, k), of a sensor effect.  ``hidden`` states follow the block before the touch if they ride with it, and
     move the contact point by ``shift`` times the first of them.  ``fastest`` gives the fastest rate in rad/s that the
-    effect brings, ``stiffens`` by what factor it may raise the contact's stiffness: the integrator steps below both.
+    effect brings, ``stiffens`` by what factor it may raise the contact's stiffness, ``rough`` says that its law is not
+    smooth where the overlap begins: the integrator suits its steps to them.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Effect:
     hidden: int = 0
     shift: float = 0.0
     rides: bool = False
+    rough: bool = False
     range_at: int = -1  # which parameter is the range within which the bodies must be
     inverse: bool = False
     fastest: Callable[[Floats], float] = field(default=lambda _values: 0.0)

@@ -1,0 +1,92 @@
+"""Count how often the fit's 95 % intervals hold the truth, and compare its spread with the Cramer-Rao bound.
+
+``python -m tests.benchmarks.fit_coverage [shots]`` (240 without): white noise, white noise on a wandering floor, and
+three shots with an effect.  The bound is the covariance at the true parameters with the true noise.
+"""
+
+import dataclasses
+import sys
+import time
+
+import numpy as np
+
+from analysis.fit import Fit
+from analysis.model import fitting
+from analysis.model.least_squares import covariance
+from analysis.model.parameters import PAPER
+from analysis.model.response import Base, Model
+from analysis.model.search import Problem
+from analysis.noise import Noise
+from analysis.quantity import Quantity
+from tests.analysis.model.simulated import shot
+
+TRUTH = {
+    "plate_stiffness_n_per_m": PAPER.plate_stiffness_n_per_m,
+    "plate_mass_kg": PAPER.plate_mass_kg,
+    "contact_stiffness_n_per_m": PAPER.contact_stiffness_n_per_m,
+    "contact_damping_n_s_per_m": PAPER.contact_damping_n_s_per_m,
+}
+
+
+def _report(title: str, fits: list[Fit], truth: dict[str, float], bound: dict[str, float]) -> int:
+    missed = 0
+    lost = sum(not fit.converged for fit in fits)
+    median = np.median([fit.seconds for fit in fits])
+    print(f"{title}: {len(fits)} fits, {lost} not converged, {median:.3f} s each (median)")
+    covered = 0
+    for name, value in truth.items():
+        found: list[Quantity] = [fit.parameters[name] for fit in fits if fit.converged]
+        values = np.array([q.value for q in found])
+        inside = np.mean([abs(q.value - value) < 1.96 * q.std for q in found])
+        covered += inside
+        stated = np.mean([q.std for q in found]) / values.std(ddof=1)
+        line = f"  {name:<40} 95 % interval covers {100 * inside:5.1f} %  mean std/spread {stated:.3f}"
+        if name in bound:
+            ratio = values.std(ddof=1) / bound[name]
+            good = 0.9 <= ratio <= 1.2
+            missed += not good
+            line += f"  spread/bound {ratio:.3f} (target 0.9 to 1.2) {'ok' if good else 'MISSED'}"
+        print(line)
+    share = 100 * covered / len(truth)
+    good = 92 <= share <= 98
+    print(f"  coverage over all parameters {share:.1f} % (target 92 to 98) {'ok' if good else 'MISSED'}", flush=True)
+    return missed + (not good) + (lost > 0.01 * len(fits))
+
+
+def _bound(noise: Noise) -> dict[str, float]:
+    """Return the Cramer-Rao standard deviations at the truth, for a noise that is known."""
+    prepared = dataclasses.replace(fitting.prepare(shot(seed=1)), noise=noise)
+    problem = Problem.of(Model(Base(PAPER.variant, one_body=False)), [prepared])
+    at = np.array([*TRUTH.values(), PAPER.velocity_in_m_per_s, 0.0123456, 3.1e-3])
+    inverse = covariance(problem.square(at))
+    assert inverse is not None
+    return {name: float(np.sqrt(inverse[place, place])) for place, name in enumerate(TRUTH)}
+
+
+def main() -> int:
+    """Print coverage and spread; return 1 where a target is missed."""
+    shots = int(sys.argv[1]) if len(sys.argv) > 1 else 240
+    began = time.perf_counter()
+    missed = 0
+    white = Noise(1.5e-10, 0.0, 1.0, np.ones(1), 1e-5, 1000)
+    fits = [fitting.fit_shots([shot(seed=seed)]) for seed in range(shots)]
+    missed += _report("white noise 0.15 nm", fits, TRUTH, _bound(white))
+    floor = Noise(1.0e-10, 4.0e-10, 3e-3, np.ones(1), 1e-5, 1000)
+    fits = [fitting.fit_shots([shot(seed=seed, white_m=1e-10, floor_m=4e-10)]) for seed in range(shots)]
+    missed += _report("white noise 0.1 nm on a floor of 0.4 nm wandering within 3 ms", fits, TRUTH, _bound(floor))
+    drag = {"quadratic_drag": (1.3e-3,)}
+    fits = [
+        fitting.fit_shots(
+            [shot(PAPER.at_speed(v), effects=drag, seed=10 * seed + i) for i, v in enumerate((-0.15, -0.265, -0.4))],
+            effects=tuple(drag),
+        )
+        for seed in range(max(20, shots // 4))
+    ]
+    truth = TRUTH | {"quadratic_drag.coefficient_n_s2_per_m2": 1.3e-3}
+    missed += _report("three shots with quadratic drag, white noise", fits, truth, {})
+    print(f"{time.perf_counter() - began:.0f} s")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -65,11 +65,11 @@ def diagnose(
     held = choose(rig) if hold_out is None else (hold_out,)
     best, told = _paying(before, best, held, trail, stop)
     tell("testing what is left", 0.7)
-    at, paying = projector(best), best
+    at, paying = _projector(best, trail), best
     while faint := [n for n in best.names if n not in before.names and snr(best, at, n) < LEAST_SEPARATION]:
         shorter = without(best, faint[0], trail, stop)
         best = before if shorter is None or len(faint) == len(best.names) - len(before.names) == 1 else shorter
-        at = projector(best)
+        at = _projector(best, trail)
     if best is not paying and told is not None:
         again = foretell(best, held, best.floor, stop)
         told = (told[0], again) if again is not None else None
@@ -101,6 +101,11 @@ def diagnose(
     )
     tell("diagnosed", 1.0)
     return diagnosis
+
+
+def _projector(best: Fitted, trail: Trail) -> Projector:
+    """Return the fit's projector: that of the last round where it was this fit's, whose columns are done."""
+    return trail.last if trail.last is not None and trail.last.fitted is best else projector(best)
 
 
 def _base_fit(rig: Rig, motions: Sequence[Motion], model: str, fit: Fit | None, stop: Callable[[], bool]) -> Fitted:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted, fit
+from analysis.diagnosis.compare import Fitted, finish, fit, search
 from analysis.diagnosis.hypothesis import Hypothesis, Point
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.screen import Projector, Score, fixed_of, projector, scores
@@ -15,8 +15,9 @@ from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled
 
 Floats = NDArray[np.float64]
-LEAST_FALL = 10.0  # of the Bayesian information criterion, for an effect to join
+LEAST_FALL = 10.0 + 2 * math.log(19)  # of the Bayesian information criterion, for an effect of so many to join
 REFITTED = 5
+WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search: worth a longer one
 MOST_EFFECTS = 3
 
 
@@ -26,7 +27,7 @@ class Trail:
 
     scores: dict[str, Score] = field(default_factory=dict)
     fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
-    gains: dict[str, float] = field(default_factory=dict)  # first round, in units of -2 ln L
+    last: Projector | None = None  # of the round that found nothing more
 
     def keep(self, fitted: Fitted) -> None:
         """Keep a fit unless a better one of the same effects is there."""
@@ -67,6 +68,7 @@ def polish(fitted: Fitted, trail: Trail, stop: Stop) -> Fitted:
 def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *, first: bool = False) -> Fitted | None:
     """Return the best fit with one effect more, or None where nothing scored."""
     at = projector(here)
+    trail.last = at
     free = [kind for kind in catalogue if kind.name not in here.names]
     if here.hypothesis.rig.base.one_body:
         free = [kind for kind in free if kind.one_body]
@@ -78,31 +80,42 @@ def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *,
         if listed:
             found[kind.name] = listed
             if first:
-                trail.gains[kind.name] = listed[0].gain
                 trail.scores[kind.name] = listed[0]
     ranked = sorted(found.values(), key=lambda listed: -listed[0].worth(here.samples))
     strong = float(at.left @ at.left) > 1.5 * at.left.size or not here.converged
-    best: Fitted | None = None
+    quick: list[tuple[Fitted, Score]] = []
     for place, listed in enumerate(ranked):
         worth = listed[0].worth(here.samples)
-        if place >= REFITTED and not strong:
+        if place >= (REFITTED + 3 if strong else REFITTED):
             break
-        if place >= 2 * REFITTED or (worth < -2 * math.log(here.samples) and not strong and place >= 2):
+        if not strong and place >= 2 and worth < -2 * math.log(here.samples):
             break
-        for score in _starts(listed)[: 1 if place >= 3 else 3]:
+        for score in _starts(listed)[: 1 if place >= 2 else 2]:
             if stop():
                 raise Cancelled
-            trial = refit(here, score.kind, score.start, stop)
-            if trial is None:
-                continue
-            trail.keep(trial)
-            if best is None or trial.bic < best.bic:
-                best = trial
+            trial = refit(here, score.kind, score.start, stop, evaluations=7, whole=False)
+            if trial is not None:
+                quick.append((trial, score))
+    quick.sort(key=lambda pair: pair[0].bic)
+    best: Fitted | None = None
+    for place, (trial, _) in enumerate(quick):
+        near = trial.bic < quick[0][0].bic + WORTH_FINISHING and place < REFITTED
+        if near or place < 1 or (strong and place < 2):
+            trial = fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
+        trail.keep(trial)
+        if best is None or trial.bic < best.bic:
+            best = trial
     return best
 
 
 def refit(
-    here: Fitted, kind: Kind, start: Sequence[Mapping[str, float]], stop: Stop, evaluations: int = 14
+    here: Fitted,
+    kind: Kind,
+    start: Sequence[Mapping[str, float]],
+    stop: Stop,
+    evaluations: int = 14,
+    *,
+    whole: bool = True,
 ) -> Fitted | None:
     """Fit ``here`` with one effect more from its start values a shot; None where there is no trajectory."""
     hypothesis = Hypothesis(
@@ -115,7 +128,9 @@ def refit(
     low, high = hypothesis.bounds
     try:
         z = np.clip(hypothesis.pack(Point(point.base, point.own, values)), low, high)
-        return fit(hypothesis, z, here.floor, evaluations=evaluations, cancelled=stop)
+        if whole:
+            return fit(hypothesis, z, here.floor, evaluations=evaluations, cancelled=stop)
+        return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=evaluations, cancelled=stop))
     except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
         return None
 
@@ -166,11 +181,3 @@ def _starts(listed: Sequence[Score]) -> list[Score]:
             if len(out) == 3:
                 break
     return out
-
-
-def split(at: Projector, name: str) -> Floats:
-    """Return one effect's whitened part of a fit that has it, with all other parameters projected out."""
-    fitted = at.fitted
-    hypothesis = fitted.hypothesis
-    rows = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.knobs) if effect == name]
-    return np.asarray(rows)

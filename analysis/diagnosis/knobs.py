@@ -122,7 +122,7 @@ def kinds() -> Sequence[Kind]:
             "support_compliance",
             (Knob("compliance_m_per_n", 1e-5, 0.0, 1e-2), FREQUENCY),
             ("compliance_m_per_n",),
-            _lines({"compliance_m_per_n": 1e-6}, 150.0, 4000.0, 0.012),
+            _lines({"compliance_m_per_n": 1e-6}, 200.0, 3000.0, 0.012),
             one_body=False,
         ),
         Kind(

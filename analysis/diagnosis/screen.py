@@ -16,6 +16,7 @@ from analysis.diagnosis.samples import Samples
 from analysis.model.least_squares import Infeasible
 
 Floats = NDArray[np.float64]
+WORTH_REFINING = 12.0  # of gain on the grid, for a line to be looked at between its points
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +110,7 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
         at.done[kind.name] = _columns(at, kind.starts, column)
     starts, bare = at.done[kind.name]
     out = _linear(at, kind, starts, bare, freedom)
-    if out and "frequency_hz" in out[0].start[0]:
+    if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > WORTH_REFINING:
         finer = _between(out, kind)
         out += _linear(at, kind, *_columns(at, finer, column), freedom)
     out.sort(key=lambda score: -score.gain)

@@ -1,0 +1,162 @@
+"""The closed loop told on four cases: ``python -m tests.benchmarks.stories [--page docs/closed-loop.md]``.
+
+Every figure of the page is computed by this command; the measured and undeclared data must lie in ../shared.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis.diagnosis import diagnose
+from analysis.diagnosis.result import Diagnosis, Errors
+from analysis.motion import Motion
+from analysis.shot import AnalysisSettings
+from analysis.signal.demodulate import demodulate
+from analysis.signal.record import motion_from_displacement
+from instrument.bench.blind import drawn, records
+from instrument.bench.noise import Noise, NoiseKind
+from instrument.motion_file import read_motion
+from instrument.recording_file import read_recording
+
+SHARED = Path(__file__).resolve().parents[3] / "shared"
+WIDTH, HEIGHT = 720, 220
+
+
+def simulated() -> tuple[Motion, ...]:
+    """Return three shots of the bench with friction in the bearing, on a building's floor of 0.3 nm."""
+    truth = replace(drawn((), 11, Noise(NoiseKind.FLOOR)), effects={"coulomb_friction": {"force_n": 2e-5}})
+    return tuple(
+        motion_from_displacement(r.time_s, r.displacement_m, None, None, r.moving_mass_kg, 1e-6, 1e4)
+        for r in records(truth)
+    )
+
+
+def recorded(folder: Path) -> tuple[Motion, ...]:
+    """Return the demodulated shots of a folder."""
+    return tuple(
+        demodulate(read_recording(path), AnalysisSettings()) for path in sorted(folder.glob("*.sigmf-meta"))
+    )
+
+
+def measured(pattern: str) -> tuple[Motion, ...]:
+    """Return the motion records whose names match."""
+    out = []
+    for path in sorted((SHARED / "measured").glob(pattern)):
+        r = read_motion(path)
+        out.append(
+            motion_from_displacement(
+                r.time_s, r.displacement_m, r.velocity_m_per_s, r.force_n, r.moving_mass_kg, r.moving_mass_u_kg or 0.0
+            )
+        )
+    return tuple(out)
+
+
+def errors_row(what: str, errors: Errors | None) -> str:
+    """Return a row of the table of errors."""
+    if errors is None:
+        return f"| {what} | not held out | | | |"
+    return (
+        f"| {what} | {errors.displacement_rms_m:.4g} | {errors.velocity_rms_m_per_s:.4g} | "
+        f"{errors.force_rms_n:.4g} | {errors.reduced_chi2:.4g} |"
+    )
+
+
+def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path) -> str:
+    """Return one story as Markdown."""
+    lines = [f"## {title}", "", lead, "", f"**{found.verdict.value}**. {found.sentence}", ""]
+    for effect in found.effects:
+        others = f"; not told from {', '.join(effect.indistinguishable_from)}" if effect.indistinguishable_from else ""
+        evidence = ", ".join(f"{key} {value:.3g}" for key, value in effect.evidence.items())
+        lines.append(f"- `{effect.name}`: {evidence}{others}")
+    lines += ["", "| error | displacement, m | velocity, m/s | force, N | reduced chi² |", "|---|---|---|---|---|"]
+    lines += [errors_row("before", found.error_before), errors_row("after", found.error_after)]
+    lines += [errors_row("held out, before", found.error_held_out_before)]
+    lines += [errors_row("held out, after", found.error_held_out_after), ""]
+    ranked = [f"`{c.name}` {c.delta_bic:+.0f}" for c in found.candidates[:4] if c.delta_bic is not None]
+    lines += [f"Tried, by what the criterion (BIC) falls: {', '.join(ranked)}.", ""]
+    if found.separating_shot:
+        lines += [f"What would separate look-alikes: {found.separating_shot}.", ""]
+    if found.remainder:
+        lines += [f"What is left: {found.remainder}.", ""]
+    if image is not None:
+        lines += [f"![residual before and after]({image.relative_to(page.parent)})", ""]
+    return "\n".join(lines)
+
+
+def drawing(found: Diagnosis) -> str:
+    """Return the displacement left over by every shot, before (grey) and after (blue), as SVG."""
+    pieces = []
+    most = 1e-12
+    for fit in (found.fit_before, found.fit_after):
+        for shot in fit.shots:
+            most = max(most, float(np.nanmax(np.abs(shot.residual_m), initial=0.0)))
+    for fit, colour in ((found.fit_before, "#999"), (found.fit_after, "#1668b8")):
+        for shot in fit.shots:
+            t, r = shot.overlay.time_s, shot.residual_m
+            good = np.flatnonzero(np.isfinite(r))
+            good = good[:: max(1, good.size // 700)]
+            x = WIDTH * (t[good] - t[0]) / (t[-1] - t[0])
+            y = HEIGHT / 2 - 0.48 * HEIGHT * r[good] / most
+            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+            pieces.append(f'<polyline fill="none" stroke="{colour}" stroke-width="0.8" points="{points}"/>')
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}">'
+    label = f'<text x="6" y="14" font-size="12">± {most * 1e9:.3g} nm; grey before, blue after</text>'
+    return "\n".join([head, *pieces, label, "</svg>"]) + "\n"
+
+
+def stories() -> Sequence[tuple[str, str, str, Diagnosis]]:
+    """Return (title, image name or nothing, lead, diagnosis) of every story whose data are here."""
+    out = [
+        (
+            "A simulated rig with friction",
+            "closed-loop-simulated.svg",
+            "The bench, which shares no code with the analysis, was given 20 µN of dry friction and a floor of 0.3 nm.",
+            diagnose(simulated()),
+        )
+    ]
+    for number in range(1, 5):
+        folder = SHARED / "recordings" / f"undeclared-{number}"
+        if folder.is_dir():
+            name = f"closed-loop-undeclared-{number}.svg"
+            lead = "Raw recordings whose effect was not declared."
+            out.append((f"Undeclared set {number}", name, lead, diagnose(recorded(folder))))
+    if (SHARED / "measured").is_dir():
+        lead = "EMPS, a driven slider (Janot, Gautier, Brunot 2019); base: mass, viscous drag, offset."
+        out.append(("A measured drive", "", lead, diagnose(measured("emps.csv"), model="driven")))
+        lead = "Five collisions on an air track, fitted jointly on spring and dashpot; each run foretold by the others."
+        found = diagnose(measured("airtrack-*.csv"), model="contact")
+        out.append(("Measured collisions", "closed-loop-airtrack.svg", lead, found))
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Tell the stories; write page and figures where asked for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--page", type=Path, metavar="FILE")
+    options = parser.parse_args(arguments)
+    page = options.page or Path("docs/closed-loop.md")
+    parts = [
+        "# The closed loop, told on cases",
+        "",
+        "Written by `python -m tests.benchmarks.stories --page docs/closed-loop.md`; no number here is typed by hand.",
+        "The paper's own numbers, before, traced to and after, are told by `analysis/paper_audit.py`. The blind",
+        "statistics stand in closed-loop-benchmark.md (`make bench-loop`).",
+        "",
+    ]
+    for title, name, lead, found in stories():
+        image = page.parent / "images" / name if name else None
+        if options.page and image is not None:
+            image.parent.mkdir(parents=True, exist_ok=True)
+            image.write_text(drawing(found), encoding="utf-8")
+        parts.append(told(title, lead, found, image, page))
+        print(f"{title}: {found.verdict.value}: {found.sentence} ({found.seconds:.1f} s)", flush=True)
+    if options.page:
+        page.write_text("\n".join(parts), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

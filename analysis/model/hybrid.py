@@ -43,25 +43,24 @@ _WATCHED = 7  # xi, xi', F, v, and a range a slot
 def _advance(h, z, k, out, trial, a, b, rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told):  # type: ignore[no-untyped-def]
     """Write the state one step ``h`` ahead; ``k[0]`` holds the rates at ``z``.  Ten evaluations of the rates."""
     n = z.size
-    flat, ahead, staged = z.reshape(n), out.reshape(n), trial.reshape(n)
+    flat, ahead, staged, slopes = z.reshape(n), out.reshape(n), trial.reshape(n), k.reshape(11, n)
     for stage in range(1, 11):
         for e in range(n):
             staged[e] = flat[e]
         for past in range(stage):
-            weight = h * a[stage, past]
+            weight = a[stage, past]
             if weight != 0.0:
-                rate = k[past].reshape(n)
+                weight *= h
                 for e in range(n):
-                    staged[e] += weight * rate[e]
+                    staged[e] += weight * slopes[past, e]
         rates(trial, k[stage], rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told)
     for e in range(n):
         ahead[e] = flat[e]
     for stage in range(11):
         weight = h * b[stage]
         if weight != 0.0:
-            rate = k[stage].reshape(n)
             for e in range(n):
-                ahead[e] += weight * rate[e]
+                ahead[e] += weight * slopes[stage, e]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

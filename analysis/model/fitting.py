@@ -171,6 +171,15 @@ def _with_effects(
     """Return the best joint minimum over the starts that the base fit's remainder suggests."""
     best: tuple[Problem, Minimum] | None = None
     why: Infeasible | None = None
+    if len(model.own_names) == len(OWN_NAMES) and all(name in given for name in model.shared_names):
+        chosen = tuple((name, given.get(name, p.scale)) for name, _, _, p in model.effect_parameters if p.fixed)
+        problem = Problem(Model(model.base, model.effects, chosen), bare.shots, bare.whitened)
+        own = base_minimum.parameters[bare.shared :]
+        begin = np.concatenate([[float(given[name]) for name in model.shared_names], own])
+        with contextlib.suppress(Infeasible):
+            best = (problem, search(problem, begin, stop, evaluations=40))
+            if best[1].converged:
+                return best
     bases = [base_minimum.parameters]
     if base_minimum.square.chi2 > _STRONG * base_minimum.square.samples:
         early = _early(bare, base_minimum.parameters, stop)

@@ -59,8 +59,9 @@ def minimise(
 ) -> Minimum:
     """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
 
-    With ``residual`` (whitened residuals at a point) and squares that carry theirs, each step is bent along the valley
-    by its second-order part (geodesic acceleration; Transtrum and Sethna, arXiv:1201.5885).  A fall of 1e-6 is a move
+    With ``residual`` (whitened residuals at a point) and squares that carry theirs, a step after one that went
+    otherwise than expected is bent along the valley by its second-order part (geodesic acceleration; Transtrum and
+    Sethna, arXiv:1201.5885).  A fall of 1e-6 is a move
     of 1e-3 standard deviations.  The function may raise Infeasible anywhere but at the start.
     """
     low = np.full(start.size, -np.inf) if lower is None else lower
@@ -70,6 +71,7 @@ def minimise(
     damping = 1e-6  # the base model has directions a million times softer than others: begin near Gauss-Newton
     used = 1
     refused = 0
+    bent = False  # whether the last step met the valley's bend: only then is it worth feeling for
     while used < evaluations:
         if cancelled is not None and cancelled():
             break
@@ -89,7 +91,7 @@ def minimise(
             if damping > 1e12:
                 break
             continue
-        bend = None if residual is None else _bend(residual, square, here, step, free, damping)
+        bend = None if residual is None or not bent else _bend(residual, square, here, step, free, damping)
         if bend is not None:
             step = step + bend
         there = np.clip(here + step, low, high)
@@ -109,12 +111,14 @@ def minimise(
             damping *= easing if ratio > 0.7 else (0.5 if ratio > 0.3 else 4.0)
             damping = max(damping, 1e-14)
             refused = max(0, refused - 1)
+            bent = not 0.8 < ratio < 1.2
         else:
             # Rounding hides falls below 1e-12 of chi^2: a rejected step of that size is the end of the road.
             if 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
                 return Minimum(here, square, True, used)
             damping = max(10 * damping, 1e-9)
             refused = 3
+            bent = True
             if damping > 1e12:
                 break
     return Minimum(here, square, False, used)

@@ -119,9 +119,12 @@ def search(
         inverse_at=inverse,
     )
 
+    seen: dict[bytes, Square] = {}
+
     def function(z: Floats) -> Square:
         parameters, slope = coordinates.to_parameters(z)
         at = problem.square(parameters)
+        seen[parameters.tobytes()] = at
         along, pull = at.along, at.pull
         assert along is not None and pull is not None
         return Square(
@@ -164,7 +167,8 @@ def search(
     if stop():
         raise Cancelled
     parameters, _ = coordinates.to_parameters(found.parameters)
-    return replace(found, parameters=parameters, square=problem.square(parameters))
+    at = seen.get(parameters.tobytes())
+    return replace(found, parameters=parameters, square=problem.square(parameters) if at is None else at)
 
 
 def own_start(shot: ShotData, model: Model) -> Floats:

@@ -142,12 +142,12 @@ def _first_switch(s, new, h, p, on, k, work, used):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def integrate(time_s, p, velocity, pieces, x, v, plate, changes):  # type: ignore[no-untyped-def]
+def integrate(time_s, p, velocity, pieces, apart, x, v, plate, changes):  # type: ignore[no-untyped-def]
     """Write position and velocity of the block and position of the contact point at ``time_s`` (ascending).
 
     Time zero is the first touch (or the entry into an attraction's reach), where the block has ``velocity``; before
-    it only what acts on the block takes part.  ``pieces`` steps a sample in contact.  Writes the times of touch and
-    release to ``changes`` and returns their number, -1 when there are too many switches.
+    it only what acts on the block takes part.  ``pieces`` steps a sample in contact, ``apart`` out of it.
+    Writes the times of touch and release to ``changes`` and returns their number, -1 when there are too many switches.
     """
     k, work, new, s = np.empty((4, STATES)), np.empty(STATES), np.empty(STATES), np.zeros(STATES)
     attracts = p[ATTRACTION] != 0.0
@@ -172,7 +172,7 @@ def integrate(time_s, p, velocity, pieces, x, v, plate, changes):  # type: ignor
     switches, changed = 0, 0
     for i in range(first, time_s.size):
         end = time_s[i]
-        piece = (end - t) / pieces if on[0] else end - t
+        piece = (end - t) / (pieces if on[0] else apart)
         while t < end - 1e-15:
             h = min(piece, end - t)
             _step(s, h, p, on[0], on[1], on[2], k, work, new)

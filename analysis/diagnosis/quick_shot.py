@@ -12,7 +12,7 @@ from analysis.model.least_squares import Infeasible
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, float]]
-FINE, COARSE = 0.05, 0.5  # radians of the fastest swing a step
+FINE, COARSE = 0.05, 0.3  # radians of the fastest swing a step
 _MOST_PIECES = 200
 _TWO_PI = 2 * math.pi
 
@@ -95,11 +95,14 @@ def respond(
     pieces = math.ceil(_fastest(p) * spacing / step)
     if pieces > _MOST_PIECES:
         raise Infeasible("something would swing faster than any record can show")
+    apart = math.ceil(_ringing(p) * spacing / (4 * step if step < COARSE else step))
     n = time_s.size
     x, v, plate, changes = np.empty(n), np.empty(n), np.empty(n), np.zeros(64)
     # Where something attracts, the motion is followed from the edge of its reach, which lies before the touch.
     ahead = p[quick.REACH] / abs(float(own[0])) if p[quick.ATTRACTION] != 0.0 else 0.0
-    count = quick.integrate(time_s - own[1] + ahead, p, float(own[0]), max(1, pieces), x, v, plate, changes)
+    count = quick.integrate(
+        time_s - own[1] + ahead, p, float(own[0]), max(1, pieces), max(1, apart), x, v, plate, changes
+    )
     if count < 0 or not np.isfinite(x[-1]):
         raise Infeasible("no trajectory")
     seen = _seen(x, v, time_s, values, optics) + own[2]
@@ -116,6 +119,12 @@ def _fastest(p: Floats) -> float:
     arm = 1 / p[quick.ARM_TIME] if p[quick.ARM_STIFFNESS] != 0.0 else 0.0
     modes = (p[quick.INSIDE_OMEGA], p[quick.MODE_OMEGA], p[quick.CLAMP_OMEGA])
     return float(max(swing, fade, arm, p[quick.PLATE_DAMPING] / p[quick.PLATE_MASS], *modes))
+
+
+def _ringing(p: Floats) -> float:
+    """Return the fastest rate in rad/s of what rings on while the bodies are apart."""
+    plate = math.sqrt(p[quick.PLATE_STIFFNESS] / p[quick.PLATE_MASS])
+    return float(max(plate, p[quick.INSIDE_OMEGA], p[quick.MODE_OMEGA], p[quick.CLAMP_OMEGA]))
 
 
 def _seen(x: Floats, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Floats:

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from analysis.model.effects import MOST_AT_ONCE
-from analysis.model.effects.kernel import compiled, nothing
+from analysis.model.effects.kernel import compiled, derived, nothing
 from analysis.model.effects.row import Acts, Effect
 from analysis.model.exact import Event, TooManyEvents
 from analysis.model.parameters import Collision, Floats
 from analysis.model.phases import CONTACT, FREE, MAX_EVENTS, OVERLAPPED, PARTING
 from analysis.model.rates import SLOT_COLUMNS
 
-_BASE_STEP = 0.17  # radians of the fastest swing of block, contact and plate a step: 1e-12 of the displacement
+_BASE_STEP = 0.14  # radians of the fastest swing of block, contact and plate a step: 1e-12 of the displacement
 _HIDDEN_STEP = 0.22  # of an effect's own swing, which is small beside the motion
 _LONGEST_S = 1e-3
 BASE = 8  # parameters of the base model, in ``parameters.kernel_order``; then three a slot
@@ -89,16 +89,20 @@ def solve(
     p = np.zeros(BASE + 9)
     p[:BASE] = collision.vector
     slots = np.zeros((len(effects), SLOT_COLUMNS))
-    functions: list[Any] = [compiled(nothing)] * 3
+    real: list[Any] = [compiled(nothing)] * 3
+    carrying: list[Any] = [derived(nothing)] * 3
     for slot, active in enumerate(effects):
         row = active.effect
         if row.kernel is None:
             raise ValueError(f"{row.name} does not act on the motion")
-        functions[slot] = compiled(row.kernel)
+        real[slot] = compiled(row.kernel)
+        if len(directions):
+            carrying[slot] = derived(row.kernel)
         p[BASE + 3 * slot : BASE + 3 * slot + len(active.values)] = active.values
         on_plate = row.acts is Acts.ON_PLATE
         slots[slot] = [1, row.acts is Acts.IN_CONTACT, row.hidden, row.shift, on_plate, row.rides, row.range_at]
-    size = 4 + 2 * max((slot + 1 for slot, a in enumerate(effects) if a.effect.hidden), default=0)
+    hidden = 2 * max((slot + 1 for slot, a in enumerate(effects) if a.effect.hidden), default=0)
+    size = 4 + 4 * math.ceil(hidden / 4)  # the kernels count in fours
     which = np.asarray(directions, dtype=np.int64)
     n, k = times.size, which.size
     states, d_x = np.empty((n, 5)), np.empty((n, k))
@@ -107,7 +111,7 @@ def solve(
     event_d_state = np.empty((MAX_EVENTS, k, size))
     integrate: Any = hybrid.integrate
     count = integrate(
-        times, p, which, int(collision.variant), slots, _steps(collision, effects), *functions,
+        times, p, which, int(collision.variant), slots, _steps(collision, effects), *real, *carrying,
         states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
     )  # fmt: skip
     if count == -1:
@@ -118,9 +122,9 @@ def solve(
         Event(
             _kind(int(event_kind[e])),
             float(event_time[e]),
-            event_state[e].copy(),
+            event_state[e, : 4 + hidden].copy(),
             event_d_time[e].copy(),
-            event_d_state[e].copy(),
+            event_d_state[e, :, : 4 + hidden].copy(),
         )
         for e in range(count)
     )

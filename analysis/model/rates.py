@@ -1,28 +1,31 @@
 """d/dt of block, plate and the effects' hidden states, with its derivatives, at one instant of one phase.
 
-The base model's derivatives are written out; those of the effects come from complex steps through their own
-functions, so that an effect is its equation and nothing else.
+This is the one place where the base model's equations and the catalogue's functions meet: ``state_rates`` in real
+numbers, for the motion, and ``rates``, which adds the derivatives by the parameters.  The base model's derivatives are
+written out; those of the effects come from complex steps through their own functions, so that an effect is its
+equation and nothing else.
 
-State ``z``, shape (rows, size): row 0 is (x_b, v_b, x_p, v_p, q_0, w_0, q_1, w_1, q_2, w_2), cut after the last slot
-with a hidden state; row j is its derivative by the parameter ``which[j - 1]``.  Parameters ``p``, shape (17,): those of
-``parameters.kernel_order``, then three of each of three effect slots.  ``slots``, shape (effects, 7): active, pair
-effect, hidden states, moves the contact, on the plate, rides with the block, place of the range.
+State ``z``, shape (rows, size): row 0 is (x_b, v_b, x_p, v_p, q_0, w_0, q_1, w_1, ...), cut after the last slot
+with a hidden state; row j is its derivative by the parameter ``which[j - 1]``.  Parameters ``p``: those of
+``parameters.kernel_order``, then three of each effect slot.  ``slots``, shape (effects, 7): active, pair effect,
+hidden states, moves the contact, on the plate, rides with the block, place of the range.  ``functions``: the compiled
+effects, one a slot and any beyond.
 """
+
+from typing import Any
 
 import numpy as np
 from numba import njit
 
 from analysis.model.effects import kernel
 
-LARGEST = 10
-PARAMETERS = 17
+MOST_SLOTS = 6
 SLOT_PARAMETERS = 8
 ACTIVE, IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT = 0, 1, 2, 3, 4, 5, 6
 SLOT_COLUMNS = 7
-# What a phase is, as flags: spring and dashpot at work, sign of v, and who takes part.
-SPRING, DASH, SIGN, PLATE, INSIDE, NEAR_0 = 0, 1, 2, 3, 4, 5  # NEAR_0 + slot: within that slot's range
-PARTED = 8
-FLAGS = 9
+# What a phase is, as flags: spring and dashpot at work, sign of v, who takes part, overlapping yet parted.
+SPRING, DASH, SIGN, PLATE, INSIDE, PARTED, NEAR_0 = 0, 1, 2, 3, 4, 5, 6  # NEAR_0 + slot: within that slot's range
+FLAGS = NEAR_0 + MOST_SLOTS
 _H = 1e-40  # the complex step: far below any rounding, far above the smallest number even squared with an exponent
 
 _X, _V, _Y, _U = kernel.X, kernel.V, kernel.Y, kernel.U
@@ -34,129 +37,199 @@ _OUT_BLOCK, _OUT_PLATE, _OUT_PAIR = kernel.ON_BLOCK, kernel.ON_PLATE, kernel.PAI
 _OUT_Q, _OUT_W, _OUT_MASS = kernel.Q_RATE, kernel.W_RATE, kernel.MASS
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _call(slot, f0, f1, f2, s, values, out):  # type: ignore[no-untyped-def]
+def tight(function: Any) -> Any:
+    """Compile an inner kernel without reference counts: around calls through pointers they cost more than the sums."""
+    options: Any = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+    return njit(**options)(function)
+
+
+def inlined(function: Any) -> Any:
+    """Compile as ``tight`` does, into its callers: an array as an argument is seven, a call of eight arrays 20 ns."""
+    options: Any = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False, "forceinline": True}
+    return njit(**options)(function)
+
+
+@inlined
+def _call(slot, functions, s, values, out):  # type: ignore[no-untyped-def]
     for i in range(kernel.OUTPUTS):
         out[i] = 0.0
     if slot == 0:
-        f0(s, values, out)
+        functions[0](s, values, out)
     elif slot == 1:
-        f1(s, values, out)
+        functions[1](s, values, out)
+    elif slot == 2:
+        functions[2](s, values, out)
+    elif slot == 3:
+        functions[3](s, values, out)
+    elif slot == 4:
+        functions[4](s, values, out)
     else:
-        f2(s, values, out)
+        functions[5](s, values, out)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _fill(s, values, z, row, which, p, slot, slots, flags, xi, xi_rate, force, d_xi, d_xi_rate, d_force):  # type: ignore[no-untyped-def]
-    """Lay out what an effect is given: the state in the real parts, its derivative of this row in the imaginary."""
-    h = _H if row > 0 else 0.0
-    at = 4 + 2 * slot if slots[slot, HIDDEN] > 0.0 else 0
-    s[_X] = complex(z[0, 0], h * z[row, 0])
-    s[_V] = complex(z[0, 1], h * z[row, 1])
-    s[_Y] = complex(z[0, 2], h * z[row, 2])
-    s[_U] = complex(z[0, 3], h * z[row, 3])
-    s[_XI] = complex(xi, h * d_xi)
-    s[_XI_RATE] = complex(xi_rate, h * d_xi_rate)
-    s[_FORCE] = complex(force, h * d_force)
-    s[_Q] = complex(z[0, at], h * z[row, at])
-    s[_W] = complex(z[0, at + 1], h * z[row, at + 1])
-    s[_SIGN_V] = flags[SIGN]
-    s[_NEAR] = flags[NEAR_0 + slot]
-    s[_TOUCHING] = max(flags[SPRING], flags[PARTED])
-    s[_PLATE_STIFFNESS] = complex(p[0], h if which == 0 else 0.0)
-    s[_CONTACT_STIFFNESS] = complex(p[2], h if which == 2 else 0.0)
-    s[_BLOCK_MASS] = p[7]
-    first = SLOT_PARAMETERS + 3 * slot
-    for i in range(3):
-        values[i] = complex(p[first + i], h if which == first + i else 0.0)
+@inlined
+def _takes_part(slot, slots, flags):  # type: ignore[no-untyped-def]
+    """Return whether an effect acts in this phase: before the touch the plate's and what rides inside do not."""
+    if slots[slot, IS_PAIR] > 0.5:
+        return flags[PLATE] > 0.5 or flags[NEAR_0 + slot] > 0.5
+    if slots[slot, ON_PLATE_SIDE] > 0.5:
+        return flags[PLATE] > 0.5
+    return slots[slot, RIDES] < 0.5 or flags[INSIDE] > 0.5
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def rates(z, out, rows, which, p, slots, flags, f0, f1, f2, s, values, effect, told):  # type: ignore[no-untyped-def]
-    """Write d/dt of ``z`` to ``out``; tell (xi, xi', force by the contact's law) of every row in ``told``.
+@inlined
+def state_rates(z, out, p, slots, flags, functions, s, values, effect, told):  # type: ignore[no-untyped-def]
+    """Write d/dt of the state to ``out[0]`` and (xi, xi', force by the contact's law) to ``told[0]``.
 
-    About 40 ns for the state, 30 ns a derivative, and 15 ns for each effect in each of them.
+    Returns the block's inertia in kg.  About 10 ns, and 15 ns an effect.
     """
-    k_p, m_p, k_n, g_n, m_b = p[0], p[1], p[2], p[3], p[7]
+    x, v, y, u = z[0, 0], z[0, 1], z[0, 2], z[0, 3]
+    xi, xi_rate = y - x, u - v
+    for slot in range(slots.shape[0]):
+        if slots[slot, MOVES] != 0.0:
+            xi += slots[slot, MOVES] * z[0, 4 + 2 * slot]
+            xi_rate += slots[slot, MOVES] * z[0, 5 + 2 * slot]
     # Overlapping yet parted (a contact that never pulls): the law is followed, but no force acts.
     parted = flags[PARTED] > 0.5
     touching = 1.0 if parted else flags[SPRING]
     dash = 1.0 if parted else flags[DASH]
-    plate = flags[PLATE] > 0.5
-    inside = flags[INSIDE] > 0.5
-    xi = xi_rate = force = 0.0
-    mass = m_b
-    per_plate = 1.0 / m_p
-    for row in range(rows):
-        by = which[row - 1] if row > 0 else -1
-        # The overlap, of the contact point that some effects move.
+    law = touching * (p[2] * xi + p[3] * dash * xi_rate)
+    if slots.shape[0] > 0:
+        s[_X], s[_V], s[_Y], s[_U] = x, v, y, u
+        s[_XI], s[_XI_RATE] = xi, xi_rate
+        s[_SIGN_V] = flags[SIGN]
+        s[_TOUCHING] = touching
+        s[_PLATE_STIFFNESS], s[_CONTACT_STIFFNESS], s[_BLOCK_MASS] = p[0], p[2], p[7]
+    for side in range(2):  # those between the bodies first: the others are told the contact's whole force
+        force = 0.0 if parted else law
+        block, plate, mass = force, -force - p[0] * y, p[7]
+        for slot in range(slots.shape[0]):
+            pair = slots[slot, IS_PAIR] > 0.5
+            hidden = slots[slot, HIDDEN] > 0.0
+            at = 4 + 2 * slot if hidden else 0
+            if side == 1 and hidden:
+                out[0, at] = 0.0
+                out[0, at + 1] = 0.0
+            if pair != (side == 0) or not _takes_part(slot, slots, flags):
+                continue
+            s[_FORCE] = 0.0 if pair else force
+            s[_Q], s[_W] = z[0, at], z[0, at + 1]
+            s[_NEAR] = flags[NEAR_0 + slot]
+            first = SLOT_PARAMETERS + 3 * slot
+            values[0], values[1], values[2] = p[first], p[first + 1], p[first + 2]
+            _call(slot, functions, s, values, effect)
+            if pair:
+                law += effect[_OUT_PAIR]
+                continue
+            block += effect[_OUT_BLOCK]
+            plate += effect[_OUT_PLATE]
+            mass += effect[_OUT_MASS]
+            if hidden:
+                out[0, at] = effect[_OUT_Q]
+                out[0, at + 1] = effect[_OUT_W]
+    told[0, 0], told[0, 1], told[0, 2] = xi, xi_rate, law
+    out[0, 0], out[0, 1] = v, block / mass
+    if flags[PLATE] > 0.5:
+        out[0, 2], out[0, 3] = u, plate / p[1]
+    else:
+        out[0, 2], out[0, 3] = 0.0, 0.0
+    return mass
+
+
+@inlined
+def _fill(s, values, z, row, by, p, slot, slots, flags, told, force, d_force):  # type: ignore[no-untyped-def]
+    """Lay out what an effect is given: the state in the real parts, its derivative of this row in the imaginary."""
+    at = 4 + 2 * slot if slots[slot, HIDDEN] > 0.0 else 0
+    s[_X] = complex(z[0, 0], _H * z[row, 0])
+    s[_V] = complex(z[0, 1], _H * z[row, 1])
+    s[_Y] = complex(z[0, 2], _H * z[row, 2])
+    s[_U] = complex(z[0, 3], _H * z[row, 3])
+    s[_XI] = complex(told[0, 0], _H * told[row, 0])
+    s[_XI_RATE] = complex(told[0, 1], _H * told[row, 1])
+    s[_FORCE] = complex(force, _H * d_force)
+    s[_Q] = complex(z[0, at], _H * z[row, at])
+    s[_W] = complex(z[0, at + 1], _H * z[row, at + 1])
+    s[_SIGN_V] = flags[SIGN]
+    s[_NEAR] = flags[NEAR_0 + slot]
+    s[_TOUCHING] = max(flags[SPRING], flags[PARTED])
+    s[_PLATE_STIFFNESS] = complex(p[0], _H if by == 0 else 0.0)
+    s[_CONTACT_STIFFNESS] = complex(p[2], _H if by == 2 else 0.0)
+    s[_BLOCK_MASS] = p[7]
+    first = SLOT_PARAMETERS + 3 * slot
+    for i in range(3):
+        values[i] = complex(p[first + i], _H if by == first + i else 0.0)
+
+
+@tight
+def derivative_rates(  # type: ignore[no-untyped-def]
+    z, out, rows, which, p, slots, flags, functions, s, values, effect, told, mass
+):
+    """Write d/dt of the derivatives to ``out[1:]`` and tell theirs, ``state_rates`` having gone before.
+
+    About 15 ns a derivative, and 20 ns for each effect in each of them.
+    """
+    k_n, g_n = p[2], p[3]
+    parted = flags[PARTED] > 0.5
+    touching = 1.0 if parted else flags[SPRING]
+    dash = 1.0 if parted else flags[DASH]
+    force = 0.0 if parted else told[0, 2]
+    for row in range(1, rows):
+        by = which[row - 1]
         d_xi = z[row, 2] - z[row, 0]
         d_rate = z[row, 3] - z[row, 1]
         for slot in range(slots.shape[0]):
             if slots[slot, MOVES] != 0.0:
                 d_xi += slots[slot, MOVES] * z[row, 4 + 2 * slot]
                 d_rate += slots[slot, MOVES] * z[row, 5 + 2 * slot]
+        told[row, 0], told[row, 1] = d_xi, d_rate
         law = touching * (k_n * d_xi + g_n * dash * d_rate)
-        if row == 0:
-            xi, xi_rate = d_xi, d_rate
-        elif by == 2:
-            law += touching * xi
+        if by == 2:
+            law += touching * told[0, 0]
         elif by == 3:
-            law += touching * dash * xi_rate
+            law += touching * dash * told[0, 1]
         for slot in range(slots.shape[0]):
-            if slots[slot, IS_PAIR] > 0.5 and (plate or flags[NEAR_0 + slot] > 0.5):
-                _fill(s, values, z, row, by, p, slot, slots, flags, xi, xi_rate, 0.0, d_xi, d_rate, 0.0)
-                _call(slot, f0, f1, f2, s, values, effect)
-                law += effect[_OUT_PAIR].imag / _H if row > 0 else effect[_OUT_PAIR].real
+            if slots[slot, IS_PAIR] > 0.5 and _takes_part(slot, slots, flags):
+                _fill(s, values, z, row, by, p, slot, slots, flags, told, 0.0, 0.0)
+                _call(slot, functions, s, values, effect)
+                law += effect[_OUT_PAIR].imag / _H
+        told[row, 2] = law
         d_force = 0.0 if parted else law
-        if row == 0:
-            force = d_force
-        told[row, 0], told[row, 1], told[row, 2] = d_xi, d_rate, law
-        d_block, d_plate, d_mass = d_force, -d_force - k_p * z[row, 2], 0.0
+        d_block, d_plate, d_mass = d_force, -d_force - p[0] * z[row, 2], 0.0
         if by == 0:
             d_plate -= z[0, 2]
+        elif by == 1:
+            d_plate -= out[0, 3]
         for slot in range(slots.shape[0]):
-            hidden = slots[slot, HIDDEN] > 0.0
             at = 4 + 2 * slot
+            hidden = slots[slot, HIDDEN] > 0.0
             if hidden:
                 out[row, at] = 0.0
                 out[row, at + 1] = 0.0
-            if slots[slot, IS_PAIR] > 0.5:
+            if slots[slot, IS_PAIR] > 0.5 or not _takes_part(slot, slots, flags):
                 continue
-            if slots[slot, ON_PLATE_SIDE] > 0.5 and not plate:
-                continue
-            if slots[slot, RIDES] > 0.5 and not inside:
-                continue
-            _fill(s, values, z, row, by, p, slot, slots, flags, xi, xi_rate, force, d_xi, d_rate, d_force)
-            _call(slot, f0, f1, f2, s, values, effect)
-            if row > 0:
-                for i in range(kernel.OUTPUTS):
-                    effect[i] = effect[i].imag / _H
-            d_block += effect[_OUT_BLOCK].real
-            d_plate += effect[_OUT_PLATE].real
-            d_mass += effect[_OUT_MASS].real
+            _fill(s, values, z, row, by, p, slot, slots, flags, told, force, d_force)
+            _call(slot, functions, s, values, effect)
+            d_block += effect[_OUT_BLOCK].imag / _H
+            d_plate += effect[_OUT_PLATE].imag / _H
+            d_mass += effect[_OUT_MASS].imag / _H
             if hidden:
-                out[row, at] = effect[_OUT_Q].real
-                out[row, at + 1] = effect[_OUT_W].real
+                out[row, at] = effect[_OUT_Q].imag / _H
+                out[row, at + 1] = effect[_OUT_W].imag / _H
         out[row, 0] = z[row, 1]
-        out[row, 2] = z[row, 3]
-        if row == 0:
-            mass = m_b + d_mass
-            out[0, 1] = d_block / mass
-            out[0, 3] = d_plate * per_plate
+        out[row, 1] = (d_block - out[0, 1] * d_mass) / mass
+        if flags[PLATE] > 0.5:
+            out[row, 2], out[row, 3] = z[row, 3], d_plate / p[1]
         else:
-            out[row, 1] = (d_block - out[0, 1] * d_mass) / mass
-            out[row, 3] = (d_plate - (out[0, 3] if by == 1 else 0.0)) * per_plate
-        if not plate:
-            out[row, 2] = 0.0
-            out[row, 3] = 0.0
+            out[row, 2], out[row, 3] = 0.0, 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def cooper_verner():  # type: ignore[no-untyped-def]
-    """Return (a, b) of the explicit Runge-Kutta method of order 8 in 11 stages, shapes (11, 11) and (11,).
+    """Return the explicit Runge-Kutta method of order 8 in 11 stages as (stage of, begins, weights) of its terms.
 
-    G. J. Cooper and J. H. Verner, SIAM J. Numer. Anal. 9 (1972) 389.  Closed form in sqrt(21).
+    The terms that are not zero, stage after stage (the second first) and the new state's last: those of the i-th lie
+    from ``begins[i]`` to ``begins[i + 1]``.  G. J. Cooper and J. H. Verner, SIAM J. Numer. Anal. 9 (1972) 389.  Closed
+    form in sqrt(21).
     """
     r = np.sqrt(21.0)
     a = np.zeros((11, 11))
@@ -174,6 +247,15 @@ def cooper_verner():  # type: ignore[no-untyped-def]
     a[9, 7], a[9, 8] = (-51 - 11 * r) / 56, (132 + 28 * r) / 245
     a[10, 4], a[10, 5], a[10, 6] = (-42 + 7 * r) / 18, (-18 + 28 * r) / 45, (-273 - 53 * r) / 72
     a[10, 7], a[10, 8], a[10, 9] = (301 + 53 * r) / 72, (28 - 28 * r) / 45, (49 - 7 * r) / 18
+    table, begins, weights = np.zeros(60, dtype=np.int64), np.zeros(12, dtype=np.int64), np.zeros(60)
+    used = 0
     b = np.zeros(11)
     b[0], b[7], b[8], b[9], b[10] = 1 / 20, 49 / 180, 16 / 45, 49 / 180, 1 / 20
-    return a, b
+    for stage in range(1, 12):
+        for past in range(min(stage, 11)):
+            weight = a[stage, past] if stage < 11 else b[past]
+            if weight != 0.0:
+                table[used], weights[used] = past, weight
+                used += 1
+        begins[stage] = used
+    return table[:used], begins, weights[:used]

@@ -1,9 +1,8 @@
 """Effects between block and plate: another law of the contact's spring, dashpot and reach (njit by the integrator)."""
 
-import math
 from typing import Any
 
-from analysis.model.effects.kernel import CONTACT_STIFFNESS, NEAR, PAIR, TOUCHING, XI, XI_RATE
+from analysis.model.effects.kernel import CONTACT_STIFFNESS, NEAR, PAIR, TOUCHING, XI, XI_RATE, power
 from analysis.model.effects.row import Acts, Effect, Parameter
 
 REFERENCE_OVERLAP_M = 50e-6  # xi_0: where the law with an exponent and the linear one agree; about the paper's deepest
@@ -12,12 +11,7 @@ REFERENCE_OVERLAP_M = 50e-6  # xi_0: where the law with an exponent and the line
 def contact_exponent(s: Any, p: Any, out: Any) -> None:
     """Make the spring k_N xi (xi / xi_0)^delta, xi_0 = 50 um; p = (delta).  delta = 1/2: Hertz, 1882."""
     if s[TOUCHING].real > 0.5 and s[XI].real > 0.0:
-        # (xi/xi_0)^delta = exp(delta log(xi/xi_0)), written out because the library's complex power is slow.
-        ratio = s[XI] / REFERENCE_OVERLAP_M
-        log = complex(math.log(ratio.real), ratio.imag / ratio.real)
-        power = p[0] * log
-        size = math.exp(power.real)
-        out[PAIR] += s[CONTACT_STIFFNESS] * s[XI] * (complex(size, size * power.imag) - 1.0)
+        out[PAIR] += s[CONTACT_STIFFNESS] * s[XI] * (power(s[XI] / REFERENCE_OVERLAP_M, p[0]) - 1.0)
 
 
 def nonlinear_contact_damping(s: Any, p: Any, out: Any) -> None:

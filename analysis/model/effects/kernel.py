@@ -1,16 +1,20 @@
 """What an effect's function is given and what it may add to: the one contract of all mechanical effects.
 
 An effect is ``def name(s, p, out)``: ``s`` holds the state under the indices below, ``p`` its up to three parameters,
-and it adds to ``out``.  All three are complex: the value travels in the real part, one derivative in the imaginary
-part (the complex step, exact to rounding), so a function must be analytic within a phase: it asks ``s[SIGN_V].real``
-instead of the sign of the velocity, and compares real parts only.  The integrator never changes for a new effect.
+and it adds to ``out``.  The same text is compiled twice.  Once all three are real: the motion itself, and the searches
+of the diagnosis.  Once they are complex: the value travels in the real part, one derivative in the imaginary part (the
+complex step, exact to rounding).  So a function must be analytic within a phase: it asks ``s[SIGN_V].real`` instead of
+the sign of the velocity, compares real parts only, and takes ``sine`` and ``power`` from here (numpy's ``exp``, ``log``
+and the like serve both as well).  The integrators never change for a new effect.
 """
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from numba import njit, types
+from numba.extending import overload
 
 # State: of the block and the plate from the undeflected rest, SI units.
 X, V, Y, U = 0, 1, 2, 3
@@ -31,17 +35,58 @@ Q_RATE, W_RATE = 3, 4  # d/dt of the hidden state
 MASS = 5  # added to the block's inertia in kg
 OUTPUTS = 6
 
-_ARRAY = types.Array(types.complex128, 1, "C")
-SIGNATURE = types.void(_ARRAY, _ARRAY, _ARRAY)
-FUNCTION = types.FunctionType(SIGNATURE)
 Kernel = Callable[[Any, Any, Any], None]
+_REALS, _COMPLEXES = types.Array(types.float64, 1, "C"), types.Array(types.complex128, 1, "C")
+REAL_SIGNATURE = types.void(_REALS, _REALS, _REALS)
+COMPLEX_SIGNATURE = types.void(_COMPLEXES, _COMPLEXES, _COMPLEXES)
+REAL_FUNCTION, COMPLEX_FUNCTION = types.FunctionType(REAL_SIGNATURE), types.FunctionType(COMPLEX_SIGNATURE)
 
 
 @cache
 def compiled(function: Kernel) -> Any:
-    """Return the compiled effect; about 0.3 s the first time ever, milliseconds from the cache."""
-    return njit(SIGNATURE, cache=True, nogil=True, error_model="numpy")(function)
+    """Return the effect compiled for real numbers; about 0.2 s the first time ever, milliseconds from the cache."""
+    return njit(REAL_SIGNATURE, cache=True, nogil=True, error_model="numpy")(function)
+
+
+@cache
+def derived(function: Kernel) -> Any:
+    """Return the effect compiled for complex numbers, which carry its derivatives; costs as ``compiled``."""
+    return njit(COMPLEX_SIGNATURE, cache=True, nogil=True, error_model="numpy")(function)
 
 
 def nothing(s: Any, p: Any, out: Any) -> None:
-    """Fill an empty slot of the integrator."""
+    """Fill an empty slot of the integrator (njit by it)."""
+
+
+def sine(x: Any) -> Any:
+    """Return sin x of a real number or of one that carries a derivative (for kernels)."""
+    raise NotImplementedError("for compiled kernels only")
+
+
+def power(x: Any, y: Any) -> Any:
+    """Return x^y of a positive x, real or carrying a derivative (for kernels); the library's complex one is slow."""
+    raise NotImplementedError("for compiled kernels only")
+
+
+@overload(sine)
+def _sine(x: Any) -> Any:
+    def of_real(x: Any) -> Any:
+        return math.sin(x)
+
+    def carrying(x: Any) -> Any:
+        return complex(math.sin(x.real), math.cos(x.real) * x.imag)
+
+    return carrying if isinstance(x, types.Complex) else of_real
+
+
+@overload(power)
+def _power(x: Any, y: Any) -> Any:
+    def of_reals(x: Any, y: Any) -> Any:
+        return math.exp(y * math.log(x))
+
+    def carrying(x: Any, y: Any) -> Any:
+        log = math.log(x.real)
+        size = math.exp(y.real * log)
+        return complex(size, size * (y.imag * log + y.real * x.imag / x.real))
+
+    return carrying if isinstance(x, types.Complex) else of_reals

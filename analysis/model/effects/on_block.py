@@ -14,6 +14,7 @@ from analysis.model.effects.kernel import (
     V,
     W,
     X,
+    sine,
 )
 from analysis.model.effects.row import Acts, Effect, Parameter, frequencies
 
@@ -37,9 +38,7 @@ def quadratic_drag(s: Any, p: Any, out: Any) -> None:
 
 def tilt(s: Any, p: Any, out: Any) -> None:
     """Add m_b g sin(theta); p = (theta in rad), positive where the track falls to the right.  g = 9.80665 m/s^2."""
-    angle = p[0]
-    sine = complex(math.sin(angle.real), math.cos(angle.real) * angle.imag)
-    out[ON_BLOCK] += s[BLOCK_MASS] * STANDARD_GRAVITY_M_PER_S2 * sine
+    out[ON_BLOCK] += s[BLOCK_MASS] * STANDARD_GRAVITY_M_PER_S2 * sine(p[0])
 
 
 def bearing_gradient(s: Any, p: Any, out: Any) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from analysis.model.effects import MOST_AT_ONCE
-from analysis.model.effects.kernel import compiled, derived, nothing
+from analysis.model.effects.kernel import address, complex_address
 from analysis.model.effects.row import Acts, Effect
 from analysis.model.exact import Event, TooManyEvents
 from analysis.model.parameters import Collision, Floats
@@ -89,15 +89,14 @@ def solve(
     p = np.zeros(BASE + 9)
     p[:BASE] = collision.vector
     slots = np.zeros((len(effects), SLOT_COLUMNS))
-    real: list[Any] = [compiled(nothing)] * 3
-    carrying: list[Any] = [derived(nothing)] * 3
+    real, carrying = np.zeros(len(effects), dtype=np.int64), np.zeros(len(effects), dtype=np.int64)
     for slot, active in enumerate(effects):
         row = active.effect
         if row.kernel is None:
             raise ValueError(f"{row.name} does not act on the motion")
-        real[slot] = compiled(row.kernel)
+        real[slot] = address(row.kernel)
         if len(directions):
-            carrying[slot] = derived(row.kernel)
+            carrying[slot] = complex_address(row.kernel)
         p[BASE + 3 * slot : BASE + 3 * slot + len(active.values)] = active.values
         on_plate = row.acts is Acts.ON_PLATE
         slots[slot] = [1, row.acts is Acts.IN_CONTACT, row.hidden, row.shift, on_plate, row.rides, row.range_at]
@@ -111,7 +110,7 @@ def solve(
     event_d_state = np.empty((MAX_EVENTS, k, size))
     integrate: Any = hybrid.integrate
     count = integrate(
-        times, p, which, int(collision.variant), slots, _steps(collision, effects), *real, *carrying,
+        times, p, which, int(collision.variant), slots, _steps(collision, effects), real, carrying,
         states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
     )  # fmt: skip
     if count == -1:

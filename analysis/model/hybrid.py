@@ -17,7 +17,6 @@ from analysis.model.effects import kernel
 from analysis.model.phases import CONTACT, FREE, MAX_EVENTS, OVERLAPPED, PARTING
 from analysis.model.rates import (
     DASH,
-    FLAGS,
     INSIDE,
     MOVES,
     NEAR_0,
@@ -217,7 +216,7 @@ def _march(  # type: ignore[no-untyped-def]
     nothing = np.full(1, -1, dtype=np.int64)
     single, couple = rows - rows + 1, rows - rows + 2  # of the type of ``rows``, so that one compiled kernel serves
     pair, pair_rate, pair_told = np.zeros((2, size)), np.zeros((2, size)), np.zeros((2, 3))
-    flags, expected = np.zeros(FLAGS), np.zeros(_WATCHED)
+    flags, expected = np.zeros(NEAR_0 + slots.shape[0]), np.zeros(_WATCHED)
     z[0, 0], z[0, 1], z[0, 2], z[0, 3] = p[5], p[4], p[5], p[6]
     for j in range(1, rows):
         by = which[j - 1]
@@ -336,14 +335,16 @@ def _march(  # type: ignore[no-untyped-def]
         else:
             if events >= MAX_EVENTS:
                 return -1
-            for c in range(size):
-                pair[0, c] = z[0, c]
-                pair[1, c] = f_end[0, c]
-            _rates(
-                pair, pair_rate, couple, nothing, p, slots, flags, real, carrying,
-                s, values, effect, cs, c_values, c_effect, pair_told,
-            )  # fmt: skip
-            slope = pair_told[1, item] if item < 3 else (f_end[0, 1] if item == 3 else -pair_told[1, 0])
+            slope = 1.0
+            if rows > 1:  # how fast what is watched crosses: its derivative along the motion
+                for c in range(size):
+                    pair[0, c] = z[0, c]
+                    pair[1, c] = f_end[0, c]
+                _rates(
+                    pair, pair_rate, couple, nothing, p, slots, flags, real, carrying,
+                    s, values, effect, cs, c_values, c_effect, pair_told,
+                )  # fmt: skip
+                slope = pair_told[1, item] if item < 3 else (f_end[0, 1] if item == 3 else -pair_told[1, 0])
             code = TURN if item == 3 else RANGE + item - 4
             before = phase
             if item == 0:
@@ -417,30 +418,27 @@ def _march(  # type: ignore[no-untyped-def]
 _F = types.float64
 _VECTOR, _MATRIX, _CUBE = types.Array(_F, 1, "C"), types.Array(_F, 2, "C"), types.Array(_F, 3, "C")
 _INTEGERS = types.Array(types.int64, 1, "C")
-_REAL, _CARRYING = kernel.REAL_FUNCTION, kernel.COMPLEX_FUNCTION
 
 
 @njit(
     types.int64(
-        _VECTOR, _VECTOR, _INTEGERS, types.int64, _MATRIX, _VECTOR,
-        _REAL, _REAL, _REAL, _CARRYING, _CARRYING, _CARRYING,
+        _VECTOR, _VECTOR, _INTEGERS, types.int64, _MATRIX, _VECTOR, _INTEGERS, _INTEGERS,
         _MATRIX, _MATRIX, _VECTOR, _INTEGERS, _MATRIX, _MATRIX, _CUBE,
     ),
     cache=True, nogil=True, error_model="numpy",
 )  # fmt: skip
 def integrate(  # type: ignore[no-untyped-def]
-    times, p, which, variant, slots, steps, r0, r1, r2, c0, c1, c2,
+    times, p, which, variant, slots, steps, real, carrying,
     states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
 ):  # fmt: skip
     """Solve base model and effects at ``times`` (ascending, 0 = first touch); as ``phases.solve``, shapes in ``rates``.
 
-    ``r0`` to ``r2`` are the effects in real numbers, ``c0`` to ``c2`` in complex ones, which only derivatives need.
+    ``real`` and ``carrying`` are the addresses of the effects in real and in complex numbers (which derivatives need).
     ``steps``: longest step in s in contact, apart, gone, and before the touch; the factor by which steps grow after a
     switch; and the share of the way to the next touch or release that a step may go (0: all of it).  Returns the
     number of events; -1 when more than MAX_EVENTS happen, -2 when the state runs away.  About 1.7 ms for 60 ms,
     and 1 ms for each derivative.
     """
-    real, carrying = (r0, r1, r2, r0, r0, r0), (c0, c1, c2, c0, c0, c0)
     n = times.size
     split = 0
     while split < n and times[split] <= 0.0:

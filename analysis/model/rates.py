@@ -8,8 +8,8 @@ equation and nothing else.
 State ``z``, shape (rows, size): row 0 is (x_b, v_b, x_p, v_p, q_0, w_0, q_1, w_1, ...), cut after the last slot
 with a hidden state; row j is its derivative by the parameter ``which[j - 1]``.  Parameters ``p``: those of
 ``parameters.kernel_order``, then three of each effect slot.  ``slots``, shape (effects, 7): active, pair effect,
-hidden states, moves the contact, on the plate, rides with the block, place of the range.  ``functions``: the compiled
-effects, one a slot and any beyond.
+hidden states, moves the contact, on the plate, rides with the block, place of the range.  ``functions``: the
+addresses of the compiled effects, one a slot.
 """
 
 from typing import Any
@@ -19,13 +19,11 @@ from numba import njit
 
 from analysis.model.effects import kernel
 
-MOST_SLOTS = 6
 SLOT_PARAMETERS = 8
 ACTIVE, IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT = 0, 1, 2, 3, 4, 5, 6
 SLOT_COLUMNS = 7
 # What a phase is, as flags: spring and dashpot at work, sign of v, who takes part, overlapping yet parted.
 SPRING, DASH, SIGN, PLATE, INSIDE, PARTED, NEAR_0 = 0, 1, 2, 3, 4, 5, 6  # NEAR_0 + slot: within that slot's range
-FLAGS = NEAR_0 + MOST_SLOTS
 _H = 1e-40  # the complex step: far below any rounding, far above the smallest number even squared with an exponent
 
 _X, _V, _Y, _U = kernel.X, kernel.V, kernel.Y, kernel.U
@@ -38,7 +36,7 @@ _OUT_Q, _OUT_W, _OUT_MASS = kernel.Q_RATE, kernel.W_RATE, kernel.MASS
 
 
 def tight(function: Any) -> Any:
-    """Compile an inner kernel without reference counts: around calls through pointers they cost more than the sums."""
+    """Compile an inner kernel without reference counts, which cost more than its sums (it makes no arrays)."""
     options: Any = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
     return njit(**options)(function)
 
@@ -53,18 +51,7 @@ def inlined(function: Any) -> Any:
 def _call(slot, functions, s, values, out):  # type: ignore[no-untyped-def]
     for i in range(kernel.OUTPUTS):
         out[i] = 0.0
-    if slot == 0:
-        functions[0](s, values, out)
-    elif slot == 1:
-        functions[1](s, values, out)
-    elif slot == 2:
-        functions[2](s, values, out)
-    elif slot == 3:
-        functions[3](s, values, out)
-    elif slot == 4:
-        functions[4](s, values, out)
-    else:
-        functions[5](s, values, out)
+    kernel.call(functions[slot], s, values, out)
 
 
 @inlined

@@ -22,7 +22,8 @@ def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, accelera
     """
     with np.errstate(invalid="ignore"):
         forced = ~(np.abs(acceleration) < _FORCED * acceleration_std)
-    near = np.convolve(forced, np.ones(2 * _SHIELD + 1), mode="same") > 0.5
+    # "same" would answer with the shield's length where the record is the shorter of the two
+    near = np.convolve(forced, np.ones(2 * _SHIELD + 1))[_SHIELD:-_SHIELD] > 0.5
     squares = []
     for start, stop in stretches(~near & np.isfinite(displacement_m)):
         count = (stop - start) // BLOCK

@@ -64,6 +64,13 @@ def test_a_long_gap_in_the_impact_keeps_velocity_right_and_says_that_position_is
     assert np.isnan(motion.displacement_m).any()
 
 
+@pytest.mark.parametrize("samples", [8_000, 16_666, 20_100])
+def test_a_record_cut_off_early_still_gives_its_motion(samples: int) -> None:
+    motion = demodulate(make_recording(TRUTH, samples), AnalysisSettings())
+    assert motion.time_s.size == pytest.approx(samples / 100, abs=20)
+    assert np.nanmax(np.abs(_error(motion))) < 0.02 * FRINGE_M
+
+
 def test_a_gap_of_unknown_length_ends_the_record_there() -> None:
     recording = _with_gap(make_recording(TRUTH, SAMPLES), 300_000, 777, known=False)
     motion = demodulate(recording, AnalysisSettings())

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from instrument.acquire import AcquireError
 from instrument.acquire import acquire as record
+from instrument.apart.digitizer import open_apart
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.recording_error import RecordingError
-from instrument.sources import open_source
 
 SHOT_S = 0.06  # default length: the contact of some 30 ms with free flight on both sides
 BEFORE_SWITCH = 0.15  # of it lies before the light switch
@@ -17,7 +17,7 @@ def acquire(shots: int, *, source: str, out: Path, rate_hz: float | None, sample
     """Record ``shots`` shots into ``out``; print each recording's path; return the exit status."""
     saved: list[Path] = []
     try:
-        digitizer = open_source(source)
+        digitizer = open_apart(source)
         settings = _settings(digitizer, rate_hz, samples)
         saved = record(digitizer, out, shots, settings, timeout_s, report=_say)
     except AcquireError as error:

@@ -11,23 +11,17 @@ from analysis.pipeline import analyse
 from analysis.recording import Channel, Recording
 from analysis.shot import AnalysisSettings, Progress, Shot
 from instrument.acquisition import Deadlines, State
-from instrument.bench.digitizer import BenchDigitizer
+from instrument.apart.digitizer import open_apart
 from instrument.capture import Capture
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.found_devices import FoundDevice, found_devices
 from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
-from instrument.sources import open_source
 
 Open = Callable[[str], Digitizer]
 BENCH = "bench"
 LONGEST_ARMING_S = 60.0
 WORDS = {BENCH: "Simulated bench", "replay:": "Play a recording …"}
-
-
-def open_patiently(source: str) -> Digitizer:
-    """Open a source; the bench simulates more slowly on a slow computer rather than drop samples."""
-    return BenchDigitizer(patient=True) if source == BENCH else open_source(source)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +50,7 @@ class Rig:
         *,
         source: str = BENCH,
         deadlines: Deadlines | None = None,
-        open_digitizer: Open = open_patiently,
+        open_digitizer: Open = open_apart,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._options, self._analysis, self._kernels = options, analysis, wait_for_kernels

@@ -13,7 +13,7 @@ from app import keyboard
 from app.choices import Choices
 from app.layout import Layout
 from app.mapping_desk import MappingDesk
-from app.rig import Open, Rig, open_patiently
+from app.rig import Open, Rig
 from app.rig_desk import RigDesk
 from app.session import Entry, Session
 from app.session_desk import SessionDesk
@@ -24,6 +24,7 @@ from app.tour_desk import TourDesk
 from app.view_desk import ViewDesk
 from app.warm import Kernels
 from app.workbench import Workbench
+from instrument.apart.digitizer import open_apart
 from instrument.snapshot import FinishedShot
 
 PULL_MS = 35
@@ -138,7 +139,7 @@ class MainWindow(QMainWindow):
         event.accept()
 
 
-def open_window(folder: Path, open_digitizer: Open = open_patiently) -> MainWindow:
+def open_window(folder: Path, open_digitizer: Open = open_apart) -> MainWindow:
     """Return the window, not shown yet, with settings and session kept in ``folder``."""
     choices = Choices(folder / "settings.json")
     theme = Theme(choices.settings.appearance)

@@ -13,14 +13,16 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from analysis.pipeline import analyse
 from analysis.recording import Recording
 from analysis.shot import AnalysisSettings, Progress, Shot
+from instrument.apart.digitizer import DigitizerApart
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.capture import Capture, CaptureOptions
-from instrument.digitizer import CaptureSettings
+from instrument.digitizer import CaptureSettings, Digitizer
 from instrument.snapshot import Snapshot
 
 RATE_HZ = 30e6
@@ -54,6 +56,12 @@ class Seen:
             self.waits_s.append(now - self.last_s)
         self.last_s = now
         self.frames += 1
+
+
+def digitizer_of(options: argparse.Namespace) -> Digitizer:
+    """Return the bench as the command line asks for it: in a process of its own, or in this one."""
+    opener = partial(BenchDigitizer, memory_s=options.memory, push_every_s=3.0)
+    return opener() if options.in_process else DigitizerApart(opener)
 
 
 def analyse_shot(recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
@@ -109,10 +117,7 @@ class _Application:
         problem = save(folder / "settings" / "settings.json", chosen)
         assert problem is None, problem
 
-        def opened(source: str) -> BenchDigitizer:
-            return BenchDigitizer(memory_s=options.memory, push_every_s=3.0)
-
-        self.window = open_window(folder / "settings", opened)
+        self.window = open_window(folder / "settings", lambda source: digitizer_of(options))
         self.window.show()
         self.rig = self.window.rig
         self.ticks = QTimer()
@@ -175,13 +180,14 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--memory", type=float, default=0.5, help="s of samples the bench holds before it loses them")
+    parser.add_argument("--in-process", action="store_true", help="the bench in this process, not in one of its own")
     parser.add_argument("--no-window", action="store_true")
     parser.add_argument("--no-analysis", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if options.no_window:
-            digitizer = BenchDigitizer(memory_s=options.memory, push_every_s=3.0)
+            digitizer = digitizer_of(options)
             analysis = None if options.no_analysis else analyse_shot
             with Capture(digitizer, CaptureOptions(folder, SHOT), analyse=analysis) as capture:
                 while capture.latest().signal.switch_toggles < 2:  # kernels compiled, the first push seen

@@ -54,7 +54,7 @@ def _fingerprint() -> str:
     for package in _PACKAGES:
         for source in sorted((house / package).rglob("*.py")):
             text = source.read_bytes()
-            if b"njit" in text or b"cfunc" in text:
+            if any(word in text for word in (b"njit", b"cfunc", b"intrinsic")):
                 digest.update(source.name.encode() + text)
     return digest.hexdigest()[:16]
 

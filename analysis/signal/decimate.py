@@ -81,7 +81,7 @@ def filtered(phase: Floats, taps: Floats, factor: int = 1) -> Floats:
 @lru_cache(maxsize=32)
 def noise_ratio(tuning: Tuning, factor: int) -> float:
     """Return std of a decimated phase / sqrt(mean roughness), both made of white noise on the counts."""
-    window = tuning.full_window
+    window = tuning.window
     part = max(1, factor // 4)
     third = np.repeat([1.0, -3.0, 3.0, -1.0], part) / (part * np.sqrt(20.0))
 

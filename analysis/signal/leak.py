@@ -83,7 +83,7 @@ def leak_phase(leak: Leak, moving_cycles: Floats, rest_cycles: Floats, track: Tr
     as they let through a tone at the Doppler frequency; second order in the ratio.
     """
     doppler = np.abs(np.gradient(moving_cycles - rest_cycles) * grid.rate_hz)
-    ratio = leak.ratio * _response(track.wanted.tuning.full_window, doppler / grid.input_rate_hz)
+    ratio = leak.ratio * _response(track.wanted.tuning.window, doppler / grid.input_rate_hz)
     factor = grid.step // track.wanted.tuning.decimation
     taps = decimator_taps(factor, track.wanted.tuning.spread)
     phase_rate = track.wanted.tuning.phase_rate_hz

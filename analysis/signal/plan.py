@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.recording import Recording
 from analysis.shot import AnalysisError, AnalysisSettings
-from analysis.signal.beat import Guide, fixed_guide, following_guide
+from analysis.signal.guide import Guide, fixed_guide, following_guide
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import Tuning, tune
 

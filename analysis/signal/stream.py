@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from analysis.air import wavelength_in_air_m
 from analysis.recording import Setup
 from analysis.shot import AnalysisError
-from analysis.signal.beat import BeatReader, fixed_guide
+from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator, filtered
 from analysis.signal.filters import derivative_filters
+from analysis.signal.guide import fixed_guide
 from analysis.signal.survey import survey
 from analysis.signal.tuning import Tuning, tune
 

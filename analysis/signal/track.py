@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from analysis.recording import Gap, Recording
 from analysis.shot import AnalysisError, Cancelled, Progress
-from analysis.signal.beat import BATCH, BeatReader, Guide
+from analysis.signal.beat import BeatReader
 from analysis.signal.bridge import Bridge, Segment
 from analysis.signal.decimate import PhaseDecimator, noise_ratio
+from analysis.signal.guide import BATCH, Guide
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import PHASE_STEPS, Tuning
 
@@ -209,6 +210,9 @@ def local_variance(rough: Floats) -> Floats:
     if not enough.any():
         return np.full(rough.shape, np.nan)
     blocks = blocks[enough]
-    levels = np.median(blocks, axis=1) if np.isfinite(blocks).all() else np.nanmedian(blocks, axis=1)
+    levels = np.median(blocks, axis=1)
+    holed = np.isnan(levels)
+    if holed.any():
+        levels[holed] = np.nanmedian(blocks[holed], axis=1)
     centres = (np.flatnonzero(enough) + 0.5) * each
     return np.asarray(np.interp(np.arange(rough.size), centres, levels / _CHI2_MEDIAN))

@@ -12,7 +12,6 @@ from analysis.shot import AnalysisError
 PHASE_STEPS = 65536  # the local oscillator advances by whole 1/65536 cycles a decimated sample: exact in integers
 IMAGE_REJECTION_DB = 90.0
 ALIAS_LIMIT = 0.012  # noise power folded onto the beat by decimation, relative to its own
-HALVING_LIMIT = 0.13  # of the sample rate: below it halving the rate first folds less than 1 % of noise
 _MAX_TAPS = 4096
 _GRID = 4096
 _SHARES = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128)
@@ -24,14 +23,12 @@ _CUTS = (0.0, 0.5, 0.8, 1.1, 1.5, 2.0)
 class Tuning:
     """A complex band-pass and decimator for one beat, with an oscillator that can be set from batch to batch.
 
-    ``window`` is the real low-pass, shape (length,), at the sample rate or (``halved``) at half of it, after
-    neighbouring samples were weighted 1 3 3 1.  It serves oscillators between ``low_hz`` and ``high_hz`` and beats
-    within ``half_width_hz`` of them.
+    ``window`` is the real low-pass, shape (length,).  It serves oscillators between ``low_hz`` and ``high_hz`` and
+    beats within ``half_width_hz`` of them.
     """
 
     sample_rate_hz: float
     decimation: int  # samples of the recording a phase
-    halved: bool
     low_hz: float
     high_hz: float
     half_width_hz: float
@@ -40,7 +37,7 @@ class Tuning:
     @property
     def length(self) -> int:
         """Get the number of samples of the recording that one phase is read from."""
-        return int(2 * self.window.size + 2 if self.halved else self.window.size)
+        return int(self.window.size)
 
     @property
     def phase_rate_hz(self) -> float:
@@ -53,24 +50,15 @@ class Tuning:
         return 0.5 * (self.length - 1)
 
     @property
-    def full_window(self) -> NDArray[np.float64]:
-        """Get the low-pass at the recording's own rate, shape (length,): the halving included."""
-        if not self.halved:
-            return self.window
-        spread = np.zeros(2 * self.window.size - 1)
-        spread[::2] = self.window
-        return np.asarray(np.convolve(spread, [0.125, 0.375, 0.375, 0.125]), np.float64)
-
-    @property
     def effective_samples(self) -> float:
         """Get how many samples' worth of noise one phase averages: its variance is 1 / (SNR effective_samples)."""
-        window = self.full_window
+        window = self.window
         return float(window.sum() ** 2 / np.sum(window**2))
 
     @property
     def spread(self) -> float:
         """Get the window's second moment about its centre, in decimated samples squared: what it smooths."""
-        window = self.full_window
+        window = self.window
         position = np.arange(window.size) - self.delay_samples
         return float(np.sum(window * position**2) / window.sum() / self.decimation**2)
 
@@ -81,19 +69,6 @@ class Tuning:
     def oscillator_hz(self, steps: int) -> float:
         """Return the frequency of an oscillator given in steps."""
         return steps * self.sample_rate_hz / (self.decimation * PHASE_STEPS)
-
-    def taps(self, steps: NDArray[np.int64]) -> NDArray[np.complex128]:
-        """Return the window mixed with oscillators, shape (oscillators, window.size).
-
-        The oscillator's phase is zero at the window's centre, so the angle read is that of the beat there whatever
-        the oscillator.
-        """
-        rows = self.decimation // 2 if self.halved else self.decimation
-        position = np.arange(self.window.size) - 0.5 * (self.window.size - 1)
-        mixed = self.window * np.exp((-2j * np.pi / (PHASE_STEPS * rows)) * steps[:, None] * position)
-        if self.halved:  # its own gain there, off again
-            mixed /= (8 * np.cos(np.pi * steps / (PHASE_STEPS * self.decimation)) ** 3)[:, None]
-        return np.asarray(mixed, np.complex128)
 
 
 @lru_cache(maxsize=64)
@@ -119,27 +94,21 @@ def tune(
             f"of 0 to {sample_rate_hz / 2e6:.4g} MHz"
         )
     fastest = max(1, int(sample_rate_hz / max(min_phase_rate_hz, 2.4 * half_width_hz)))
-    may_halve = highest <= HALVING_LIMIT * sample_rate_hz
-    best: tuple[float, int, bool, NDArray[np.float64]] | None = None
+    image_edge = min(2 * low_hz, sample_rate_hz - 2 * high_hz) - half_width_hz
+    best: tuple[float, int, NDArray[np.float64]] | None = None
     for decimation in range(fastest, 0, -1):
         if divides % decimation:
             continue
-        halved = may_halve and decimation % 2 == 0
-        halving = 2 if halved else 1
-        rate = sample_rate_hz / halving
-        image_edge = min(2 * low_hz, rate - 2 * high_hz) - half_width_hz
+        least = 20.0 / decimation + 4.0
+        if best is not None and best[0] <= least + _SHARES[0]:
+            break  # no smaller decimation can be cheaper
         for share in _SHARES:
-            if share * decimation > _MAX_TAPS:
+            if share * decimation > _MAX_TAPS or (best is not None and least + share >= best[0]):
                 break
-            cost = (share + 4.0) / halving + 20.0 / decimation
-            if best is not None and cost >= best[0]:
-                break
-            window = _window(rate, decimation // halving, share, half_width_hz, image_edge)
+            window = _window(sample_rate_hz, decimation, share, half_width_hz, image_edge)
             if window is not None:
-                best = (cost, decimation, halved, window)
+                best = (least + share, decimation, window)
                 break
-        if best is not None and best[0] <= 0.55 * (_SHARES[0] + 4.0) + 20.0 / decimation:
-            break
     if best is None:
         middle = 0.5 * (low_hz + high_hz)
         edge = "zero" if 4 * middle < sample_rate_hz else f"the Nyquist frequency of {sample_rate_hz / 2e6:g} MHz"
@@ -147,9 +116,9 @@ def tune(
             f"beat between {lowest / 1e6:.4g} and {highest / 1e6:.4g} MHz comes too near {edge}: "
             "its mirror image cannot be told from it"
         )
-    _, decimation, halved, window = best
+    _, decimation, window = best
     window.flags.writeable = False
-    return Tuning(sample_rate_hz, decimation, halved, low_hz, high_hz, half_width_hz, window)
+    return Tuning(sample_rate_hz, decimation, low_hz, high_hz, half_width_hz, window)
 
 
 def _window(
@@ -165,8 +134,9 @@ def _window(
         main_lobe = rate_hz / length * np.sqrt(1 + (kaiser / np.pi) ** 2)  # from the centre to the first null
         if half_width_hz + 0.6 * main_lobe > image_edge_hz:
             continue
+        bell = np.kaiser(length, kaiser)
         for cut in _CUTS:
-            taps: NDArray[np.float64] = np.sinc(2 * cut * half_width_hz / rate_hz * n) * np.kaiser(length, kaiser)
+            taps: NDArray[np.float64] = np.sinc(2 * cut * half_width_hz / rate_hz * n) * bell
             taps = taps / taps.sum()
             power: NDArray[np.float64] = np.asarray(np.abs(np.fft.rfft(taps, grid)) ** 2, np.float64)
             inside = power[frequency <= half_width_hz]

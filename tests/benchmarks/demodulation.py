@@ -55,7 +55,7 @@ def _velocity_bound(snr_db: float, recording: Recording, motion: Motion) -> floa
     tuning = next(iter(plans(seen, None, recording, settings))).tuning
     step = round(recording.sample_rate_hz / motion.sample_rate_hz)
     chain = _spread(decimator_taps(step // tuning.decimation, tuning.spread), tuning.decimation)
-    chain = fftconvolve(chain, tuning.full_window)
+    chain = fftconvolve(chain, tuning.window)
     velocity = derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).velocity
     chain = fftconvolve(_spread(velocity, step), chain)
     return float(WAVELENGTH_M / (4 * np.pi) * np.sqrt(np.sum(chain**2) / 10 ** (snr_db / 10)))

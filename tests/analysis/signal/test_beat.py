@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.shot import AnalysisError, AnalysisSettings
-from analysis.signal.beat import BATCH, BeatReader, fixed_guide, following_guide
+from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator
 from analysis.signal.demodulate import demodulate
+from analysis.signal.guide import BATCH, fixed_guide, following_guide
 from analysis.signal.tuning import tune
 from tests.analysis.signal.beats import Floats, collision, free_flight, make_recording
 
@@ -61,27 +62,38 @@ def test_a_reader_started_later_stays_on_the_grid(start: int) -> None:
 @given(
     frequency=st.floats(3.3e6, 3.6e6),
     phase=st.floats(0, 1),
-    amplitude=st.floats(300, 30_000),
+    amplitude=st.floats(300, 32_000),
+    noise=st.floats(0, 0.3),
     tuning=st.sampled_from(TUNINGS),
 )
-def test_the_angle_is_that_of_the_beat_at_the_window_centre(frequency, phase, amplitude, tuning) -> None:
+def test_the_angle_is_that_of_the_beat_at_the_window_centre(frequency, phase, amplitude, noise, tuning) -> None:
     n = np.arange((BATCH + 8) * tuning.decimation + tuning.length)
     signal = amplitude * np.cos(2 * np.pi * (frequency / tuning.sample_rate_hz * n + phase))
+    signal += np.random.default_rng(1).normal(0, noise * amplitude, n.size)
+    counts = np.clip(np.rint(signal), -32768, 32767).astype(np.int16)
     reader = BeatReader(tuning, fixed_guide(tuning, 3.45e6), 0)
-    _, read, power = reader.feed(np.rint(signal).astype(np.int16)[:, None])
-    m = np.arange(read.size)
-    centre = m * tuning.decimation + tuning.delay_samples
-    exact = frequency / tuning.sample_rate_hz * centre + phase
-    exact = exact - reader.oscillator_hz / tuning.sample_rate_hz * (m * tuning.decimation)
+    _, read, power = reader.feed(counts[:, None])
+    first = np.arange(read.size) * tuning.decimation
+    turn = reader.oscillator_hz / tuning.sample_rate_hz
+    exact_taps = tuning.window * np.exp(-2j * np.pi * turn * (np.arange(tuning.length) - tuning.delay_samples))
+    exact = np.lib.stride_tricks.sliding_window_view(counts, tuning.length)[first] @ exact_taps
+    error = read + turn * first - np.angle(exact) / (2 * np.pi)
+    own_noise = noise * np.sqrt(2 / tuning.effective_samples)
+    rounding = 10 ** (-85 / 20) + 0.01 * own_noise  # of the taps: test_whole_taps.py
+    assert np.max(np.abs(error - np.rint(error))) < rounding / (2 * np.pi) + 1e-7
+    assert np.allclose(np.sqrt(power), np.abs(exact), rtol=rounding)
+
+
+def test_the_angle_at_the_centre_of_the_window_moves_with_the_beat() -> None:
+    tuning = TUNINGS[0]
+    n = np.arange((BATCH + 8) * tuning.decimation + tuning.length)
+    counts = np.rint(30_000 * np.cos(2 * np.pi * (3.41e6 / RATE * n + 0.3))).astype(np.int16)
+    reader = BeatReader(tuning, fixed_guide(tuning, 3.45e6), 0)
+    _, read, _ = reader.feed(counts[:, None])
+    first = np.arange(read.size) * tuning.decimation
+    exact = 3.41e6 / RATE * (first + tuning.delay_samples) + 0.3 - reader.oscillator_hz / RATE * first
     error = read - exact
-    away = (frequency - reader.oscillator_hz) / tuning.sample_rate_hz
-    position = np.arange(tuning.length) - tuning.delay_samples
-    gain = float(np.sum(tuning.full_window * np.cos(2 * np.pi * away * position)))
-    rounding = 0.55 / (gain * amplitude) / (2 * np.pi)
-    assert np.max(np.abs(error - np.rint(error[0]))) < rounding + 1e-5
-    assert np.allclose(
-        2 * np.sqrt(power), gain * amplitude, rtol=0.06, atol=0.6
-    )  # halving droops a little across the band
+    assert np.max(np.abs(error - np.rint(error[0]))) < 1.5e-5
 
 
 @pytest.mark.parametrize(("rate_hz", "snr_db"), [(10e6, 5.0), (10e6, -3.0), (30e6, -3.0)])

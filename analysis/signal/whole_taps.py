@@ -1,0 +1,78 @@
+"""Taps in whole numbers, for filters that multiply 16-bit samples with 16-bit taps and add up in 32 bits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from analysis.signal.dot import WIDTH
+
+_MOST = 65535  # of the taps' absolute sum: full-scale samples of 16 bits then stay below 2^31
+_LARGEST = 32700
+_STRAY = 2.0  # most that rounding, with two errors carried on, moves one tap
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _round(window, turns, room, taps, gains):  # type: ignore[no-untyped-def]
+    """Mix a symmetric window with oscillators and round to whole numbers; 10 ns a tap.
+
+    Each error is carried on to the next two taps, e[k] becoming e[k] - 2 cos(w) e[k-1] + e[k-2], which is zero at +-w,
+    the oscillator's frequency.  It is carried towards the centre, where what is left over turns no phase.
+    """
+    length = window.shape[0]
+    half = length // 2
+    for row in range(turns.shape[0]):
+        step = 2.0 * np.pi * turns[row]
+        even_sum, odd_sum, largest = 0.0, 0.0, 0.0
+        for k in range(half):
+            angle = step * (k - 0.5 * (length - 1))
+            even_sum += 2 * abs(window[k] * np.cos(angle))
+            odd_sum += 2 * abs(window[k] * np.sin(angle))
+            largest = max(largest, abs(window[k]))
+        scale = min(room / max(even_sum, odd_sum), _LARGEST / largest)
+        even_last, even_before, odd_last, odd_before = 0.0, 0.0, 0.0, 0.0
+        along, across = 0.0, 0.0
+        twice = 2.0 * np.cos(step)
+        for k in range(half):
+            angle = step * (k - 0.5 * (length - 1))
+            cosine, sine = np.cos(angle), np.sin(angle)
+            wanted = scale * window[k] * cosine - twice * even_last + even_before
+            even = np.rint(wanted)
+            even_before, even_last = even_last, even - wanted
+            wanted = -scale * window[k] * sine - twice * odd_last + odd_before
+            odd = np.rint(wanted)
+            odd_before, odd_last = odd_last, odd - wanted
+            along += 2 * even * cosine
+            across -= 2 * odd * sine
+            taps[row, 0, k] = taps[row, 0, length - 1 - k] = np.int16(even)
+            taps[row, 1, k], taps[row, 1, length - 1 - k] = np.int16(odd), np.int16(-odd)
+        gains[row, 0], gains[row, 1] = 0.5 / along, 0.5 / across
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WholeTaps:
+    """Complex band-passes in whole numbers, one an oscillator, and what makes their sums exact there.
+
+    ``taps`` int16 (oscillators, 2, length rounded up to ``WIDTH``): real part, even about the centre, and imaginary
+    part, odd.  ``restore`` float32 (oscillators, 3): the gain of either sum, and what a steady offset adds to the
+    first; the second does not feel it.
+    """
+
+    taps: NDArray[np.int16]
+    restore: NDArray[np.float32]
+
+
+def whole_taps(window: NDArray[np.float64], turns: NDArray[np.float64], offset_counts: float) -> WholeTaps:
+    """Return ``window`` mixed with each oscillator, in whole numbers of the largest scale that cannot overflow.
+
+    ``window`` is symmetric, of an even number of taps; ``turns`` (oscillators,) are the oscillators in cycles a sample,
+    their phase zero at the window's centre, so that the angle read is that of the beat there whatever the oscillator.
+    Being even and odd, the whole taps turn no phase at any frequency; at the oscillator the gains of both parts, and
+    so the rejection of the image, are exact.
+    """
+    taps = np.zeros((turns.size, 2, -(-window.size // WIDTH) * WIDTH), np.int16)
+    gains = np.empty((turns.size, 2))
+    _round(np.asarray(window).copy(), turns, _MOST - _STRAY * window.size, taps, gains)
+    steady = offset_counts * gains[:, :1] * taps[:, 0].sum(axis=1, dtype=np.int64)[:, None]
+    return WholeTaps(taps, np.concatenate((gains, steady), axis=1).astype(np.float32))

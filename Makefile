@@ -38,6 +38,12 @@ bench-loop: $(READY)
 screenshots: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m app.screenshots docs/images
 
+# a whole session through the real window on virtual screens (Xvfb): light, dark, and twice as dense
+session: $(READY)
+	$(BIN)/python -m tests.app.virtual_screen .session/light light
+	$(BIN)/python -m tests.app.virtual_screen .session/dark dark
+	$(BIN)/python -m tests.app.virtual_screen .session/dense light 2
+
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "levimass needs Python 3.11 or newer; $(PYTHON) is older (make PYTHON=/path/to/python3.11 ...)"; exit 1; }
 	@$(PYTHON) -m venv $(VENV) || { echo "this Python cannot make virtual environments; on Debian: apt install python3-venv"; exit 1; }

@@ -50,6 +50,8 @@ KEYS: tuple[Key, ...] = (
     Key("Ctrl+Up", "previous_shot", "Shot before", "The session"),
     Key("Ctrl+Down", "next_shot", "Shot after", "The session"),
     Key("D", "diagnose", "Diagnose the selected shots", "The session"),
+    Key("Ctrl+Shift+O", "load_model", "Open a model file", "The session"),
+    Key("Ctrl+Shift+S", "save_model", "Save the model of the selected shots, or of all", "The session"),
     Key("B", "show_budget", "Uncertainty budget of the shot", "The session"),
     Key("Ctrl+Q", "close", "Quit", "The session"),
 )

@@ -135,7 +135,8 @@ def _write(
         ok = False
     if json_to != "-":
         for shot in shots:
-            print(summary(shot))
+            if not shot.problem or shot.impact is not None:  # else all there is to say stands on standard error
+                print(summary(shot))
         if diagnosis is not None:
             print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
     return ok

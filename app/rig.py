@@ -20,8 +20,9 @@ from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
 
 Open = Callable[[str], Digitizer]
 BENCH = "bench"
+FLAWED_BENCH = "bench?effect=quadratic_drag"  # named by nothing on the screen: a diagnosis is to find it
 LONGEST_ARMING_S = 60.0
-WORDS = {BENCH: "Simulated bench", "replay:": "Play a recording …"}
+WORDS = {BENCH: "Simulated bench", FLAWED_BENCH: "Simulated bench with a flaw", "replay:": "Play a recording …"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +83,8 @@ class Rig:
 
     def sources(self) -> list[tuple[str, str]]:
         """Return (name, words) of what can be chosen: the bench, the devices found, a recording to play."""
-        return [(BENCH, WORDS[BENCH]), *self._found, ("replay:", WORDS["replay:"])]
+        benches = [(source, WORDS[source]) for source in (BENCH, FLAWED_BENCH)]
+        return [*benches, *self._found, ("replay:", WORDS["replay:"])]
 
     def remember_found(self, found: Sequence[FoundDevice]) -> None:
         """Offer these devices as sources from now on."""

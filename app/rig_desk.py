@@ -4,11 +4,11 @@ import time
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
-from PySide6.QtWidgets import QFileDialog
 
 from analysis.quantity import Quantity
 from app import state_words
 from app.choices import Choices
+from app.file_question import Want, ask
 from app.layout import Layout
 from app.rig import Rig
 from app.session import Entry
@@ -111,9 +111,10 @@ class RigDesk(QObject):
         if not self._rig.latest().unsaved:
             self.said.emit("No shot waits: all are saved", Tone.NEUTRAL)
             return
-        folder = QFileDialog.getExistingDirectory(self._panels, "Save the shots in memory to")
-        if folder:
-            self.save_elsewhere_wanted.emit(Path(folder))
+        ask(self._panels, "Save the shots in memory to", Want.FOLDER, self._save_asked, Path.home())
+
+    def _save_asked(self, paths: list[Path]) -> None:
+        self.save_elsewhere_wanted.emit(paths[0])
 
     @Slot()
     def toggle_rearm(self) -> None:
@@ -133,12 +134,16 @@ class RigDesk(QObject):
     def use_source(self, name: str) -> None:
         """Open another source; for a recording, ask which."""
         if name == "replay:":
-            path, _ = QFileDialog.getOpenFileName(self._panels, "Recording to play back", "", RECORDINGS)
-            name = f"replay:{path}" if path else self._rig.source
+            self._offer_sources()
+            ask(self._panels, "Recording to play back", Want.FILE, self._replay_asked, Path.home(), RECORDINGS)
+            return
         if name != self._rig.source:
             self._rig.open(name)
             self._choices.remember_source(name)
         self._offer_sources()
+
+    def _replay_asked(self, paths: list[Path]) -> None:
+        self.use_source(f"replay:{paths[0]}")
 
     def _offer_sources(self) -> None:
         self._offered = self._rig.sources()

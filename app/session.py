@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.shot import AnalysisSettings, Shot
+from app.physics_words import EFFECT_WORDS
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
@@ -39,6 +40,7 @@ class Session:
     def __init__(self, path: Path | None = None) -> None:
         self._path = path
         self._entries: tuple[Entry, ...] = ()
+        self._effects: tuple[str, ...] = ()
         self._undo: list[_State] = []
         self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
@@ -48,6 +50,16 @@ class Session:
     def entries(self) -> tuple[Entry, ...]:
         """Get the entries, oldest first."""
         return self._entries
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Get the effects accepted into the model."""
+        return self._effects
+
+    def set_effects(self, effects: tuple[str, ...]) -> None:
+        """Set the effects accepted into the model."""
+        self._effects = effects
+        self._set(self._entries)
 
     @property
     def path(self) -> Path | None:
@@ -75,12 +87,13 @@ class Session:
         """Give an entry its analysed shot (after reopening, or when the model changed)."""
         self._change(number, lambda entry: replace(entry, shot=shot, name=shot.name, settings=shot.settings))
 
-    def set_path(self, name: str, path: str) -> None:
-        """Say where a shot that was only in memory was saved at last; the newest of that name is meant."""
+    def set_path(self, name: str, path: str) -> bool:
+        """Say where a shot that was only in memory was saved, the newest of that name; return whether one is."""
         entry = next((e for e in reversed(self._entries) if e.name == name and e.path is None), None)
         if entry is not None:
             shot = None if entry.shot is None else replace(entry.shot, path=path)
             self._change(entry.number, lambda old: replace(old, path=path, shot=shot))
+        return entry is not None
 
     def set_verdict(self, number: int, verdict: str) -> None:
         """Set what the diagnosis said of an entry."""
@@ -126,7 +139,8 @@ class Session:
     def _save(self) -> None:
         if self._path is None:
             return
-        document = {"schema": SCHEMA, "shots": [_to_json(entry) for entry in self._entries if entry.path]}
+        shots = [_to_json(entry) for entry in self._entries if entry.path]
+        document = {"schema": SCHEMA, "effects": list(self._effects), "shots": shots}
         beside = self._path.with_name(self._path.name + ".new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
@@ -150,6 +164,7 @@ class Session:
             if document.get("schema") != SCHEMA:
                 raise ValueError(f"schema {document.get('schema')!r} is not {SCHEMA}")
             session._entries = tuple(_from_json(item) for item in document["shots"])
+            session._effects = tuple(name for name in document.get("effects", ()) if name in EFFECT_WORDS)
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             aside = path.with_name(path.name + ".unreadable")
             session.problem = f"the last session could not be read ({error}); it was kept as {aside.name}"

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
-from PySide6.QtWidgets import QFileDialog
 
 from analysis.recording import Recording
+from app.file_question import Want, ask
 from app.layout import Layout
 from app.rig_desk import RECORDINGS
 from app.session import Entry
@@ -96,6 +96,9 @@ class SessionDesk(QObject):
         elif happening.kind is Kind.DIAGNOSED:
             self._show_diagnosis()
             self._selected(self._panels.table.numbers)
+        elif happening.kind is Kind.MODEL:
+            self._show_diagnosis()
+            self.said.emit(happening.words, Tone.GOOD)
         else:
             self.said.emit(happening.words, Tone.BAD if happening.kind is Kind.PROBLEM else Tone.GOOD)
 
@@ -167,8 +170,7 @@ class SessionDesk(QObject):
     @Slot()
     def open_recordings(self) -> None:
         """Ask for recordings and open them."""
-        paths, _ = QFileDialog.getOpenFileNames(self._panels, "Open recordings", str(self._folder), OPENED)
-        self.open_paths([Path(path) for path in paths])
+        ask(self._panels, "Open recordings", Want.FILES, self.open_paths, self._folder, OPENED)
 
     def open_paths(self, paths: list[Path]) -> None:
         """Open recordings and folders of recordings."""
@@ -186,9 +188,10 @@ class SessionDesk(QObject):
     @Slot()
     def export_selected(self) -> None:
         """Ask for a folder and export the selected shots, or all."""
-        folder = QFileDialog.getExistingDirectory(self._panels, "Export CSV to", str(self._folder))
-        if folder:
-            self.export_to(Path(folder))
+        ask(self._panels, "Export CSV to", Want.FOLDER, self._export_asked, self._folder)
+
+    def _export_asked(self, paths: list[Path]) -> None:
+        self.export_to(paths[0])
 
     def export_to(self, folder: Path) -> None:
         """Export the selected shots, or all, to a folder."""
@@ -202,11 +205,12 @@ class SessionDesk(QObject):
     @Slot()
     def report_selected(self) -> None:
         """Ask for a file and write the report of the selected shots, or of all."""
-        start = str(self._folder / "report.html")
-        path, _ = QFileDialog.getSaveFileName(self._panels, "Save the report", start, "HTML (*.html)")
-        if path:
-            self._folder = Path(path).parent
-            self._bench.report(self._panels.table.numbers, Path(path))
+        start = self._folder / "report.html"
+        ask(self._panels, "Save the report", Want.NEW_FILE, self._report_asked, start, "HTML (*.html)")
+
+    def _report_asked(self, paths: list[Path]) -> None:
+        self._folder = paths[0].parent
+        self._bench.report(self._panels.table.numbers, paths[0])
 
     @Slot(list)
     def _remove_pressed(self, _: list[int]) -> None:

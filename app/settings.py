@@ -1,5 +1,6 @@
 """What a person may choose: the rig, the shot, the analysis, the folders; checked as a whole, in SI units."""
 
+import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -113,7 +114,7 @@ class Settings:
             if able.max_samples is not None:
                 samples = min(samples, able.max_samples)
             settings = CaptureSettings(rate, samples, min(round(self.pre_trigger_s * rate), samples - 1))
-        knows = source.partition(":")[0] in KNOWS_ITS_RIG
+        knows = re.split("[:?]", source, maxsplit=1)[0] in KNOWS_ITS_RIG
         setup = None if knows else replace(self.setup, digitizer_bits=digitizer.capabilities.bits)
         edge = {"rising": Edge.RISING, "falling": Edge.FALLING}.get(self.edge, Edge.EITHER)
         return CaptureOptions(folder, settings, setup, edge, self.switch_low_v, self.switch_high_v)

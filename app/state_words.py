@@ -7,7 +7,7 @@ from app.panels.signal_line import Sign
 from app.theme import Tone
 from app.wording import local, number, room
 from instrument.acquisition import State
-from instrument.snapshot import ChannelSignal, SignalLine, Snapshot
+from instrument.snapshot import KEPT_IN_MEMORY, ChannelSignal, SignalLine, Snapshot
 from instrument.trigger import Level
 
 GOOD_SNR_DB = 25.0
@@ -46,7 +46,9 @@ def fault_words(snapshot: Snapshot) -> str:
         saved = "The one shot taken so far is saved." if one else f"All {snapshot.shots} shots so far are saved."
     else:
         saved = "No shot was lost: none had been taken."
-    return _sentences(snapshot.message or "something went wrong", saved, snapshot.remedy or "arm again")
+    kept = snapshot.remedy == KEPT_IN_MEMORY and not snapshot.unsaved  # it was saved elsewhere since
+    remedy = "Arm again, or choose another folder first (F2)" if kept else snapshot.remedy or "arm again"
+    return _sentences(snapshot.message or "something went wrong", saved, remedy)
 
 
 def _sentences(*parts: str) -> str:
@@ -65,7 +67,8 @@ def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[
             found["pd1"] = _beat(channel)
             moving = rest_hz is not None and abs((channel.frequency_hz or rest_hz) - rest_hz) > MOVING_HZ
             if moving and channel.clipped_fraction <= CLIPPED_SHARE:
-                found["pd1"] = Sign(found["pd1"].words, Tone.NEUTRAL, "The block moves: judged when it is at rest")
+                words = local(f"{1e-6 * (channel.frequency_hz or 0.0):.5f} MHz  moving")
+                found["pd1"] = Sign(words, Tone.NEUTRAL, "The block moves: judged when it is at rest")
     found["switch"] = _switch(line)
     found["floor"] = _floor(line, rate_hz, bandwidth_hz)
     found["disk"] = _disk(line)

@@ -209,6 +209,7 @@ def style_sheet(colours: Colours) -> str:
     QLabel[heading="true"] {{ color: {colours.faint}; font-weight: bold; letter-spacing: 1px; }}
     QPushButton, QToolButton {{ padding: 5px 12px; border: 1px solid {colours.edge}; border-radius: 5px;
         background: {colours.panel}; color: {colours.text}; }}
+    QFileDialog QToolButton {{ padding: 2px; }}
     QPushButton:hover, QToolButton:hover {{ border-color: {colours.accent}; }}
     QPushButton:focus, QToolButton:focus {{ border: 2px solid {colours.accent}; padding: 4px 11px; }}
     QPushButton:pressed, QToolButton:pressed {{ background: {colours.edge}; }}
@@ -235,6 +236,7 @@ def style_sheet(colours: Colours) -> str:
         border-bottom: 1px solid {colours.edge}; padding: 4px 8px; }}
     QTableView {{ border: none; gridline-color: {colours.edge}; selection-background-color: {colours.accent};
         selection-color: {colours.accent_text}; alternate-background-color: {colours.window}; }}
+    QTableView::item {{ padding: 0 6px; }}
     QScrollArea, QScrollArea > QWidget {{ border: none; background: {colours.panel}; }}
     QSplitter::handle {{ background: {colours.edge}; }}
     QSplitter::handle:horizontal {{ width: 3px; }}

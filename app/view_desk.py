@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pyqtgraph as pg
 from PySide6.QtCore import QObject, Signal, Slot
-from PySide6.QtWidgets import QFileDialog
 
+from app.file_question import Want, ask
 from app.layout import Layout
 from app.panels.shot_deflection import DeflectionView
 from app.plots import save
@@ -22,6 +22,7 @@ class ViewDesk(QObject):
         super().__init__(parent)
         self._panels = panels
         self._folder = Path.home()
+        self._asked: pg.GraphicsView | None = None
         p = panels
         p.shot.export_wanted.connect(self._ask_and_save)
         p.compare.export_wanted.connect(self._ask_and_save)
@@ -165,10 +166,13 @@ class ViewDesk(QObject):
 
     @Slot(object, str)
     def _ask_and_save(self, plot: pg.GraphicsView, kind: str) -> None:
-        start = str(self._folder / f"plot.{kind}")
-        path, _ = QFileDialog.getSaveFileName(self._panels, "Save the plot", start, f"{kind.upper()} (*.{kind})")
-        if path:
-            self.save(plot, Path(path))
+        start, kinds = self._folder / f"plot.{kind}", f"{kind.upper()} (*.{kind})"
+        self._asked = plot
+        ask(self._panels, f"Save the plot as {kind.upper()}", Want.NEW_FILE, self._save_asked, start, kinds)
+
+    def _save_asked(self, paths: list[Path]) -> None:
+        if self._asked is not None:
+            self.save(self._asked, paths[0])
 
     def save(self, plot: pg.GraphicsView, path: Path) -> None:
         """Save a plot under a name whose ending says how."""

@@ -13,6 +13,7 @@ from app import keyboard
 from app.choices import Choices
 from app.layout import Layout
 from app.mapping_desk import MappingDesk
+from app.model_desk import ModelDesk
 from app.rig import Open, Rig
 from app.rig_desk import RigDesk
 from app.session import Entry, Session
@@ -51,14 +52,16 @@ class MainWindow(QMainWindow):
         self.mapping_desk = MappingDesk(bench, choices, self.panels, self)
         self.session_desk.mapping_wanted.connect(self.mapping_desk.ask)
         self.tables_desk = TablesDesk(bench, self.panels, self.session_desk.front, self)
-        for desk in (self.rig_desk, self.session_desk, self.view_desk):
+        self.model_desk = ModelDesk(bench, choices, self.panels, self.session_desk.front, self)
+        for desk in (self.rig_desk, self.session_desk, self.view_desk, self.model_desk):
             desk.said.connect(self.say)
         self.rig_desk.shot_finished.connect(self._shot_finished)
         self.session_desk.arrived.connect(self._arrived)
         self.rig_desk.save_elsewhere_wanted.connect(self._save_elsewhere)
         self.rig_desk.appearance_chosen.connect(self._appearance_chosen)
         theme.changed.connect(self._dress)
-        keyboard.bind(self, (self.rig_desk, self.session_desk, self.view_desk, self.setup_desk, self.tour_desk, self))
+        desks = (self.rig_desk, self.session_desk, self.view_desk, self.model_desk, self.setup_desk, self.tour_desk)
+        keyboard.bind(self, (*desks, self))
         if bench.session.problem:
             self.say(bench.session.problem, Tone.WARNING)
         for words in choices.warnings:
@@ -80,6 +83,7 @@ class MainWindow(QMainWindow):
         self.session_desk.rig_doing, self.session_desk.rig_share = snapshot.doing, snapshot.progress
         self.session_desk.show()
         self.tables_desk.show()
+        self.model_desk.show()
         self.mapping_desk.show()
         self.setup_desk.show(snapshot)
 

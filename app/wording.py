@@ -7,7 +7,7 @@ from PySide6.QtCore import QLocale
 from analysis.quantity import NotSeen, Quantity, Reading
 from app.physics_words import effect_words as effect_words
 from app.physics_words import flag_words as flag_words
-from app.physics_words import parameter_parts
+from app.physics_words import parameter_parts as parameter_parts
 
 DASH = "–"
 

@@ -9,19 +9,19 @@ from enum import StrEnum
 from pathlib import Path
 
 from analysis.diagnosis import diagnose
+from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Diagnosis
-from analysis.fit import Fit
-from analysis.model.fitting import fit_shots
 from analysis.recording import Recording
-from analysis.shot import AnalysisError, AnalysisSettings, Shot
+from analysis.shot import AnalysisSettings, Shot
 from app.export import export
 from app.jobs import Asked, Job, Jobs, Report
 from app.load import load_and_analyse
+from app.model_in_use import load_model, model_words, refit, save_model
 from app.report_page import report_of
 from app.session import Entry, Session
 from app.verdict import verdict_words
 from instrument.open_recording import open_recording
-from instrument.recording_error import RecordingError
+from instrument.recording_error import PartlySaved, RecordingError
 from instrument.recording_file import find_recordings, rewrite_note
 from instrument.recording_search import is_motion_record
 from instrument.recording_writer import write_text_beside
@@ -34,6 +34,7 @@ class Kind(StrEnum):
     CHANGED = "changed"  # entries were read again or refitted
     EXPORTED = "exported"
     DIAGNOSED = "diagnosed"
+    MODEL = "model"  # a model file was loaded
     PROBLEM = "problem"
 
 
@@ -61,10 +62,16 @@ class Workbench:
         self.session = session
         self.jobs = Jobs()
         self.errands = Jobs()  # short work that must not wait behind a diagnosis
-        self.effects: tuple[str, ...] = ()
+        self._paths_ahead: dict[str, str] = {}  # of shots saved elsewhere before they were analysed, by name
+        self.known: SavedModel | None = None  # the model file in use
         self.diagnosed: Diagnosed | None = None
         self._settings = settings
         self._waiting: list[Happening] = []
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Get the effects now in the model."""
+        return self.session.effects
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
@@ -96,7 +103,8 @@ class Workbench:
 
     def add_shot(self, shot: Shot) -> Entry:
         """Take a shot that the rig captured and analysed; the model's effects join it in a job."""
-        entry = self.session.add(shot)
+        path = self._paths_ahead.pop(shot.name, None) if shot.path is None else None
+        entry = self.session.add(shot if path is None else replace(shot, path=path))
         if self.effects and shot.motion is not None and shot.fit is not None:
             self._submit_refit([entry])
         return entry
@@ -120,7 +128,10 @@ class Workbench:
         """Queue the saving of shots that are only in memory; ``save`` does it and returns each one's path by name."""
 
         def work(_: Report, __: Asked) -> _SavedElsewhere:
-            return _SavedElsewhere(save(folder), folder)
+            try:
+                return _SavedElsewhere(save(folder), folder)
+            except PartlySaved as error:
+                return _SavedElsewhere(error.saved, folder, str(error))
 
         self.errands.submit("saving elsewhere", work, "save")
 
@@ -160,9 +171,30 @@ class Workbench:
     def set_effect(self, name: str, wanted: bool) -> None:
         """Add an effect to the model or take it out; every shot of the session is fitted again."""
         kept = tuple(effect for effect in self.effects if effect != name)
-        self.effects = (*kept, name) if wanted else kept
+        self._use((*kept, name) if wanted else kept)
+
+    def _use(self, effects: tuple[str, ...]) -> None:
+        self.session.set_effects(effects)
         done = self._take_fits_of_diagnosis()
         self._submit_refit([e for e in self.session.entries if e.shot is not None and e.number not in done])
+
+    def save_model(self, numbers: Sequence[int], path: Path) -> None:
+        """Queue the writing of the model as these entries show it, or as all do when none is named."""
+        entries = [e for e in (self._entries(numbers) or self.session.entries) if e.shot is not None]
+        shots = [entry.shot for entry in entries if entry.shot is not None]
+        found, effects = self.diagnosed, self.effects
+        same = found is not None and {e.number for e in entries} == set(found.numbers)
+        diagnosis = found.diagnosis if found is not None and same else None
+
+        def work(report: Report, cancelled: Asked) -> Happening:
+            report("fitting the shots jointly", 0.2)
+            return Happening(Kind.EXPORTED, save_model(path, shots, effects, diagnosis, cancelled))
+
+        self.jobs.submit("model file", work, "export")
+
+    def load_model(self, path: Path) -> None:
+        """Queue the reading of a model file; its effects then are the model's, and every shot is fitted again."""
+        self.errands.submit("model file", lambda _, __: _Loaded(load_model(path), path), "model")
 
     def _take_fits_of_diagnosis(self) -> tuple[int, ...]:
         """Give the diagnosed shots the fit the diagnosis already made with exactly these effects; return whose."""
@@ -217,20 +249,31 @@ class Workbench:
                 self.session.set_verdict(number, verdict_words(result.diagnosis))
             self._waiting.append(Happening(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
         elif isinstance(result, _SavedElsewhere):
-            for name, path in result.paths.items():
-                self.session.set_path(name, str(path))
-            count = len(result.paths)
-            words = f"{count} shot{'s' if count > 1 else ''} saved to {result.folder}" if count else "no shot waits"
-            self._waiting.append(Happening(Kind.EXPORTED, words))
+            self._take_saved(result)
+        elif isinstance(result, _Loaded):
+            self.known = result.model
+            self._use(result.model.effects)
+            words = f"Model {model_words(result.model)}, taken from {result.path}"
+            self._waiting.append(Happening(Kind.MODEL, words))
         elif isinstance(result, _Opened):
             entry = self.session.add(result.shot, copy_of=result.copy_of)
             self._waiting.append(Happening(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
-            if self.effects and result.shot.fit is not None:
-                self._submit_refit([entry])
         elif isinstance(result, _Filled):
             for number, shot in result.shots:
                 self.session.fill(number, shot)
             self._waiting.append(Happening(Kind.CHANGED, "", tuple(number for number, _ in result.shots)))
+
+    def _take_saved(self, result: "_SavedElsewhere") -> None:
+        for name, path in result.paths.items():
+            if not self.session.set_path(name, str(path)):
+                self._paths_ahead[name] = str(path)  # its analysis is still under way
+        count = len(result.paths)
+        words = f"{count} shot{'s' if count > 1 else ''} saved to {result.folder}" if count else "no shot waits"
+        if result.problem is None:
+            self._waiting.append(Happening(Kind.EXPORTED, words))
+        else:
+            before = f"{words}; " if count else ""
+            self._waiting.append(Happening(Kind.PROBLEM, f"{before}the rest stays in memory: {result.problem}"))
 
     # the jobs ---------------------------------------------------------------------------------------------------
 
@@ -238,16 +281,20 @@ class Workbench:
         return [entry for entry in self.session.entries if entry.number in numbers]
 
     def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
+        effects = self.effects
+
         def work(report: Report, cancelled: Asked) -> _Opened:
-            return _Opened(load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled), copy_of)
+            shot = load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled)
+            return _Opened(_with_effects(shot, effects, cancelled), copy_of)
 
         self.jobs.submit(f"{path.name}", work, "open")
 
     def _submit_fill(self, entry: Entry) -> None:
-        path, number, settings = Path(entry.path or ""), entry.number, entry.settings
+        path, number, settings, effects = Path(entry.path or ""), entry.number, entry.settings, self.effects
 
         def work(report: Report, cancelled: Asked) -> _Filled:
-            return _Filled(((number, load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled)),))
+            shot = load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled)
+            return _Filled(((number, _with_effects(shot, effects, cancelled)),))
 
         self.jobs.submit(entry.name, work, "open")
 
@@ -270,6 +317,12 @@ class Workbench:
 
 
 @dataclass(frozen=True, slots=True)
+class _Loaded:
+    model: SavedModel
+    path: Path
+
+
+@dataclass(frozen=True, slots=True)
 class _Opened:
     shot: Shot
     copy_of: int | None
@@ -279,6 +332,7 @@ class _Opened:
 class _SavedElsewhere:
     paths: dict[str, Path]
     folder: Path
+    problem: str | None = None  # why the others were not saved
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,13 +340,10 @@ class _Filled:
     shots: tuple[tuple[int, Shot], ...]
 
 
-def refit(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Fit | None:
-    """Return the shot's fit with these effects, or None where the data do not carry it."""
-    assert shot.motion is not None
-    try:
-        return fit_shots([shot.motion], model=shot.settings.model, effects=effects, cancelled=cancelled)
-    except AnalysisError:
-        return None  # this shot does not carry the model; its old fit stays
+def _with_effects(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Shot:
+    """Return a shot just analysed, fitted with the effects now in the model where there are any."""
+    fit = refit(shot, effects, cancelled) if effects and shot.fit is not None else None
+    return shot if fit is None else replace(shot, fit=fit)
 
 
 def raw_of(entry: Entry) -> Recording | None:

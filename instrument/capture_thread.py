@@ -19,6 +19,7 @@ from instrument.growing_shot import GrowingShot
 from instrument.recorder import Recorded, Recorder
 from instrument.recording_error import RecordingError, one_line
 from instrument.ring import Overwritten
+from instrument.snapshot import KEPT_IN_MEMORY
 from instrument.source_run import Piece, SourceRun, check_settings
 from instrument.usual_settings import usual_settings
 
@@ -290,7 +291,7 @@ class CaptureThread:
             self.shot = None
             self._awaited = number
         if recorded.problem is not None:
-            self._fail(recorded.problem, "the shot is kept in memory: save it to another folder")
+            self._fail(recorded.problem, KEPT_IN_MEMORY)
         elif awaited:
             self._do(self.machine.handle(Event.SAVED))
             if number is None:

@@ -8,6 +8,7 @@ from analysis.shot import Shot
 from instrument.analyst import Analyse, Analyst
 from instrument.digitizer import CaptureSettings
 from instrument.recorder import Recorded, save_elsewhere
+from instrument.recording_error import PartlySaved, RecordingError
 from instrument.snapshot import FinishedShot
 
 KEPT = 16  # newest shots that a snapshot carries; whoever wants more keeps them
@@ -65,15 +66,18 @@ class FinishedShots:
             self._settle(waiting, shot, problem)
 
     def save_pending(self, folder: Path) -> list[Path]:
-        """Save the shots that are only in memory; RecordingError at the first that cannot be saved."""
-        saved = []
+        """Save the shots that are only in memory; PartlySaved at the first that cannot be saved."""
+        saved: dict[str, Path] = {}
         with self._saving:
             for name, recorded in list(self._unsaved.items()):
-                saved.append(save_elsewhere(recorded.recording, folder))
+                try:
+                    saved[name] = save_elsewhere(recorded.recording, folder)
+                except RecordingError as error:
+                    raise PartlySaved(error, saved) from error
                 del self._unsaved[name]
                 if recorded.partial is not None:
                     recorded.partial.abandon()
-        return saved
+        return list(saved.values())
 
     def _settle(self, waiting: Waiting, shot: Shot | None, problem: str | None) -> None:
         name, path, settings, unsaved = waiting

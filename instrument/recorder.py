@@ -68,7 +68,7 @@ class Recorder:
 
     def _save(self, shot: GrowingShot, folder: Path, prefix: str) -> Recorded:
         writer: RecordingWriter | None = None
-        name = prefix
+        name = ""
         try:
             writer = self._open(shot, folder, prefix)
             name = writer.stem.name
@@ -97,7 +97,12 @@ class Recorder:
             while not shot.complete:
                 shot.grown.wait(_LOOK_S)
                 shot.grown.clear()
-            return Recorded(shot, shot.recording(name), problem, writer)
+            return Recorded(shot, shot.recording(name or self._name_without_file(folder, prefix)), problem, writer)
+
+    def _name_without_file(self, folder: Path, prefix: str) -> str:
+        """Return a name of its own for a shot that no file could be opened for, lest two in memory share one."""
+        number = self._numbers.get((folder, prefix))
+        return f"{prefix}-unsaved-{self._ended + 1}" if number is None else f"{prefix}-{number:04d}"
 
     def _open(self, shot: GrowingShot, folder: Path, prefix: str) -> RecordingWriter:
         key = folder, prefix

@@ -1,5 +1,6 @@
 """Why a file could not be read or written, in one line that names the file and the key."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,14 @@ class RecordingExists(RecordingError):
 
     def __init__(self, path: Path | str) -> None:
         super().__init__(path, "exists already; a recording is never overwritten")
+
+
+class PartlySaved(RecordingError):
+    """The first of several shots that could not be saved; ``saved`` has the paths of those before it, by name."""
+
+    def __init__(self, error: RecordingError, saved: Mapping[str, Path]) -> None:
+        Exception.__init__(self, str(error))
+        self.path, self.key, self.saved = error.path, error.key, dict(saved)
 
 
 def one_line(text: str, longest: int = 200) -> str:

@@ -15,6 +15,9 @@ from instrument.trigger import Level
 Floats = NDArray[np.float64]
 
 
+KEPT_IN_MEMORY = "the shot is kept in memory: save it to another folder"  # the remedy while it is unsaved
+
+
 @dataclass(frozen=True, slots=True)
 class ChannelSignal:
     """One channel as it looks now, over the last few milliseconds."""

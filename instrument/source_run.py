@@ -89,9 +89,7 @@ class SourceRun:
         for column, channel in enumerate(able.channels):
             if channel.role is Role.SWITCH:
                 try:
-                    how = TriggerSettings.in_volts(
-                        options.edge, options.switch_low_v, options.switch_high_v, channel
-                    )
+                    how = TriggerSettings.in_volts(options.edge, options.switch_low_v, options.switch_high_v, channel)
                 except ValueError as error:
                     raise DigitizerError(str(error), "correct the trigger settings") from None
                 self._switch, self._motion = LightSwitch(how, column, able.bits), None

@@ -1,8 +1,9 @@
 """From the text of ``--source`` to a digitizer.
 
-``bench`` · ``replay:PATH`` · ``hantek6022`` · ``scpi:ADDRESS`` · ``niscope:RESOURCE``, the last three with options
+``bench`` · ``replay:PATH`` · ``hantek6022`` · ``scpi:ADDRESS`` · ``niscope:RESOURCE``, all but the second with options
 after a question mark, for example ``hantek6022?roles=switch,measurement&gains=1,5`` or
-``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling&level=1.2``.  All three take what is known of the rig:
+``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling&level=1.2``.  ``bench?effect=quadratic_drag`` is a simulated rig
+with what the base model lacks, ``seed`` another one.  The last three take what is known of the rig:
 ``mass`` (kg), ``rest`` (the rest frequency in Hz, needed where no channel carries PD0) and ``wavelength`` (in air, m).
 """
 
@@ -47,10 +48,14 @@ def open_source(text: str, *, setup: Setup | None = None) -> Digitizer:
 
 
 def _bench(rest: str, setup: Setup | None) -> Digitizer:
-    if rest:
-        raise DigitizerError(f"source bench takes no options, but got {rest[:80]!r}", _REMEDY)
+    options = _options(rest.removeprefix("?"), "bench", ("effect", "seed"))
+    try:
+        effects = _imported("instrument.bench.effects").parse(options["effect"]) if "effect" in options else {}
+    except ValueError as error:
+        raise DigitizerError(f"source bench: {error}", "leave the effect out, or name one of these") from error
+    rig = _imported("instrument.bench.bench").Rig(effects=effects, seed=_integer(options.get("seed", "1"), "seed"))
     # patient: a shot of the simulated rig with holes in it, because the computer is busy, teaches nobody anything
-    bench: Digitizer = _imported("instrument.bench.digitizer").BenchDigitizer(patient=True)
+    bench: Digitizer = _imported("instrument.bench.digitizer").BenchDigitizer(rig, patient=True)
     return bench
 
 

@@ -6,9 +6,7 @@ _RATE_HZ = 30e6
 _SHOT_S = 1 / 6
 
 
-def usual_settings(
-    digitizer: Digitizer, rate_hz: float | None = None, samples: int | None = None
-) -> CaptureSettings:
+def usual_settings(digitizer: Digitizer, rate_hz: float | None = None, samples: int | None = None) -> CaptureSettings:
     """Return the settings for a shot where the operator leaves something open.
 
     A replay's are its recording's; else the fastest rate up to the paper's 30 MS/s, a sixth of a second (the paper's

@@ -22,6 +22,12 @@ ROWS = (
 )
 
 
+def _digits(form: str, value: float) -> str:
+    """Return the value; what is rounded to zero has no sign that could flicker."""
+    text = form.format(value)
+    return text if float(text) else form.replace("+", " ").format(0.0)
+
+
 class LivePanel(QWidget):
     """Three plots that roll, three large numbers, and the raw signals beside them."""
 
@@ -112,7 +118,9 @@ class LivePanel(QWidget):
             self._curves[name].show_points(time_ms, samples)
             self._plots[name].fit_y()
             seen = samples[recent & np.isfinite(samples)]
-            self._numbers[name].setText(local(form.format(float(seen.mean()))) if len(seen) else DASH)
+            digits = local(_digits(form, float(seen.mean()))) if len(seen) else DASH
+            self._numbers[name].setText(digits)
+            self._numbers[name].setAccessibleDescription(digits)
 
     def show_raw(self, view: LiveView, channels: tuple[Channel, ...]) -> None:
         """Show the newest raw samples; ``channels`` names the columns."""

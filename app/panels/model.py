@@ -15,12 +15,14 @@ class ModelPanel(QFrame):
 
     diagnose_wanted = Signal()
     details_wanted = Signal()
+    load_wanted = Signal()
+    save_wanted = Signal()
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
         self._shot: Shot | None = None
-        self._said = ("", Tone.NEUTRAL)
+        self._said = self._told = ("", Tone.NEUTRAL)
         column = QVBoxLayout(self)
         column.setContentsMargins(12, 6, 12, 8)
         column.setSpacing(3)
@@ -29,8 +31,9 @@ class ModelPanel(QFrame):
         column.addWidget(heading)
         self._model = QLabel(self)
         self._fit = QLabel(self)
+        self._known = QLabel(self)
         self._verdict = QLabel(self)
-        for label in (self._model, self._fit, self._verdict):
+        for label in (self._model, self._fit, self._known, self._verdict):
             label.setWordWrap(True)
             label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             column.addWidget(label)
@@ -44,17 +47,31 @@ class ModelPanel(QFrame):
         row.addWidget(self.diagnose)
         row.addWidget(self.details)
         row.addStretch(1)
+        for words, tip, slot in (
+            ("Open model …", "Use the effects of a model file; all shots are fitted again  (Ctrl+Shift+O)", self._load),
+            (
+                "Save model …",
+                "Base, effects, parameters of the selected shots, as a file  (Ctrl+Shift+S)",
+                self._save,
+            ),
+        ):
+            button = QPushButton(words, self)
+            button.setToolTip(tip)
+            button.clicked.connect(slot)
+            row.addWidget(button)
         column.addLayout(row)
         self.diagnose.clicked.connect(self._diagnose)
         self.details.clicked.connect(self._details)
         self.show_shot(None)
         self.show_verdict("", Tone.NEUTRAL)
+        self.show_known("", Tone.NEUTRAL)
 
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
         self.show_shot(self._shot)
         self.show_verdict(*self._said)
+        self.show_known(*self._told)
 
     def show_shot(self, shot: Shot | None) -> None:
         """Show the model of this shot's fit."""
@@ -82,6 +99,18 @@ class ModelPanel(QFrame):
         self._verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
 
+    def show_known(self, words: str, tone: Tone) -> None:
+        """Show how the shot agrees with the model file in use; nothing where none is."""
+        self._told = (words, tone)
+        self._known.setVisible(bool(words))
+        self._known.setText(f"{MARKS[tone]} {words}")
+        self._known.setStyleSheet(f"color: {self._colours.signs[tone]}")
+
+    @property
+    def known(self) -> str:
+        """Get what is said of the model file."""
+        return self._known.text() if self._told[0] else ""
+
     @property
     def verdict(self) -> str:
         """Get the verdict shown."""
@@ -90,6 +119,14 @@ class ModelPanel(QFrame):
     @Slot()
     def _diagnose(self) -> None:
         self.diagnose_wanted.emit()
+
+    @Slot()
+    def _load(self) -> None:
+        self.load_wanted.emit()
+
+    @Slot()
+    def _save(self) -> None:
+        self.save_wanted.emit()
 
     @Slot()
     def _details(self) -> None:

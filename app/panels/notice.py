@@ -57,9 +57,11 @@ class NoticeLine(QFrame):
         if not self._notices:
             self._words.setText("")
             self._words.setToolTip("")
+            self._words.setAccessibleDescription("")
             return
         words, tone = self._notices[-1]
         more = f"   ({len(self._notices) - 1} more)" if len(self._notices) > 1 else ""
         self._words.setText(f"{MARKS[tone]} {words}{more}")
         self._words.setToolTip("\n".join(text for text, _ in reversed(self._notices)))
+        self._words.setAccessibleDescription(self._words.text())
         self._words.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")

@@ -5,12 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QScrollArea, QVBoxLayout, QWidget
 
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.shot import Shot
 from app.theme import MARKS, Colours, Tone, sized
-from app.wording import MILD_FLAGS, flag_words, how_text, value_text
+from app.wording import MILD_FLAGS, concise_text, flag_words, how_text, value_text
 
 Find = Callable[[Shot], Reading | None]
 
@@ -200,13 +201,26 @@ class NumbersPanel(QScrollArea):
             for row in rows:
                 reading = row.find(shot) if shot is not None else None
                 label = self._values[row.name]
-                label.setText(value_text(reading, row.scale))
+                label.setText(self._fitting(label, reading, row.scale))
                 hover = how_text(row.name, reading, row.meaning)
                 label.setToolTip(hover)
                 self._names[row.name].setToolTip(hover)
                 label.setAccessibleDescription(f"{label.text()} {row.unit}")
         self._show_agreement(shot)
         self._show_flags(shot)
+
+    @staticmethod
+    def _fitting(label: QLabel, reading: Reading | None, scale: float) -> str:
+        """Return 0.98755563 ± 0.00000016, or, where that has no room, 0.98755563(16)."""
+        words = value_text(reading, scale)
+        if label.fontMetrics().horizontalAdvance(words) <= label.minimumWidth():
+            return words
+        return concise_text(reading, scale)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the room of the scroll bar free, so that nothing moves when it comes."""
+        super().resizeEvent(event)
+        self.widget().setFixedWidth(self.width() - self.verticalScrollBar().sizeHint().width())
 
     def _show_agreement(self, shot: Shot | None) -> None:
         self.agreement.setText("")

@@ -1,13 +1,13 @@
 """Settings in a side sheet: nothing modal, each field with unit and limits, applied at once or refused in words."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from PySide6.QtCore import QLocale, Qt, Signal, Slot
 from PySide6.QtGui import QDoubleValidator
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QFileDialog,
     QFormLayout,
     QFrame,
     QHBoxLayout,
@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.file_question import Want, ask
 from app.theme import MARKS, Colours, Tone, sized
 from app.wording import local
 
@@ -55,6 +56,7 @@ class SettingsSheet(QFrame):
         self.setAccessibleName("Settings")
         self._fields: tuple[Field, ...] = ()
         self._editors: dict[str, QWidget] = {}
+        self._browsed = ""  # the field a folder was last asked for
         column = QVBoxLayout(self)
         column.setContentsMargins(18, 14, 18, 14)
         top = QHBoxLayout()
@@ -149,11 +151,13 @@ class SettingsSheet(QFrame):
 
     @Slot()
     def _browse(self) -> None:
-        editor = self._editors[str(self.sender().property("key"))]
+        self._browsed = str(self.sender().property("key"))
+        editor = self._editors[self._browsed]
         assert isinstance(editor, QLineEdit)
-        folder = QFileDialog.getExistingDirectory(self, "Choose a folder", editor.text())
-        if folder:
-            editor.setText(folder)
+        ask(self, "Choose a folder", Want.FOLDER, self._folder_asked, editor.text())
+
+    def _folder_asked(self, paths: list[Path]) -> None:
+        self.set_value(self._browsed, str(paths[0]))
 
     def show_values(self, values: dict[str, Value]) -> None:
         """Fill the form."""

@@ -19,7 +19,7 @@ class Sign:
 
 TILES = (
     ("pd0", "PD0", "2.73012 MHz  41 dB"),
-    ("pd1", "PD1", "2.73012 MHz  41 dB"),
+    ("pd1", "PD1", "2.73012 MHz  moving"),
     ("switch", "light switch", "interrupted"),
     ("floor", "noise floor", "0.08 µm/s at 10 kHz"),
     ("disk", "disk", "412 GB free"),
@@ -77,6 +77,7 @@ class SignalLine(QFrame):
         self._signs[name] = sign
         self._values[name].setText(sign.words)
         self._values[name].setToolTip(sign.hover)
+        self._values[name].setAccessibleDescription(f"{sign.words}. {sign.hover}")
         if before is None or before.tone is not sign.tone:
             self._marks[name].setText(MARKS[sign.tone])
             self._marks[name].setStyleSheet(f"color: {self._colours.signs[sign.tone]}; font-weight: bold")

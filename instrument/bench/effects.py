@@ -209,9 +209,7 @@ def scaled(effects: Effects, strength: float) -> dict[str, dict[str, float]]:
     for name, values in effects.items():
         known = CATALOGUE.get(name) or BEYOND[name]
         power = -1.0 if name == "second_plate_mode" else 1.0
-        result[name] = {
-            key: value * strength**power if known[key].scales else value for key, value in values.items()
-        }
+        result[name] = {key: value * strength**power if known[key].scales else value for key, value in values.items()}
     return result
 
 

@@ -56,11 +56,7 @@ def _step(y: Floats, h: float, p: Floats, on: NDArray[np.int64], k: Floats, work
     rates(work, p, on, k[5])
     for i in range(STATES):
         new[i] = y[i] + h * (
-            35 / 384 * k[0, i]
-            + 500 / 1113 * k[2, i]
-            + 125 / 192 * k[3, i]
-            - 2187 / 6784 * k[4, i]
-            + 11 / 84 * k[5, i]
+            35 / 384 * k[0, i] + 500 / 1113 * k[2, i] + 125 / 192 * k[3, i] - 2187 / 6784 * k[4, i] + 11 / 84 * k[5, i]
         )
 
 

@@ -50,21 +50,15 @@ class Trajectory:
 
     def block_m(self, time_s: Floats) -> Floats:
         """Return the block's position at ``time_s`` (ascending), cubic between nodes: below 1 pm off."""
-        return at_times(
-            self.time_s, self.states[:, slot.BLOCK_X].copy(), self.states[:, slot.BLOCK_V].copy(), time_s
-        )
+        return at_times(self.time_s, self.states[:, slot.BLOCK_X].copy(), self.states[:, slot.BLOCK_V].copy(), time_s)
 
     def block_velocity_m_per_s(self, time_s: Floats) -> Floats:
         """Return the block's velocity at ``time_s`` (ascending)."""
-        return at_times(
-            self.time_s, self.states[:, slot.BLOCK_V].copy(), self.acceleration_m_per_s2, time_s
-        )
+        return at_times(self.time_s, self.states[:, slot.BLOCK_V].copy(), self.acceleration_m_per_s2, time_s)
 
     def plate_m(self, time_s: Floats) -> Floats:
         """Return the plate's position at ``time_s`` (ascending)."""
-        return at_times(
-            self.time_s, self.states[:, slot.PLATE_X].copy(), self.states[:, slot.PLATE_V].copy(), time_s
-        )
+        return at_times(self.time_s, self.states[:, slot.PLATE_X].copy(), self.states[:, slot.PLATE_V].copy(), time_s)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -82,9 +82,7 @@ def play(start_s: float, velocity_m_per_s: float, shoot: Shoot, effects: Effects
         release_s=release,
         trajectory=trajectory,
         time_s=time_s,
-        optical_m=np.concatenate(
-            (push_x[:-1], flight_x, hand_x + gained * np.concatenate((still + 1, 1 - step[1:])))
-        ),
+        optical_m=np.concatenate((push_x[:-1], flight_x, hand_x + gained * np.concatenate((still + 1, 1 - step[1:])))),
         optical_m_per_s=np.concatenate(
             (push_v[:-1], flight_v, hand_v - gained * np.concatenate((still, slope[1:] / RETURN_S)))
         ),

@@ -17,8 +17,7 @@ def contents(path: Path) -> ForeignContents:
     """Return the channels, named "channel 1" and so on.  Raises RecordingError."""
     rate, values = _read(path)
     channels = [
-        ForeignChannel(f"channel {n + 1}", values.shape[0], str(values.dtype), "", rate)
-        for n in range(values.shape[1])
+        ForeignChannel(f"channel {n + 1}", values.shape[0], str(values.dtype), "", rate) for n in range(values.shape[1])
     ]
     return ForeignContents(path, "wav", bounded(path, channels))
 

@@ -194,3 +194,10 @@ def test_a_motion_record_without_the_mass_s_uncertainty(tmp_path: Path, capsys: 
     assert (status, complaints) == (0, "")
     assert result["shots"][0]["cor_quasi_static"]["value"] == pytest.approx(0.987556, abs=2e-5)
     assert result["shots"][0]["rest_frequency_hz"] is None
+
+
+def test_a_missing_path_is_told_once_and_on_standard_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--replay", str(tmp_path / "none.sigmf-meta"), "--no-diagnose"]) == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("none.sigmf-meta") == 1

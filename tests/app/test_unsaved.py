@@ -5,14 +5,17 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFileDialog
+from PySide6.QtWidgets import QFileDialog, QLineEdit
 from pytestqt.qtbot import QtBot
 
+from analysis.shot import AnalysisSettings
+from app.session import Session
 from app.window import open_window
+from app.workbench import Happening, Kind, Workbench
 from instrument.open_recording import open_recording
-from instrument.recording_error import RecordingError
+from instrument.recording_error import PartlySaved, RecordingError
 from instrument.recording_writer import RecordingWriter
-from tests.app import rigs
+from tests.app import rigs, synthetic
 
 WAIT_MS = 30_000
 
@@ -46,15 +49,24 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         assert window.isVisible()  # the first time it only warns
         assert "only in memory" in window.panels.work.notices.words
 
-        monkeypatch.setattr(QFileDialog, "getExistingDirectory", lambda *_: str(tmp_path / "none"))
         button.click()
+        (question,) = window.findChildren(QFileDialog)
+        assert question.isVisible() and not question.isModal()
+        question.close()
+        window.rig_desk.save_elsewhere_wanted.emit(tmp_path / "none")
         qtbot.waitUntil(lambda: "does not exist" in window.panels.work.notices.words, timeout=WAIT_MS)
         assert button.isVisible()
 
         elsewhere = tmp_path / "elsewhere"
         elsewhere.mkdir()
-        monkeypatch.setattr(QFileDialog, "getExistingDirectory", lambda *_: str(elsewhere))
+        qtbot.waitUntil(lambda: not window.findChildren(QFileDialog), timeout=WAIT_MS)
+        window.activateWindow()
+        qtbot.waitUntil(window.isActiveWindow, timeout=WAIT_MS)
         qtbot.keyClick(window, Qt.Key.Key_S, Qt.KeyboardModifier.ControlModifier)
+        (question,) = window.findChildren(QFileDialog)
+        name = question.findChild(QLineEdit)
+        name.setText(str(elsewhere))
+        qtbot.keyClick(name, Qt.Key.Key_Return)
         qtbot.waitUntil(lambda: not button.isVisible(), timeout=WAIT_MS)
         (meta,) = elsewhere.glob("*.sigmf-meta")
         qtbot.waitUntil(lambda: "1 shot saved to" in window.panels.work.notices.words, timeout=WAIT_MS)
@@ -64,3 +76,31 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         window._warned = True
         window.close()
     assert not window.isVisible()
+
+
+def test_what_was_saved_before_the_disk_failed_keeps_its_path(qtbot: QtBot, tmp_path: Path) -> None:
+    def save(folder: Path) -> dict[str, Path]:
+        raise PartlySaved(RecordingError(folder, "No space left on device"), {"shot-0001": folder / "a.sigmf-meta"})
+
+    bench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
+    try:
+        bench.session.add(synthetic.bare_shot("shot-0001"))
+        bench.save_elsewhere(save, tmp_path)
+        happened: list[Happening] = []
+        qtbot.waitUntil(lambda: bool(happened.extend(bench.poll()) or happened), timeout=WAIT_MS)
+        assert happened[0].kind is Kind.PROBLEM
+        assert "1 shot saved" in happened[0].words and "No space left" in happened[0].words
+        assert bench.session.entries[0].path == str(tmp_path / "a.sigmf-meta")
+    finally:
+        bench.close()
+
+
+def test_a_shot_saved_before_it_was_analysed_keeps_its_path(qtbot: QtBot, tmp_path: Path) -> None:
+    bench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
+    try:
+        bench.save_elsewhere(lambda folder: {"shot-0001": folder / "a.sigmf-meta"}, tmp_path)
+        qtbot.waitUntil(lambda: bool(bench.poll()), timeout=WAIT_MS)
+        assert bench.add_shot(synthetic.bare_shot("shot-0001")).path == str(tmp_path / "a.sigmf-meta")
+        assert bench.add_shot(synthetic.bare_shot("shot-0001")).path is None  # another of that name
+    finally:
+        bench.close()

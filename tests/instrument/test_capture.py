@@ -330,6 +330,26 @@ def test_a_full_disk_keeps_the_shot_in_memory_savable_elsewhere(
         assert len(list(elsewhere.glob("*.sigmf-meta"))) == 5
 
 
+class NoFolder(RecordingWriter):
+    """A folder that is gone by the time the shot is to be written."""
+
+    def __init__(self, stem: Path, *_: object, **__: object) -> None:
+        raise RecordingError(stem, "the folder does not exist")
+
+
+def test_shots_that_no_file_could_be_opened_for_are_all_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("instrument.recorder.RecordingWriter", NoFolder)
+    there, elsewhere = tmp_path / "a", tmp_path / "b"
+    for folder in (there, elsewhere):
+        folder.mkdir()
+    with Rig(there, analyse=analysed, live=False) as rig:
+        for wanted in (1, 2):
+            rig.capture.arm()
+            until(rig.capture, lambda s, n=wanted: len(s.unsaved) == n)  # type: ignore[misc]
+        assert len(rig.capture.save_pending(elsewhere)) == 2
+        assert len(list(elsewhere.glob("*.sigmf-meta"))) == 2
+
+
 def test_a_folder_removed_or_missing_is_said(tmp_path: Path) -> None:
     folder = tmp_path / "shots"
     with Rig(folder, live=False) as rig:

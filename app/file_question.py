@@ -1,0 +1,67 @@
+"""Asking for a file or a folder: a window of its own that blocks nothing, so that a shot can be taken meanwhile."""
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Qt, Slot
+from PySide6.QtWidgets import QFileDialog, QWidget
+
+Then = Callable[[list[Path]], None]
+
+
+class Want(Enum):
+    """What is asked for."""
+
+    FILE = QFileDialog.FileMode.ExistingFile
+    FILES = QFileDialog.FileMode.ExistingFiles
+    FOLDER = QFileDialog.FileMode.Directory
+    NEW_FILE = QFileDialog.FileMode.AnyFile
+
+
+class _Answer(QObject):
+    """Hands what was chosen to whom it concerns."""
+
+    def __init__(self, then: Then, dialog: QFileDialog) -> None:
+        super().__init__(dialog)
+        self._then = then
+        dialog.filesSelected.connect(self.given)
+
+    @Slot(list)
+    def given(self, paths: Sequence[str]) -> None:
+        """Pass the paths on."""
+        if paths:
+            self._then([Path(path) for path in paths])
+
+
+def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str = "", kinds: str = "") -> QFileDialog:
+    """Open the question and return; ``then`` gets the chosen paths, and is not called where it is cancelled.
+
+    ``kinds`` are Qt's filters, "HTML (*.html);;All files (*)"; a new file gets the first one's ending.  The same
+    question asked again while it is open comes to the front.
+    """
+    for dialog in parent.findChildren(QFileDialog):
+        if dialog.windowTitle() == title and dialog.isVisible():
+            dialog.raise_()
+            dialog.activateWindow()
+            return dialog
+    dialog = QFileDialog(parent, title)
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    dialog.setModal(False)
+    dialog.setFileMode(want.value)
+    if want is Want.FOLDER:
+        dialog.setOption(QFileDialog.Option.ShowDirsOnly)
+    if want is Want.NEW_FILE:
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.setDefaultSuffix(kinds.partition("*.")[2].rstrip(")").partition(" ")[0])
+    if kinds:
+        dialog.setNameFilters(kinds.split(";;"))
+    place = Path(start)
+    if want in (Want.FOLDER, Want.FILES, Want.FILE):
+        dialog.setDirectory(str(place))
+    elif start:
+        dialog.setDirectory(str(place.parent))
+        dialog.selectFile(place.name)
+    _Answer(then, dialog)
+    dialog.show()
+    return dialog

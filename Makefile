@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit bench bench-loop bench-soak bench-streaming screenshots clean
+.PHONY: run test lint types unit bench bench-loop bench-soak bench-streaming screenshots session clean
 
 run: $(READY)
 	$(BIN)/python -m app.start

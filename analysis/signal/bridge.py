@@ -37,7 +37,10 @@ class Bridge:
         self._shift = 0.0
 
     def feed(self, first: int, phase: Floats, power: Singles) -> list[Segment]:
-        """Take phases from index ``first`` on; return what is ready as (first, phase, power) without holes."""
+        """Take phases from index ``first`` on; return what is ready as (first, phase, power) without holes.
+
+        Views of the bridge's own memory, valid until the next call.
+        """
         ready: list[Segment] = []
         if phase.size == 0:
             return ready
@@ -65,7 +68,11 @@ class Bridge:
         self._power: Singles = np.empty(0, np.float32)
 
     def _append(self, phase: Floats, power: Singles) -> None:
-        self._phase = np.concatenate((self._phase, phase + self._shift))
+        held = self._phase.size
+        joined = np.empty(held + phase.size)
+        joined[:held] = self._phase
+        np.add(phase, self._shift, out=joined[held:])
+        self._phase = joined
         self._power = np.concatenate((self._power, power))
 
     def _release(self, last: bool) -> list[Segment]:
@@ -81,7 +88,7 @@ class Bridge:
                     limit = max(self._done, min(limit, start))
                     break
                 self._mend(start, stop, bad)
-        out = (self._first + self._done, self._phase[self._done : limit].copy(), self._power[self._done : limit].copy())
+        out = (self._first + self._done, self._phase[self._done : limit], self._power[self._done : limit])
         self._done = limit
         drop = max(0, self._done - REACH - self._box - self._guard)
         self._first += drop

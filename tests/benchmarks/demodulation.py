@@ -128,7 +128,7 @@ def speed() -> None:
         "both channels, two threads": lambda: read_tracks(recording, [moving, rest], grid, None, None),
         "whole demodulation to Motion": lambda: demodulate(recording, settings),
     }
-    fastest |= _in_turns(threaded, 25, threads=True)
+    fastest |= _in_turns(threaded, 100, threads=True)
     fastest |= _in_turns({"STFT ridge": lambda: ridge(counts[:, 1], RATE_HZ, 10e3)}, 2)
     fastest |= _in_turns({"scipy hilbert": lambda: analytic_signal(counts[:, 1], RATE_HZ)}, 2)
     for name, seconds in fastest.items():

@@ -2,7 +2,9 @@
 
 import json
 import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -17,6 +19,7 @@ from analysis.shot import AnalysisError, AnalysisSettings
 from app.export import motion_file_names, shot_row, write_motion, write_shots
 from app.load import complaint, load_and_analyse
 from app.model_choice import known_model
+from app.outputs import check_outputs, in_a_line
 from instrument.foreign.remembered import remembered_mapping
 from instrument.recording_error import RecordingError
 from instrument.recording_search import find_recordings, recording_stem
@@ -54,17 +57,13 @@ def campaign(
     found = find_recordings(paths)
     try:
         known_model(model)  # once here, so that a bad file is said once
-    except AnalysisError as error:
-        print(f"levimass: {model}: {error}", file=sys.stderr)
-        return 1
-    except OSError as error:
-        print(f"levimass: {model}: {error.strerror}", file=sys.stderr)
+        check_outputs(json_to, export_to)
+    except (AnalysisError, RecordingError, OSError) as error:
+        print(f"levimass: {in_a_line(error, model)}", file=sys.stderr)
         return 1
     tasks = _tasks(found, model, export_to)
     journal = _journal(json_to, export_to)
     try:
-        if export_to is not None:
-            export_to.mkdir(parents=True, exist_ok=True)
         done = _read(journal, {task.stamp for task in tasks})
         todo = [task for task in tasks if task.stamp not in done]
         for task in tasks:
@@ -72,12 +71,11 @@ def campaign(
                 print(complaint(task.path, problem), file=sys.stderr)
         with _workers(jobs, scheduler) as (executor, width), _appended(journal) as log:
             done |= _run(executor, width, todo, log, already=len(tasks) - len(todo))
-        return _finish([done[task.stamp] for task in tasks], json_to, export_to)
-    except RecordingError as error:
-        print(f"levimass: {error}", file=sys.stderr)
-    except OSError as error:
-        print(f"levimass: {error.filename or scheduler or export_to}: {error.strerror or error}", file=sys.stderr)
-    return 1
+        _write([done[task.stamp] for task in tasks], json_to, export_to)
+    except (RecordingError, OSError) as error:
+        print(f"levimass: {in_a_line(error, scheduler or export_to)}", file=sys.stderr)
+        return 1
+    return _told([done[task.stamp]["shot"] for task in tasks], json_to)
 
 
 def _tasks(found: Sequence[Path], model: str | None, export_to: Path | None) -> list[Task]:
@@ -158,19 +156,23 @@ def _lost(task: Task, error: Exception) -> dict[str, Any]:
     return {"stamp": task.stamp, "shot": shot, "row": [shot["name"], task.path, "", "failed", cause]}
 
 
-def _finish(entries: Sequence[dict[str, Any]], json_to: str | None, export_to: Path | None) -> int:
-    shots = [entry["shot"] for entry in entries]
+def _write(entries: Sequence[dict[str, Any]], json_to: str | None, export_to: Path | None) -> None:
     if export_to is not None:
         write_shots([entry["row"] for entry in entries], export_to / "shots.csv")
-    if json_to:
-        whole = {"schema": SCHEMA, "version": program_version(), "shots": shots, "diagnosis": None}
-        text = json.dumps(whole, indent=1, allow_nan=False) + "\n"
-        if json_to == "-":
-            sys.stdout.write(text)
-        else:
-            write_text_beside(Path(json_to), text, sync=True)
+    if json_to and json_to != "-":
+        write_text_beside(Path(json_to), _result_text([entry["shot"] for entry in entries]), sync=True)
+
+
+def _result_text(shots: Sequence[dict[str, Any]]) -> str:
+    whole = {"schema": SCHEMA, "version": program_version(), "shots": shots, "diagnosis": None}
+    return json.dumps(whole, indent=1, allow_nan=False) + "\n"
+
+
+def _told(shots: Sequence[dict[str, Any]], json_to: str | None) -> int:
     failed = sum(shot["status"] == "failed" for shot in shots)
-    if json_to != "-":
+    if json_to == "-":
+        print(_result_text(shots), end="")
+    else:
         print(f"{len(shots)} shots, {len(shots) - failed} analysed, {failed} failed")
     return 1 if failed or not shots else 0
 
@@ -210,16 +212,38 @@ def _workers(jobs: int | None, scheduler: str | None) -> Iterator[tuple[Executor
     if scheduler is None:
         count = jobs or 1
         # spawned, not forked: a forked child of a process with compiled kernels and threads may hang
-        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-            yield pool, count
+        with _Pool(count, mp_context=get_context("spawn")) as pool:
+            try:
+                yield pool, count
+            except KeyboardInterrupt:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
         return
     try:
         from distributed import Client
     except ImportError:
         raise OSError(0, "needs dask.distributed: pip install 'levimass[cluster]'", "--scheduler") from None
-    with Client(scheduler, timeout=SCHEDULER_ANSWERS_S, set_as_default=False) as client:
+    try:
+        client = Client(scheduler, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
+    except ValueError as error:  # an address that is none
+        raise OSError(0, str(error), scheduler) from None
+    with client:
         width = sum(client.nthreads().values()) or 1
         yield client.get_executor(pure=False), width
+
+
+class _Pool(ProcessPoolExecutor):
+    """Processes that leave Ctrl-C to the one that started them: a terminal sends it to all, and each would complain."""
+
+    def submit(self, *work: Any, **more: Any) -> Future[Any]:
+        """Hand out work; a process is started here, and inherits what Ctrl-C does to it."""
+        if threading.current_thread() is not threading.main_thread():
+            return super().submit(*work, **more)
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            return super().submit(*work, **more)
+        finally:
+            signal.signal(signal.SIGINT, before)
 
 
 class _Progress:

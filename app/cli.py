@@ -1,32 +1,44 @@
 """The command ``levimass``: the window where nothing else is asked for, and every mode that needs no screen."""
 
 import argparse
+import contextlib
+import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
-from analysis.report import program_version
 from app.model_choice import MODELS, is_model_file
 
-OK, FAILED, USAGE = 0, 1, 2
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status of RECORDING.md (0 analysed, 1 something failed, 2 wrong usage)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    parser = _parser()
     try:
-        options = parser.parse_args(arguments)
-        _check(parser, options)
+        with _ended_by_ctrl_c():
+            work = _work(arguments)
+        status = work()
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return status
     except SystemExit as stop:
         return int(stop.code or 0)
-    try:
-        return _run(options, arguments)
     except KeyboardInterrupt:
         print("levimass: interrupted", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader has seen enough
+        _drop_output()
         return OK
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        print(f"levimass: standard output: {error.strerror or error}", file=sys.stderr)
+        _drop_output()
+        return FAILED
 
 
 def window(argv: Sequence[str] | None = None) -> int:
@@ -36,11 +48,39 @@ def window(argv: Sequence[str] | None = None) -> int:
     return run(list(sys.argv[1:] if argv is None else argv))
 
 
-def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+@contextlib.contextmanager
+def _ended_by_ctrl_c() -> Iterator[None]:
+    """Let Ctrl-C end the process at once: nothing is under way yet, and an import cut short raises what it likes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _drop_output() -> None:
+    """Keep the interpreter from trying once more, at its end, to write what could not be written."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _work(arguments: Sequence[str]) -> Callable[[], int]:
+    """Return what the arguments ask for, its modules imported.  Raises SystemExit on wrong usage."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    _check(parser, options)
+    return _mode(options, arguments)
+
+
+def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[], int]:
     if options.replay is not None and (options.jobs is not None or options.scheduler is not None):
         from app.campaign import campaign
 
-        return campaign(
+        return partial(
+            campaign,
             options.replay,
             jobs=options.jobs,
             scheduler=options.scheduler,
@@ -51,7 +91,8 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     if options.replay is not None:
         from app.replay import replay
 
-        return replay(
+        return partial(
+            replay,
             options.replay,
             json_to=options.json,
             export_to=options.export,
@@ -64,7 +105,8 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     if options.acquire is not None:
         from app.acquire import acquire
 
-        return acquire(
+        return partial(
+            acquire,
             options.acquire,
             source=options.source,
             out=options.out,
@@ -75,7 +117,8 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     if options.simulate is not None:
         from app.simulate import simulate
 
-        return simulate(
+        return partial(
+            simulate,
             options.simulate,
             shots=options.shots,
             seed=options.seed,
@@ -85,7 +128,8 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     if options.map is not None:
         from app.map_foreign import map_foreign
 
-        return map_foreign(
+        return partial(
+            map_foreign,
             options.map,
             channels=options.channel,
             volts=options.volts,
@@ -99,12 +143,12 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     if options.paper is not None:
         from app.paper import paper
 
-        return paper(options.json, options.figures, None if options.paper == Path() else options.paper)
+        return partial(paper, options.json, options.figures, options.paper or None)
     if options.doctor:
         from app.doctor import doctor
 
-        return doctor()
-    return window(arguments)
+        return doctor
+    return partial(window, arguments)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -113,42 +157,42 @@ def _parser() -> argparse.ArgumentParser:
         description="Levitation Mass Method: from the beat of two light frequencies to force and restitution. "
         "Without an option the desktop window opens.",
     )
-    parser.add_argument("--version", action="version", version=f"levimass {program_version()}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     mode = parser.add_mutually_exclusive_group()
-    mode.add_argument("--replay", nargs="+", metavar="PATH", type=Path, help="analyse recordings (files or folders)")
+    mode.add_argument("--replay", nargs="+", metavar="PATH", type=_path, help="analyse recordings (files or folders)")
     mode.add_argument(
         "--acquire", type=_positive_int, metavar="N", help="arm, wait for the light switch, record N shots"
     )
-    mode.add_argument("--simulate", type=Path, metavar="DIR", help="write recordings from the simulated bench")
+    mode.add_argument("--simulate", type=_path, metavar="DIR", help="write recordings from the simulated bench")
     mode.add_argument(
         "--paper",
         nargs="?",
-        const=Path(),
-        type=Path,
+        const=False,
+        type=_path,
         metavar="RECORDING",
         help="print the paper's numbers beside this program's (and beside a recording's)",
     )
-    mode.add_argument("--map", type=Path, metavar="FILE", help="what a TDMS, HDF5, WAV or CSV file holds, and its use")
+    mode.add_argument("--map", type=_path, metavar="FILE", help="what a TDMS, HDF5, WAV or CSV file holds, and its use")
     mode.add_argument("--doctor", action="store_true", help="check this machine, one line each")
     group = parser.add_argument_group("with --replay")
-    group.add_argument("--json", metavar="FILE", help="write the result (- for standard output)")
-    group.add_argument("--export", type=Path, metavar="DIR", help="write CSV: one motion file a shot, and shots.csv")
+    group.add_argument("--json", metavar="FILE", type=_name, help="write the result (- for standard output)")
+    group.add_argument("--export", type=_path, metavar="DIR", help="write CSV: one motion file a shot, and shots.csv")
     group.add_argument("--hdf5", action="store_true", help="with --export: a motion file a shot in HDF5 too")
-    group.add_argument("--report", type=Path, metavar="FILE", help="write a report that prints: one HTML file")
+    group.add_argument("--report", type=_path, metavar="FILE", help="write a report that prints: one HTML file")
     group.add_argument("--no-diagnose", action="store_true", help="stop after the base model's fit")
     group.add_argument(
         "--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)"
     )
-    group.add_argument("--save-model", type=Path, metavar="FILE", help="write the model that the diagnosis arrived at")
+    group.add_argument("--save-model", type=_path, metavar="FILE", help="write the model that the diagnosis arrived at")
     group.add_argument("--jobs", type=_positive_int, metavar="N", help="a campaign over N processes, resumable")
     group.add_argument("--scheduler", metavar="ADDRESS", help="a campaign over the machines of a dask scheduler")
     group = parser.add_argument_group("with --paper (and --json)")
-    group.add_argument("--figures", type=Path, metavar="DIR", help="draw figures 4 to 7, PNG and SVG")
+    group.add_argument("--figures", type=_path, metavar="DIR", help="draw figures 4 to 7, PNG and SVG")
     group = parser.add_argument_group("with --acquire")
     group.add_argument(
         "--source", metavar="SOURCE", help="bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE"
     )
-    group.add_argument("--out", type=Path, metavar="DIR", help="folder for the recordings")
+    group.add_argument("--out", type=_path, metavar="DIR", help="folder for the recordings")
     group.add_argument("--rate", type=_positive, metavar="HZ", help="sample rate")
     group.add_argument("--samples", type=_positive_int, metavar="N", help="samples a channel and shot")
     group.add_argument("--timeout", type=_positive, metavar="S", default=60.0, help="longest wait for a shot (60)")
@@ -162,7 +206,7 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--for-folder", action="store_true", help="for every file of this format in the folder")
     group = parser.add_argument_group("with --simulate")
     group.add_argument("--shots", type=_positive_int, default=3, metavar="N", help="shots to simulate (3)")
-    group.add_argument("--seed", type=int, default=1, metavar="S", help="seed of the draw (1)")
+    group.add_argument("--seed", type=_whole, default=1, metavar="S", help="seed of the draw (1)")
     group.add_argument("--effect", metavar="NAME:PARAMETER=VALUE,...", help="an effect the base model lacks")
     group.add_argument("--undeclared", action="store_true", help="draw an effect, or none, that is not told")
     return parser
@@ -204,6 +248,33 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         parser.error("--effect and --undeclared go with --simulate")
     if options.effect is not None and options.undeclared:
         parser.error("--undeclared draws the effect itself: leave --effect out")
+
+
+class _Version(argparse.Action):
+    """Print the version; what knows it is imported only then, as a usage error need not wait for it."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from analysis.report import program_version
+
+        print(f"levimass {program_version()}")
+        parser.exit()
+
+
+def _name(text: str) -> str:
+    if not text or "\0" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} names no file or folder")  # a script's variable that was never set
+    return text
+
+
+def _path(text: str) -> Path:
+    return Path(_name(text))
+
+
+def _whole(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is below zero")
+    return value
 
 
 def _positive(text: str) -> float:

@@ -10,7 +10,7 @@ from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, 
 from analysis.signal.record import motion_from_displacement
 from instrument.motion_file import read_motion
 from instrument.open_recording import open_recording
-from instrument.recording_error import RecordingError
+from instrument.recording_error import RecordingError, one_line
 from instrument.recording_search import is_motion_record
 
 Cancel = Callable[[], bool]
@@ -59,6 +59,8 @@ def load_and_analyse(
         raise
     except (RecordingError, AnalysisError) as error:
         return _failed(path, chosen, str(error))
+    except OSError as error:
+        return _failed(path, chosen, f"{error.filename or path}: {error.strerror or error}")
     except Exception as error:  # a fault of the program's own must not cost the other shots their analysis
         cause = " ".join(str(error).split())
         return _failed(path, chosen, f"a fault of the program: {type(error).__name__}: {cause}")
@@ -82,4 +84,5 @@ def _failed(path: Path, settings: AnalysisSettings, problem: str) -> Shot:
 
 def complaint(path: str, problem: str) -> str:
     """Return the one line for standard error, with the file's name in it once."""
-    return f"levimass: {problem}" if Path(path).name in problem else f"levimass: {path}: {problem}"
+    flat = one_line(path, 600)
+    return f"levimass: {problem}" if Path(flat).name in problem else f"levimass: {flat}: {problem}"

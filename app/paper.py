@@ -10,7 +10,8 @@ from analysis.model.exact import TooManyEvents
 from analysis.paper import PaperRow, Reproduction, Status, reproduce, to_result
 from analysis.quantity import Quantity
 from analysis.shot import Shot
-from app.replay import load_and_analyse
+from app.load import load_and_analyse
+from app.outputs import in_a_line
 from instrument.recording_error import RecordingError
 from instrument.recording_search import find_recordings
 from instrument.recording_writer import write_text_beside
@@ -39,22 +40,15 @@ def paper(json_to: str | None, figures_to: Path | None, recording: Path | None) 
     except (TooManyEvents, ValueError) as error:
         print(f"levimass: the paper's model could not be solved: {error}", file=sys.stderr)
         return 1
-    if json_to != "-":
-        print(table(result))
+    text = json.dumps(to_result(result), indent=1, allow_nan=False) + "\n"
+    print(text if json_to == "-" else table(result), end="" if json_to == "-" else "\n")
     try:
-        if json_to is not None:
-            text = json.dumps(to_result(result), indent=1, allow_nan=False) + "\n"
-            if json_to == "-":
-                sys.stdout.write(text)
-            else:
-                write_text_beside(Path(json_to), text, sync=True)
+        if json_to is not None and json_to != "-":
+            write_text_beside(Path(json_to), text, sync=True)
         if figures_to is not None:
             ok = _figures(shot, figures_to, quiet=json_to == "-") and ok
-    except RecordingError as error:
-        print(f"levimass: {error}", file=sys.stderr)
-        ok = False
-    except OSError as error:
-        print(f"levimass: {error.filename or figures_to or json_to}: {error.strerror or error}", file=sys.stderr)
+    except (RecordingError, OSError) as error:
+        print(f"levimass: {in_a_line(error, figures_to or json_to)}", file=sys.stderr)
         ok = False
     return 0 if ok else 1
 

@@ -15,6 +15,7 @@ from app.export import export
 from app.export_hdf5 import export_hdf5
 from app.load import complaint, load_and_analyse
 from app.model_choice import known_model
+from app.outputs import check_outputs, in_a_line
 from app.report_page import report_of
 from instrument.recording_error import RecordingError
 from instrument.recording_search import find_recordings
@@ -41,11 +42,9 @@ def replay(
     shots: list[Shot] = []
     try:
         known = known_model(model)
-    except AnalysisError as error:
-        print(f"levimass: {model}: {error}", file=sys.stderr)
-        return 1
-    except OSError as error:
-        print(f"levimass: {model}: {error.strerror}", file=sys.stderr)
+        check_outputs(json_to, export_to, report_to, save_model_to)
+    except (AnalysisError, RecordingError, OSError) as error:
+        print(f"levimass: {in_a_line(error, model)}", file=sys.stderr)
         return 1
     settings = AnalysisSettings(effects=known.effects) if known else None
     for path in find_recordings(paths):
@@ -123,17 +122,14 @@ def _write(
                 export_hdf5(shots, export_to)
         if report_to is not None:
             write_text_beside(report_to, report_of(shots, diagnosis), sync=True)
-        if json_to == "-":
-            sys.stdout.write(text)
-        elif json_to:
+        if json_to and json_to != "-":
             write_text_beside(Path(json_to), text, sync=True)
-    except RecordingError as error:
-        print(f"levimass: {error}", file=sys.stderr)
+    except (RecordingError, OSError) as error:
+        print(f"levimass: {in_a_line(error, export_to)}", file=sys.stderr)
         ok = False
-    except OSError as error:
-        print(f"levimass: {error.filename or export_to}: {error.strerror or error}", file=sys.stderr)
-        ok = False
-    if json_to != "-":
+    if json_to == "-":
+        print(text, end="")
+    else:
         for shot in shots:
             if not shot.problem or shot.impact is not None:  # else all there is to say stands on standard error
                 print(summary(shot))

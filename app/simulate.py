@@ -16,9 +16,13 @@ def simulate(folder: Path, *, shots: int, seed: int, effect: str | None, undecla
         print(f"levimass: --effect: {error}", file=sys.stderr)
         return 2
     try:
-        for path in write_simulated(folder, shots, seed, effects, undeclared):
-            print(path)
-    except (RecordingError, OSError) as error:
-        print(f"levimass: {folder}: {error}", file=sys.stderr)
+        paths = write_simulated(folder, shots, seed, effects, undeclared)
+    except RecordingError as error:
+        print(f"levimass: {error}", file=sys.stderr)
         return 1
+    except OSError as error:
+        print(f"levimass: {error.filename or folder}: {error.strerror or error}", file=sys.stderr)
+        return 1
+    for path in paths:
+        print(path)
     return 0

@@ -26,8 +26,11 @@ def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
     """
     found: dict[Path, None] = {}
     for path in map(Path, paths):
-        for shot in _in_folder(path) if path.is_dir() else [_of_file(path)]:
-            found[shot] = None
+        try:
+            shots = _in_folder(path) if path.is_dir() else [_of_file(path)]
+        except OSError:  # a folder that may not be entered, a name too long
+            shots = [path]
+        found.update(dict.fromkeys(shots))
     return list(found)
 
 

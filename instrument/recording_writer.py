@@ -173,9 +173,17 @@ def write_json_beside(path: Path, value: Mapping[str, Any], *, sync: bool) -> No
 
 
 def write_text_beside(path: Path, text: str, *, sync: bool) -> None:
-    """Write text to a file beside ``path``, fsync it, and ``os.replace`` it into place."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.new")
+    """Write text to a file beside ``path``, fsync it, and ``os.replace`` it into place.
+
+    A link stays a link, to the new text; a device or a pipe is written into, as nothing may take its place.
+    """
+    check_writable(path)
     with _as_recording_error(path):
+        if _is_device(path):
+            path.write_text(text, encoding="utf-8", newline="\n")
+            return
+        path = Path(os.path.realpath(path))
+        beside = path.with_name(f".{path.name}.{os.getpid()}.new")
         try:
             with open(beside, "w", encoding="utf-8", newline="\n") as file:
                 file.write(text)
@@ -189,6 +197,23 @@ def write_text_beside(path: Path, text: str, *, sync: bool) -> None:
             raise
         if sync:
             _sync_folder(path.parent)
+
+
+def check_writable(path: Path) -> None:
+    """Raise RecordingError where ``write_text_beside`` would fail: better said before hours of work than after."""
+    with _as_recording_error(path):
+        if os.path.isdir(path):
+            raise IsADirectoryError(0, "a folder, not a file")
+        place = path if _is_device(path) else Path(os.path.realpath(path)).parent
+        os.stat(place)
+        if place != path and not os.path.isdir(place):
+            raise NotADirectoryError(0, f"{place} is not a folder")
+        if not os.access(place, os.W_OK):
+            raise PermissionError(0, "no right to write there")
+
+
+def _is_device(path: Path) -> bool:
+    return os.path.exists(path) and not os.path.isfile(path)
 
 
 def _sync_folder(folder: Path) -> None:

@@ -1,8 +1,19 @@
 """The command's usage: what it refuses, and that it says so with status 2."""
 
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
 import pytest
 
-from app.cli import USAGE, main
+from app import cli
+from app.cli import FAILED, INTERRUPTED, USAGE, main
+
+HOUSE = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize(
@@ -23,6 +34,8 @@ from app.cli import USAGE, main
         ["--replay", "x", "--save-model", "m.toml", "--no-diagnose"],
         ["--replay", "x", "--save-model", "m.toml", "--jobs", "2"],
         ["--figures", "d"],
+        ["--replay", ""],
+        ["--simulate", "d", "--seed", "-5"],
     ],
 )
 def test_wrong_usage_is_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
@@ -33,3 +46,62 @@ def test_wrong_usage_is_refused(arguments: list[str], capsys: pytest.CaptureFixt
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("levimass ")
+
+
+@pytest.mark.parametrize("option", ["--json", "--report", "--save-model", "--export"])
+def test_an_output_that_cannot_be_written_is_told_before_the_analysis(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    for target, cause in (("file/under", "not a folder|Not a directory"), ("", "names no file")):
+        status = main(["--replay", str(tmp_path / "none"), option, str(tmp_path / target) if target else ""])
+        printed = capsys.readouterr()
+        assert status == (FAILED if target else USAGE)
+        assert re.search(cause, printed.err) and "no such file" not in printed.err
+        assert printed.out == ""
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "ünï\n名", "."])
+def test_any_name_is_refused_in_one_line(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--replay", str(tmp_path / name)]) == FAILED
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def _levimass(*arguments: str, **streams: Any) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, "-m", "app", *arguments], cwd=HOUSE, text=True, **streams)
+
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="pipes and signals as POSIX has them")
+
+
+@POSIX
+def test_a_reader_that_leaves_and_a_full_disk(tmp_path: Path) -> None:
+    (tmp_path / "shot.csv").write_text("time_s,pd1\n0,1\n1,2\n")
+    command = [sys.executable, "-m", "app", "--map", str(tmp_path / "shot.csv")]
+
+    def run(stdout: Any) -> tuple[str, int]:
+        ended = subprocess.run(command, cwd=HOUSE, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False)
+        return ended.stderr, ended.returncode
+
+    with open("/dev/full", "w") as full:
+        assert run(full) == ("levimass: standard output: No space left on device\n", FAILED)
+    read, write = os.pipe()
+    os.close(read)
+    assert run(write) == ("", 0)
+    os.close(write)
+
+
+def test_ctrl_c_in_mid_run_is_a_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted() -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "_work", lambda arguments: interrupted)
+    assert main(["--replay", "x"]) == INTERRUPTED
+    assert capsys.readouterr().err == "levimass: interrupted\n"
+
+
+@POSIX
+def test_ctrl_c_while_modules_load_ends_the_process() -> None:
+    loading = "import os, signal, app.cli as c\nwith c._ended_by_ctrl_c(): os.kill(os.getpid(), signal.SIGINT)\n"
+    ended = subprocess.run([sys.executable, "-c", loading], cwd=HOUSE, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (-signal.SIGINT, "")

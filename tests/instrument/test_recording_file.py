@@ -21,6 +21,7 @@ from instrument.recording_file import (
     verify,
     write_recording,
 )
+from instrument.recording_writer import write_text_beside
 
 FIELDS = ("name", "sample_rate_hz", "channels", "setup", "trigger_sample", "gaps", "started_at", "note", "flags")
 
@@ -199,6 +200,21 @@ def test_nothing_is_overwritten_and_a_failure_leaves_nothing(shot: Recording, tm
     with pytest.raises(RecordingError, match="JSON"):
         write_recording(replace(shot, extra={"global": {"x": object()}}), tmp_path / "t")
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_link_stays_a_link_and_a_device_a_device(tmp_path: Path) -> None:
+    (tmp_path / "link.json").symlink_to(tmp_path / "file.json")
+    write_text_beside(tmp_path / "link.json", "new", sync=True)
+    assert (tmp_path / "link.json").is_symlink()
+    assert (tmp_path / "file.json").read_text() == "new"
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    write_text_beside(tmp_path / "pipe", "through", sync=True)
+    assert os.read(reader, 100) == b"through"
+    os.close(reader)
+    assert (tmp_path / "pipe").is_fifo()
+    with pytest.raises(RecordingError, match="a folder, not a file"):
+        write_text_beside(tmp_path, "nothing", sync=True)
 
 
 def test_a_capture_cut_off_reopens_as_far_as_it_got(shot: Recording, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from analysis.pipeline import analyse
 from analysis.recording import Channel, Recording
 from analysis.shot import AnalysisSettings, Progress, Shot
 from instrument.acquisition import Deadlines, State
+from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import open_apart
 from instrument.capture import Capture
 from instrument.capture_options import CaptureOptions
@@ -41,6 +42,7 @@ class Rig:
     """Opens a source, passes orders on, hands out snapshots; every method returns at once except ``close``.
 
     Opening and closing a device may take seconds: a thread of its own does it, and ``latest`` says so meanwhile.
+    Shots are analysed by ``analyst``, in its process; without one in a thread of this process.
     """
 
     def __init__(
@@ -52,10 +54,12 @@ class Rig:
         source: str = BENCH,
         deadlines: Deadlines | None = None,
         open_digitizer: Open = open_apart,
+        analyst: AnalysisApart | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._options, self._analysis, self._kernels = options, analysis, wait_for_kernels
         self._deadlines, self._open, self._clock = deadlines or Deadlines(), open_digitizer, clock
+        self._analyst = analyst
         self._running: _Running | None = None
         self._orders: deque[str | None] = deque()
         self._wake = threading.Condition()
@@ -205,6 +209,8 @@ class Rig:
             self._orders.append(None)
             self._wake.notify()
         self._thread.join(40.0)
+        if self._analyst is not None:
+            self._analyst.close()
         return not self._thread.is_alive()
 
     # beside the screen --------------------------------------------------------------------------------------------
@@ -257,4 +263,6 @@ class Rig:
     def _analyse(self, recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
         progress("waiting for the kernels", 0.0)
         self._kernels(cancelled)
+        if self._analyst is not None:
+            return self._analyst.analyse(recording, self._analysis(), progress, cancelled)
         return analyse(recording, self._analysis(), progress=progress, cancelled=cancelled)

@@ -35,7 +35,10 @@ class _State:
 
 
 class Session:
-    """An ordered list of entries; every change can be undone and is on disk before the call returns."""
+    """An ordered list of entries; every change can be undone and is on disk before the call returns.
+
+    ``save_by``: from then on saving is handed to this function, and ``problem`` and ``revision`` follow it.
+    """
 
     def __init__(self, path: Path | None = None) -> None:
         self._path = path
@@ -45,6 +48,7 @@ class Session:
         self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
         self.revision = 0
+        self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -137,21 +141,27 @@ class Session:
         self._save()
 
     def _save(self) -> None:
-        if self._path is None:
-            return
-        shots = [_to_json(entry) for entry in self._entries if entry.path]
-        document = {"schema": SCHEMA, "effects": list(self._effects), "shots": shots}
-        beside = self._path.with_name(self._path.name + ".new")
+        path, entries, effects = self._path, self._entries, self._effects
+        if path is not None:
+            self.save_by(lambda: self._write(path, entries, effects))
+
+    def _write(self, path: Path, entries: tuple[Entry, ...], effects: tuple[str, ...]) -> None:
+        shots = [_to_json(entry) for entry in entries if entry.path]
+        document = {"schema": SCHEMA, "effects": list(effects), "shots": shots}
+        beside = path.with_name(path.name + ".new")
+        problem = None
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             with beside.open("w", encoding="utf-8") as file:
                 json.dump(document, file, indent=1)
                 file.flush()
                 os.fsync(file.fileno())
-            os.replace(beside, self._path)
-            self.problem = None
+            os.replace(beside, path)
         except OSError as error:
-            self.problem = f"the session could not be saved: {error}"
+            problem = f"the session could not be saved: {error}"
+        if problem != self.problem:
+            self.problem = problem
+            self.revision += 1  # whoever looks tells it
 
     @classmethod
     def reopen(cls, path: Path) -> "Session":

@@ -38,6 +38,7 @@ class SessionDesk(QObject):
         self._spectra = SpectrumWork(bench.jobs)
         self._seen = -1
         self._shown: tuple[int, object] | None = None
+        self._undrawn: set[int] = set()  # pages whose selection changed while another one was in front
         self._raw: tuple[int, Recording | None] | None = None
         self._folder = Path.home()
         self.rig_doing: str | None = None  # what the rig's own analysis is at, for the line of work
@@ -136,17 +137,27 @@ class SessionDesk(QObject):
         now = (entry.number, shot) if entry is not None else None
         if now is None or self._shown is None or now[0] != self._shown[0] or now[1] is not self._shown[1]:
             self._shown = now
-            p.shot.show_shot(shot, self._recording(entry) if entry is not None else None)
+            self._undrawn.add(Layout.SHOT)
             p.tabs.setTabText(Layout.SHOT, f"SHOT {entry.number}" if entry is not None else "SHOT")
             p.numbers.show_shot(shot, f"Shot {entry.number}   {entry.name}" if entry is not None else "")
             p.model.show_shot(shot)
         verdict = entry.verdict if entry is not None else ""
         p.model.show_verdict(verdict, tone_of(verdict))
-        p.compare.show_entries([e for e in self._bench.session.entries if e.number in numbers])
+        self._undrawn.add(Layout.COMPARE)
         self._page_changed(p.tabs.currentIndex())
 
     @Slot(int)
     def _page_changed(self, page: int) -> None:
+        """Draw what is to be seen: plots of a page behind cost a frame while shots come in."""
+        if page in self._undrawn:
+            self._undrawn.discard(page)
+            if page == Layout.SHOT:
+                entry = self.front()
+                shot = entry.shot if entry is not None else None
+                self._panels.shot.show_shot(shot, self._recording(entry) if entry is not None else None)
+            else:
+                numbers = self._panels.table.numbers
+                self._panels.compare.show_entries([e for e in self._bench.session.entries if e.number in numbers])
         if page != Layout.SPECTRUM:
             return
         entry = self.front()

@@ -4,11 +4,13 @@ The first start after an installation compiles for some ten seconds; the result 
 only loads it.
 """
 
+import gc
 import os
 import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 from numba import config
@@ -37,8 +39,10 @@ def run_once(with_diagnosis: bool = False) -> None:
 class Kernels:
     """Whether the kernels are ready, for whoever is about to need them."""
 
-    def __init__(self) -> None:
+    def __init__(self, then: Callable[[], None] | None = None) -> None:
+        """``then`` is called once they are on disk: what loads them elsewhere need not compile them."""
         self._ready = threading.Event()
+        self._then = then
 
     def work(self, report: Report, cancelled: Asked) -> None:
         """Make them ready; a job.  Where the other process fails they are compiled here, when they are needed."""
@@ -46,10 +50,14 @@ class Kernels:
             if not _mark().exists():
                 report("compiling, once after an installation", 0.2)
                 _in_another_process(cancelled)
+            if self._then is not None:
+                self._then()
             report("loading", 0.8)
             if not cancelled():
                 run_once()
         finally:
+            # what is loaded by now stays to the end; looking through it for garbage stopped every thread for 0.1 s
+            gc.freeze()
             self._ready.set()
 
     def wait(self, cancelled: Asked) -> None:

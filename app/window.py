@@ -16,6 +16,7 @@ from app.mapping_desk import MappingDesk
 from app.model_desk import ModelDesk
 from app.rig import Open, Rig
 from app.rig_desk import RigDesk
+from app.saver import Saver
 from app.session import Entry, Session
 from app.session_desk import SessionDesk
 from app.setup_desk import SetupDesk
@@ -23,12 +24,14 @@ from app.tables_desk import TablesDesk
 from app.theme import Theme, Tone
 from app.tour_desk import TourDesk
 from app.view_desk import ViewDesk
-from app.warm import Kernels
+from app.warm import Kernels, run_once
 from app.workbench import Workbench
+from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import open_apart
 from instrument.snapshot import FinishedShot
 
 PULL_MS = 35
+SWITCH_S = 5e-4  # a busy thread gives way this soon; Python's own 5 ms, at each of a frame's many calls, adds up
 
 
 class MainWindow(QMainWindow):
@@ -143,19 +146,25 @@ class MainWindow(QMainWindow):
         event.accept()
 
 
-def open_window(folder: Path, open_digitizer: Open = open_apart) -> MainWindow:
-    """Return the window, not shown yet, with settings and session kept in ``folder``."""
+def open_window(folder: Path, open_digitizer: Open = open_apart, *, apart: bool = True) -> MainWindow:
+    """Return the window, not shown yet, with settings and session kept in ``folder``.
+
+    ``apart``: shots are analysed in a process of their own.
+    """
+    sys.setswitchinterval(SWITCH_S)
     choices = Choices(folder / "settings.json")
     theme = Theme(choices.settings.appearance)
-    kernels = Kernels()
+    analyst = AnalysisApart(run_once) if apart else None
+    kernels = Kernels(then=analyst.start if analyst is not None else None)
     rig = Rig(
         choices.options,
         choices.analysis,
         kernels.wait,
         source=choices.settings.source,
         open_digitizer=open_digitizer,
+        analyst=analyst,
     )
-    bench = Workbench(Session.reopen(folder / "session.json"), choices.analysis)
+    bench = Workbench(Session.reopen(folder / "session.json"), choices.analysis, Saver())
     window = MainWindow(rig, bench, theme, choices, kernels)
     theme.setParent(window)
     window.resize(1480, 920)

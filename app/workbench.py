@@ -18,6 +18,7 @@ from app.jobs import Asked, Job, Jobs, Report
 from app.load import load_and_analyse
 from app.model_in_use import load_model, model_words, refit, save_model
 from app.report_page import report_of
+from app.saver import Saver
 from app.session import Entry, Session
 from app.verdict import verdict_words
 from instrument.open_recording import open_recording
@@ -58,8 +59,12 @@ class Diagnosed:
 class Workbench:
     """Session, jobs and the effects now in the model."""
 
-    def __init__(self, session: Session, settings: Callable[[], AnalysisSettings]) -> None:
+    def __init__(self, session: Session, settings: Callable[[], AnalysisSettings], saver: Saver | None = None) -> None:
+        """``saver``: the session is saved by it, in its thread."""
         self.session = session
+        self._saver = saver
+        if saver is not None:
+            session.save_by = saver.submit
         self.jobs = Jobs()
         self.errands = Jobs()  # short work that must not wait behind a diagnosis
         self._paths_ahead: dict[str, str] = {}  # of shots saved elsewhere before they were analysed, by name
@@ -75,7 +80,8 @@ class Workbench:
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
-        return self.jobs.close() & self.errands.close()
+        ended = self.jobs.close() & self.errands.close()
+        return ended & (self._saver is None or self._saver.close())
 
     # what is asked for ------------------------------------------------------------------------------------------
 

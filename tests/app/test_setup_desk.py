@@ -25,7 +25,7 @@ BARRED = FoundDevice("hantek6022", "Hantek 6022", "USB bus 1", "no permission to
 def window(qtbot: QtBot, tmp_path: Path, warm_kernels: None):  # type: ignore[no-untyped-def]
     chosen = {"levimass_settings": 1, "folder": str(tmp_path / "data"), "duration_s": 0.12}
     (tmp_path / "settings.json").write_text(json.dumps(chosen))
-    window = open_window(tmp_path, rigs.still_bench)
+    window = open_window(tmp_path, rigs.still_bench, apart=False)
     qtbot.addWidget(window)
     window.show()
     window.activateWindow()

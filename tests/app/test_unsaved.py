@@ -31,7 +31,7 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
     monkeypatch.setattr("instrument.recorder.RecordingWriter", _FullDisk)
     chosen = {"levimass_settings": 1, "folder": str(tmp_path / "data"), "duration_s": 0.12}
     (tmp_path / "settings.json").write_text(json.dumps(chosen))
-    window = open_window(tmp_path, rigs.quick_bench)
+    window = open_window(tmp_path, rigs.quick_bench, apart=False)
     qtbot.addWidget(window)
     try:
         window.show()

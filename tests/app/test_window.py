@@ -26,7 +26,7 @@ def opened(qtbot, tmp_path, warm_kernels):
     def make(open_digitizer=rigs.quick_bench, settings=None):
         chosen = {"levimass_settings": 1, "folder": str(tmp_path / "data"), "duration_s": 0.12} | (settings or {})
         (tmp_path / "settings.json").write_text(json.dumps(chosen))
-        window = open_window(tmp_path, open_digitizer)
+        window = open_window(tmp_path, open_digitizer, apart=False)
         qtbot.addWidget(window)
         windows.append(window)
         window.show()

@@ -22,9 +22,11 @@ def broken() -> FakeDigitizer:
 
 
 class Leaky(FakeDigitizer):
-    """Streams by the clock and holds only ``memory_s``: what is not fetched in time is lost, and said."""
+    """Streams by a clock that runs at ``SPEED`` and holds ``memory_s``: what is not fetched is lost, and said."""
 
-    def __init__(self, memory_s: float = 0.05) -> None:
+    SPEED = 0.25  # so that a busy machine is no reason to lose anything
+
+    def __init__(self, memory_s: float) -> None:
         super().__init__()
         self._memory = int(memory_s * RATE_HZ)
         self._begun_s = 0.0
@@ -37,14 +39,19 @@ class Leaky(FakeDigitizer):
     def read_into(self, buffer: np.ndarray, timeout_s: float) -> Block:
         if not self.running.is_set():
             return Block(0, ended=True)
-        time.sleep(0.008)
-        waiting = int((time.monotonic() - self._begun_s) * RATE_HZ) - self.at
+        waiting = self._waiting()
+        if waiting < len(buffer):
+            time.sleep(0.01)
+            waiting = self._waiting()
         lost = max(0, waiting - self._memory)
         self.at += lost
         length = min(waiting - lost, len(buffer))
         buffer[:length] = samples(self.at, length)
         self.at += length
         return Block(length, lost)
+
+    def _waiting(self) -> int:
+        return int(self.SPEED * (time.monotonic() - self._begun_s) * RATE_HZ) - self.at
 
 
 class Unplugged(FakeDigitizer):

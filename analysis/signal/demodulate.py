@@ -11,6 +11,7 @@ from analysis.quantity import Quantity, Reading
 from analysis.recording import Recording, Role
 from analysis.shot import AnalysisError, AnalysisSettings, Progress
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
+from analysis.signal.fold import folded_harmonic
 from analysis.signal.joining import joined
 from analysis.signal.leak import find_leak, leak_phase
 from analysis.signal.plan import plans
@@ -113,6 +114,7 @@ def _motion(
     flags = list(recording.flags)
 
     moving = track.phase_cycles[:count] + track.oscillator_hz * (time_s - _delay_s(track))
+    folded = folded_harmonic(moving, track.amplitude_counts[:count], time_s, recording.sample_rate_hz, grid.rate_hz)
     rest_cycles, rest_std, rest, smoothed = _rest(recording, settings, grid, tracks, time_s, flags)
     if smoothed is not None:
         doppler = np.gradient(rest_cycles - moving) * grid.rate_hz
@@ -152,7 +154,7 @@ def _motion(
         array[~valid] = np.nan
     if max(t.wanted.survey.clipped_fraction for t in tracks) > 1e-4:
         flags.append("clipped")
-    if max(t.wanted.survey.harmonics for t in tracks) > HARMONICS_ABOVE:
+    if max(folded, *(t.wanted.survey.harmonics for t in tracks)) > HARMONICS_ABOVE:
         flags.append("harmonics")
     if np.count_nonzero(np.abs(track.offset_hz(grid)[: count - 1]) > track.wanted.tuning.half_width_hz) > 0:
         flags.append("out_of_band")

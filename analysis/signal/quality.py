@@ -8,7 +8,7 @@ from analysis.motion import BeatQuality, Motion
 from analysis.signal.filters import derivative_filters
 
 MEANINGS = {
-    "clipped": "the beat is cut off at the digitizer's rail: lower the gain",
+    "clipped": "the beat is cut off, at the digitizer's rail or before it: lower the gain",
     "gap": "samples were lost; short gaps are bridged by the predicted motion",
     "gap_unknown": "samples were lost, how many is not known: only the longest part is analysed",
     "truncated": "the data file is shorter than its metadata say",

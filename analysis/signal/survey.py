@@ -11,6 +11,11 @@ from analysis.shot import AnalysisError
 STRETCH_S = 40e-6
 SPACING_S = 1e-3
 _MOST_STRETCHES = 2000
+_SATURATED = 0.9  # of the samples at the rail: a sine cut off at a sixth of its height
+_PINNED = 3.0  # times as many samples at the extremes as within a count of them
+_APART = 5  # bins: beyond it the window's side lobes are below a third of a percent
+_EDGE = 8
+_FEWEST = 8  # stretches
 _DARK = 0.02  # of the usual height of the peak
 _SEEN = 13.0  # peak over mean noise, as power: one noise bin in 400,000 is as high
 
@@ -65,7 +70,7 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
     if high >= rail - 1 or low <= -rail:
         clipped = float(((raw >= rail - 1) | (raw <= -rail)).mean())
     clipped = max(clipped, _excess_pinning(raw, low, high))
-    if clipped > 0.5:
+    if clipped > _SATURATED:
         raise AnalysisError(f"{what}: saturated: {100 * clipped:.0f} % of the samples are at the rail")
 
     offset = float(raw.mean())
@@ -110,30 +115,32 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
 def _excess_pinning(raw: NDArray[np.int16], low: int, high: int) -> float:
     """Return the fraction of samples cut off at a level of their own, below the digitizer's rail.
 
-    A sine spends little time at its extremes: runs of equal counts there beyond what rounding gives are clipping.
+    A sine spends little time within a count of its extremes, and there at most 2.4 times as much as within the next
+    count: more than either is clipping.
     """
-    extreme = (raw == high) | (raw == low)
-    share = float(extreme.mean())
+    extreme = float(((raw == high) | (raw == low)).mean())
+    next_in = float(((raw == high - 1) | (raw == low + 1)).mean())
     expected = 4 * np.sqrt(2.0 / max(high - low, 1)) / np.pi  # of a sine within a count of its extremes, twice over
-    if share <= expected + 0.01:
-        return 0.0
-    return share if float((extreme[:, 1:] & extreme[:, :-1]).mean()) > 0.01 else 0.0
+    return extreme if extreme > expected + 0.01 and extreme > _PINNED * next_in else 0.0
 
 
 def _harmonics(power: NDArray[np.float32], peak: NDArray[np.float64], noise: NDArray[np.float64]) -> float:
-    """Return the amplitude of the stronger of the second and third harmonic, folded back, relative to the beat."""
+    """Return the amplitude of the stronger of the second and third harmonic, folded back, relative to the beat.
+
+    Seen where it folds neither onto the beat nor onto the edges of the band; there it bends nothing, elsewhere it does.
+    """
     size = 2 * (power.shape[1] - 1)
     rows = np.arange(power.shape[0])
     beat = np.median(power.max(axis=1))
     strongest = 0.0
     for order in (2, 3):
         folded = np.mod(order * peak, size)
-        place = np.clip(np.rint(np.minimum(folded, size - folded)), 8, power.shape[1] - 9).astype(np.int64)
-        apart = np.abs(place - peak) > 8
-        if apart.sum() < 8:
+        place = np.rint(np.minimum(folded, size - folded)).astype(np.int64)
+        seen = (np.abs(place - peak) > _APART) & (place > _EDGE) & (place < power.shape[1] - 1 - _EDGE)
+        if seen.sum() < _FEWEST:
             continue
-        near = np.max([power[rows[apart], place[apart] + k] for k in (-1, 0, 1)], axis=0)
-        strongest = max(strongest, float(np.median(near - 2 * noise[apart])) / float(beat))
+        near = np.max([power[rows[seen], place[seen] + k] for k in (-1, 0, 1)], axis=0)
+        strongest = max(strongest, float(np.median(near - 2 * noise[seen])) / float(beat))
     return float(np.sqrt(max(strongest, 0.0)))
 
 

@@ -1,6 +1,7 @@
 """What the program's names of effects, parameters and flags mean, in words; used on the screen and in files (no Qt)."""
 
 from analysis.signal.quality import MEANINGS
+from analysis.units import parts
 
 EFFECT_WORDS = {
     "coulomb_friction": "Coulomb friction on the block",
@@ -40,24 +41,6 @@ FLAG_WORDS = {
     "noise_not_known": "too little quiet flight to learn the noise from",
 }
 
-UNIT_ENDINGS = (
-    ("_n_s2_per_m2", "N s²/m²"),
-    ("_n_s_per_m2", "N s/m²"),
-    ("_n_s_per_m", "N s/m"),
-    ("_n_per_m3", "N/m³"),
-    ("_n_per_m", "N/m"),
-    ("_m_per_s2", "m/s²"),
-    ("_m_per_s", "m/s"),
-    ("_m_per_n", "m/N"),
-    ("_kg", "kg"),
-    ("_hz", "Hz"),
-    ("_rad", "rad"),
-    ("_n", "N"),
-    ("_m", "m"),
-    ("_s", "s"),
-)
-
-
 def effect_words(name: str) -> str:
     """Return an effect's name as a person says it."""
     return EFFECT_WORDS.get(name, name.replace("_", " "))
@@ -70,7 +53,4 @@ def flag_words(flag: str) -> str:
 
 def parameter_parts(name: str) -> tuple[str, str]:
     """Return ("coefficient", "N s²/m²") for "coefficient_n_s2_per_m2"; a name without a unit has the unit ""."""
-    for ending, unit in UNIT_ENDINGS:
-        if name.endswith(ending):
-            return name.removesuffix(ending).replace("_", " "), unit
-    return name.replace("_", " "), ""
+    return parts(name)

@@ -1,210 +1,187 @@
 """A quick integrator for searches: base model and any effects at once, right to some picometres, 0.2 to 1 ms a shot.
 
-The classical Runge-Kutta method from sample to sample; a switch (touch, release, turn, reach of an attraction) is met
-by bisection, so that the answer is smooth in the parameters.  Positions count from the plate's rest; what hides inside
-the block, the plate or its clamp is held relative to its carrier.  The catalogue's own functions and the exact solver
-(analysis.model) are the reference this is tested against.
+The classical Runge-Kutta method from sample to sample over the model's own equations (``model.rates``) and the
+catalogue's own functions; a switch (touch, release, turn, reach of an attraction) is met by bisection, so that the
+answer is smooth in the parameters.  Positions count from the plate's rest.
 """
 
-import math
-
 import numpy as np
-from numba import njit
+from numba import njit, types
 
-STANDARD_GRAVITY_M_PER_S2 = 9.80665
-REFERENCE_OVERLAP_M = 50e-6
-STATES = 11
-X, V, Y, U, INSIDE, INSIDE_V, ARM, MODE, MODE_V, CLAMP, CLAMP_V = range(STATES)
-(
-    BLOCK_MASS,
-    PLATE_STIFFNESS,
-    PLATE_MASS,
-    CONTACT_STIFFNESS,
-    CONTACT_DAMPING,
-    COULOMB,
-    VISCOUS,
-    QUADRATIC,
-    ANGLE,
-    GRADIENT,
-    INSIDE_MASS,
-    INSIDE_OMEGA,
-    INSIDE_ZETA,
-    CUBIC,
-    PLATE_DAMPING,
-    ARM_STIFFNESS,
-    ARM_TIME,
-    MODE_INVERSE_MASS,
-    MODE_OMEGA,
-    MODE_ZETA,
-    COMPLIANCE,
-    CLAMP_OMEGA,
-    DELTA,
-    OVERLAP_DAMPING,
-    ATTRACTION,
-    REACH,
-    START_Y,
-    START_U,
-) = range(28)
-PARAMETERS = 28
+from analysis.model.effects import kernel
+from analysis.model.rates import (
+    DASH,
+    HIDDEN,
+    INSIDE,
+    MOVES,
+    NEAR_0,
+    PLATE,
+    RANGE_AT,
+    RIDES,
+    SIGN,
+    SLOT_PARAMETERS,
+    SPRING,
+    inlined,
+    state_rates,
+    tight,
+)
+
 _MOST_SWITCHES = 400
 _BISECTIONS = 46
+_OVERLAP, _VELOCITY, _REACH_0 = 0, 1, 2  # what is watched; _REACH_0 + slot
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _rates(s, p, touching, right, near, out):  # type: ignore[no-untyped-def]
-    """Write d/dt of the state; about 30 ns."""
-    v = s[V]
-    force = 0.0
-    if touching:
-        overlap = s[Y] + s[MODE] - s[X]
-        rate = s[U] + s[MODE_V] - v
-        spring = p[CONTACT_STIFFNESS] * overlap
-        if p[DELTA] != 0.0:
-            spring = spring * (overlap / REFERENCE_OVERLAP_M) ** p[DELTA] if overlap > 0.0 else 0.0
-        if math.isinf(p[PLATE_MASS]):
-            spring += p[CUBIC] * overlap * overlap * overlap
-        force = spring + (p[CONTACT_DAMPING] + p[OVERLAP_DAMPING] * max(overlap, 0.0)) * rate
-    if near:
-        force -= p[ATTRACTION]
-    drag = p[VISCOUS] * v + p[QUADRATIC] * v * abs(v) + p[GRADIENT] * s[X]
-    drag += p[COULOMB] if right else -p[COULOMB]
-    slope = STANDARD_GRAVITY_M_PER_S2 * math.sin(p[ANGLE])
-    mass = p[BLOCK_MASS] - p[INSIDE_MASS]
-    pull = 0.0
-    if p[INSIDE_MASS] != 0.0:
-        omega = p[INSIDE_OMEGA]
-        pull = omega * omega * s[INSIDE] + 2.0 * p[INSIDE_ZETA] * omega * s[INSIDE_V]
-    acceleration = slope + (force - drag + p[INSIDE_MASS] * pull) / mass
-    out[X], out[V] = v, acceleration
-    out[INSIDE], out[INSIDE_V] = 0.0, 0.0
-    if p[INSIDE_MASS] != 0.0:
-        out[INSIDE], out[INSIDE_V] = s[INSIDE_V], slope - pull - acceleration
-    bend, bend_rate = s[Y] - s[CLAMP], s[U] - s[CLAMP_V]
-    hold = p[PLATE_STIFFNESS] * bend + p[CUBIC] * bend * bend * bend + p[PLATE_DAMPING] * bend_rate + s[ARM]
-    out[Y], out[U] = s[U], -(hold + force) / p[PLATE_MASS]
-    out[ARM] = p[ARM_STIFFNESS] * bend_rate - s[ARM] / p[ARM_TIME] if p[ARM_STIFFNESS] != 0.0 else 0.0
-    out[MODE], out[MODE_V] = 0.0, 0.0
-    if p[MODE_INVERSE_MASS] != 0.0:
-        omega = p[MODE_OMEGA]
-        out[MODE] = s[MODE_V]
-        out[MODE_V] = -force * p[MODE_INVERSE_MASS] - 2.0 * p[MODE_ZETA] * omega * s[MODE_V] - omega * omega * s[MODE]
-    out[CLAMP], out[CLAMP_V] = 0.0, 0.0
-    if p[COMPLIANCE] != 0.0:
-        omega = p[CLAMP_OMEGA]
-        out[CLAMP], out[CLAMP_V] = s[CLAMP_V], omega * omega * (hold * p[COMPLIANCE] - s[CLAMP])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _step(s, h, p, touching, right, near, k, work, out):  # type: ignore[no-untyped-def]
+@tight
+def _step(z, h, p, slots, flags, functions, k, work, out, s, values, effect, told):  # type: ignore[no-untyped-def]
     """Write the state one step of ``h`` ahead; four evaluations of the rates."""
-    _rates(s, p, touching, right, near, k[0])
-    for i in range(STATES):
-        work[i] = s[i] + 0.5 * h * k[0, i]
-    _rates(work, p, touching, right, near, k[1])
-    for i in range(STATES):
-        work[i] = s[i] + 0.5 * h * k[1, i]
-    _rates(work, p, touching, right, near, k[2])
-    for i in range(STATES):
-        work[i] = s[i] + h * k[2, i]
-    _rates(work, p, touching, right, near, k[3])
-    for i in range(STATES):
-        out[i] = s[i] + h / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
+    size = z.shape[1]
+    state_rates(z, k[0], p, slots, flags, functions, s, values, effect, told)
+    for i in range(size):
+        work[0, i] = z[0, i] + 0.5 * h * k[0, 0, i]
+    state_rates(work, k[1], p, slots, flags, functions, s, values, effect, told)
+    for i in range(size):
+        work[0, i] = z[0, i] + 0.5 * h * k[1, 0, i]
+    state_rates(work, k[2], p, slots, flags, functions, s, values, effect, told)
+    for i in range(size):
+        work[0, i] = z[0, i] + h * k[2, 0, i]
+    state_rates(work, k[3], p, slots, flags, functions, s, values, effect, told)
+    for i in range(size):
+        out[0, i] = z[0, i] + h / 6.0 * (k[0, 0, i] + 2.0 * k[1, 0, i] + 2.0 * k[2, 0, i] + k[3, 0, i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _watched(s, p, which):  # type: ignore[no-untyped-def]
+@inlined
+def _point(z, slots):  # type: ignore[no-untyped-def]
+    """Return where the contact point is."""
+    at = z[0, 2]
+    for slot in range(slots.shape[0]):
+        if slots[slot, MOVES] != 0.0:
+            at += slots[slot, MOVES] * z[0, 4 + 2 * slot]
+    return at
+
+
+@inlined
+def _reach(slot, p, slots):  # type: ignore[no-untyped-def]
+    return p[SLOT_PARAMETERS + 3 * slot + int(slots[slot, RANGE_AT])]
+
+
+@inlined
+def _watched(z, p, slots, which):  # type: ignore[no-untyped-def]
     """Return what is positive while a switch is on: overlap, velocity, how far inside an attraction's reach."""
-    overlap = s[Y] + s[MODE] - s[X]
-    if which == 0:
-        return overlap
-    return s[V] if which == 1 else overlap + p[REACH]
+    if which == _VELOCITY:
+        return z[0, 1]
+    overlap = _point(z, slots) - z[0, 0]
+    return overlap if which == _OVERLAP else overlap + _reach(which - _REACH_0, p, slots)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _first_switch(s, new, h, p, on, k, work, used):  # type: ignore[no-untyped-def]
+@inlined
+def _set(on, slots, flags):  # type: ignore[no-untyped-def]
+    """Write the flags that go with the switches; what attracts does so while the bodies are apart."""
+    touching = 1.0 if on[_OVERLAP] else 0.0
+    flags[SPRING], flags[DASH] = touching, touching
+    flags[SIGN] = 1.0 if on[_VELOCITY] else -1.0
+    for slot in range(slots.shape[0]):
+        flags[NEAR_0 + slot] = 1.0 if on[_REACH_0 + slot] and not on[_OVERLAP] else 0.0
+
+
+@tight
+def _first_switch(z, new, h, p, slots, flags, functions, on, used, k, work, s, values, effect, told):  # type: ignore[no-untyped-def]
     """Return (time, which) of the first switch within a step that ended in ``new``, or (h, -1)."""
     best, found = h, -1
-    for which in range(3):
-        if not used[which] or (_watched(new, p, which) > 0.0) == on[which]:
+    for which in range(on.size):
+        if not used[which] or (_watched(new, p, slots, which) > 0.0) == on[which]:
             continue
         low, high = 0.0, h
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            _step(s, middle, p, on[0], on[1], on[2], k, work, new)
-            if (_watched(new, p, which) > 0.0) == on[which]:
+            _step(z, middle, p, slots, flags, functions, k, work, new, s, values, effect, told)
+            if (_watched(new, p, slots, which) > 0.0) == on[which]:
                 low = middle
             else:
                 high = middle
         if found < 0 or high < best:
             best, found = high, which
-        _step(s, h, p, on[0], on[1], on[2], k, work, new)
+        _step(z, h, p, slots, flags, functions, k, work, new, s, values, effect, told)
     return best, found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def integrate(time_s, p, velocity, pieces, apart, x, v, plate, changes):  # type: ignore[no-untyped-def]
+_VECTOR, _MATRIX = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
+_ADDRESSES = types.Array(types.int64, 1, "C")
+
+
+@njit(
+    types.int64(
+        _VECTOR, _VECTOR, _MATRIX, _ADDRESSES, types.int64, types.int64, types.int64,
+        _VECTOR, _VECTOR, _VECTOR, _VECTOR,
+    ),
+    cache=True, nogil=True, error_model="numpy",
+)  # fmt: skip
+def integrate(time_s, p, slots, functions, size, pieces, apart, x, v, plate, changes):  # type: ignore[no-untyped-def]
     """Write position and velocity of the block and position of the contact point at ``time_s`` (ascending).
 
-    Time zero is the first touch (or the entry into an attraction's reach), where the block has ``velocity``; before
-    it only what acts on the block takes part.  ``pieces`` steps a sample in contact, ``apart`` out of it.
-    Writes the times of touch and release to ``changes`` and returns their number, -1 when there are too many switches.
+    ``p``, ``slots`` and ``functions`` are those of ``model.rates``, ``size`` the length of the state.  Time zero is the
+    first touch (or the entry into an attraction's reach), where the block has its velocity; before it only what acts
+    on the block takes part, and what rides inside it has come to rest.  ``pieces`` steps a sample in contact,
+    ``apart`` out of it.  Writes the times of touch and release to ``changes`` and returns their number, -1 when there
+    are too many switches, -2 where the hidden parts outweigh the block.
     """
-    k, work, new, s = np.empty((4, STATES)), np.empty(STATES), np.empty(STATES), np.zeros(STATES)
-    attracts = p[ATTRACTION] != 0.0
-    start = p[REACH] if attracts else p[START_Y]
+    k, work, new, z = np.zeros((4, 1, size)), np.zeros((1, size)), np.zeros((1, size)), np.zeros((1, size))
+    s, values, effect, told = np.zeros(kernel.STATES), np.zeros(3), np.zeros(kernel.OUTPUTS), np.zeros((1, 3))
+    count = slots.shape[0]
+    flags = np.zeros(NEAR_0 + count)
+    on, used = np.zeros(2 + count, dtype=np.bool_), np.zeros(2 + count, dtype=np.bool_)
+    start, attracts = p[5], False
+    for slot in range(count):
+        if slots[slot, RANGE_AT] >= 0.0:
+            used[_REACH_0 + slot] = attracts = True
+            start = max(start, _reach(slot, p, slots))
     first = 0
     while first < time_s.size and time_s[first] < 0.0:
         first += 1
-    s[X], s[V] = start, velocity
-    inside = p[INSIDE_MASS]
-    p[INSIDE_MASS] = 0.0  # what rides inside has come to rest
+    _set(on, slots, flags)
+    z[0, 0], z[0, 1] = start, p[4]
     t = 0.0
     for i in range(first - 1, -1, -1):
-        _step(s, time_s[i] - t, p, False, False, False, k, work, new)
-        s[X], s[V] = new[X], new[V]
+        _step(z, time_s[i] - t, p, slots, flags, functions, k, work, new, s, values, effect, told)
+        z[0, 0], z[0, 1] = new[0, 0], new[0, 1]
         t = time_s[i]
-        x[i], v[i], plate[i] = s[X], s[V], 0.0
-    p[INSIDE_MASS] = inside
-    s[X], s[V], s[Y], s[U] = start, velocity, p[START_Y], p[START_U]
-    on = np.array([not attracts, False, attracts])
-    used = np.array([True, p[COULOMB] != 0.0, attracts])
+        x[i], v[i], plate[i] = z[0, 0], z[0, 1], 0.0
+    flags[PLATE] = flags[INSIDE] = 1.0
+    z[0, 0], z[0, 1], z[0, 2], z[0, 3] = start, p[4], p[5], p[6]
+    for i in range(4, size):
+        z[0, i] = 0.0
+    on[_OVERLAP] = not attracts
+    used[_OVERLAP], used[_VELOCITY] = True, count > 0
+    for slot in range(count):
+        if slots[slot, RIDES] > 0.5 and slots[slot, HIDDEN] > 0.5:
+            z[0, 4 + 2 * slot], z[0, 5 + 2 * slot] = start, p[4]
+        on[_REACH_0 + slot] = used[_REACH_0 + slot] and _reach(slot, p, slots) >= start
+    _set(on, slots, flags)
+    if not state_rates(z, k[0], p, slots, flags, functions, s, values, effect, told) > 0.0:
+        return -2
     t = 0.0
     switches, changed = 0, 0
     for i in range(first, time_s.size):
         end = time_s[i]
-        piece = (end - t) / (pieces if on[0] else apart)
+        piece = (end - t) / (pieces if on[_OVERLAP] else apart)
         while t < end - 1e-15:
             h = min(piece, end - t)
-            _step(s, h, p, on[0], on[1], on[2], k, work, new)
-            at, which = _first_switch(s, new, h, p, on, k, work, used)
+            _step(z, h, p, slots, flags, functions, k, work, new, s, values, effect, told)
+            at, which = _first_switch(
+                z, new, h, p, slots, flags, functions, on, used, k, work, s, values, effect, told
+            )
             if which >= 0:
-                _step(s, at, p, on[0], on[1], on[2], k, work, new)
+                _step(z, at, p, slots, flags, functions, k, work, new, s, values, effect, told)
                 on[which] = not on[which]
+                _set(on, slots, flags)
                 switches += 1
-                if which == 0 and changed < changes.size:
+                if which == _OVERLAP and changed < changes.size:
                     changes[changed] = t + at
                     changed += 1
                 if switches > _MOST_SWITCHES:
                     return -1
-            for j in range(STATES):
-                s[j] = new[j]
+            for j in range(size):
+                z[0, j] = new[0, j]
             t += at
         t = end
-        x[i], v[i], plate[i] = s[X], s[V], s[Y] + s[MODE]
+        x[i], v[i], plate[i] = z[0, 0], z[0, 1], _point(z, slots)
     return changed
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def lagged(x, v, spacing, tau):  # type: ignore[no-untyped-def]
-    """Return what a first-order lag tau x_m' = x - x_m makes of a path, quadratic between samples; 5 ns a sample."""
-    out = np.empty(x.size)
-    fade = math.exp(-spacing / tau)
-    behind = x[0] - tau * v[0]
-    out[0] = behind
-    for i in range(x.size - 1):
-        a = (v[i + 1] - v[i]) / spacing
-        begin = x[i] - tau * v[i] + tau * tau * a
-        end = x[i + 1] - tau * v[i + 1] + tau * tau * a
-        behind = end + (behind - begin) * fade
-        out[i + 1] = behind
-    return out

@@ -4,23 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.quantity import Quantity
+from analysis.units import parts
 
-UNITS = (
-    ("_n_s2_per_m2", "N s²/m²"),
-    ("_n_s_per_m2", "N s/m²"),
-    ("_n_per_m3", "N/m³"),
-    ("_n_s_per_m", "N s/m"),
-    ("_n_per_m", "N/m"),
-    ("_m_per_s2", "m/s²"),
-    ("_m_per_s", "m/s"),
-    ("_m_per_n", "m/N"),
-    ("_hz", "Hz"),
-    ("_rad", "rad"),
-    ("_kg", "kg"),
-    ("_n", "N"),
-    ("_m", "m"),
-    ("_s", "s"),
-)
 UNDETERMINED = 5  # more look-alikes than this: it is not even a class
 CLASSES = {
     frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",
@@ -36,17 +21,13 @@ def plain(name: str) -> str:
 
 def unit_of(parameter: str) -> str:
     """Return the unit that a parameter's name carries, or nothing."""
-    return next((unit for ending, unit in UNITS if parameter.split(".")[0].endswith(ending)), "")
+    return parts(parameter.split(".")[0])[1]
 
 
 def stem(parameter: str) -> str:
     """Return a parameter's name without its unit, in words."""
     name, _, shot = parameter.partition(".")
-    for ending, _unit in UNITS:
-        if name.endswith(ending):
-            name = name[: -len(ending)]
-            break
-    return name.replace("_", " ") + (f" of shot {shot}" if shot else "")
+    return parts(name)[0] + (f" of shot {shot}" if shot else "")
 
 
 def quantity(name: str, value: Quantity) -> str:

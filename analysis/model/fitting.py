@@ -105,7 +105,7 @@ def prepare(motion: Motion) -> ShotData:
         course,
         noise,
         motion.wavelength_m or DEFAULT_WAVELENGTH_M,
-        motion.displacement_band_hz,
+        motion.sample_rate_hz,
     )
 
 

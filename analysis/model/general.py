@@ -7,26 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from analysis.model.effects import MOST_AT_ONCE
-from analysis.model.effects.kernel import address, complex_address
-from analysis.model.effects.row import Acts, Effect
 from analysis.model.exact import Event, TooManyEvents
 from analysis.model.parameters import Collision, Floats
 from analysis.model.phases import CONTACT, FREE, MAX_EVENTS, OVERLAPPED, PARTING
-from analysis.model.rates import SLOT_COLUMNS
+from analysis.model.rates import SLOT_PARAMETERS
+from analysis.model.slots import Active as Active
+from analysis.model.slots import lay_out, swings
 
 _BASE_STEP = 0.14  # radians of the fastest swing of block, contact and plate a step: 1e-12 of the displacement
 _HIDDEN_STEP = 0.22  # of an effect's own swing, which is small beside the motion
 _LONGEST_S = 1e-3
-BASE = 8  # parameters of the base model, in ``parameters.kernel_order``; then three a slot
-
-
-@dataclass(frozen=True, slots=True)
-class Active:
-    """An effect switched on, with its parameters' values in the row's order."""
-
-    effect: Effect
-    values: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +52,13 @@ class RunsAway(ArithmeticError):
 
 def direction(slot: int, place: int) -> int:
     """Return the direction of an effect's parameter: the ``place``-th of the effect in ``slot``."""
-    return BASE + 3 * slot + place
-
-
-def mechanical(effects: Sequence[Active]) -> list[Active]:
-    """Return those effects that take a slot of the integrator."""
-    return [active for active in effects if active.effect.kernel is not None]
+    return SLOT_PARAMETERS + 3 * slot + place
 
 
 def solve(
     collision: Collision, effects: Sequence[Active], time_s: Floats, *, directions: Sequence[int] = ()
 ) -> GeneralRun:
-    """Solve ``collision`` with mechanical ``effects`` (at most three) at ``time_s``, shape (n,), ascending.
+    """Solve ``collision`` with mechanical ``effects`` at ``time_s``, shape (n,), ascending.
 
     ``directions`` are indices into ``parameters.kernel_order`` (0 to 6) and ``direction(slot, place)``, a slot being a
     place in ``effects``; the block's mass (7) is not among them.  Before the touch only what acts on the block and
@@ -84,24 +69,8 @@ def solve(
     times = np.ascontiguousarray(time_s, dtype=np.float64)
     if times.ndim != 1 or times.size == 0 or not np.all(np.diff(times) >= 0):
         raise ValueError("time_s must be one-dimensional, not empty and ascending")
-    if len(effects) > MOST_AT_ONCE:
-        raise ValueError(f"at most {MOST_AT_ONCE} effects at once")
-    p = np.zeros(BASE + 9)
-    p[:BASE] = collision.vector
-    slots = np.zeros((len(effects), SLOT_COLUMNS))
-    real, carrying = np.zeros(len(effects), dtype=np.int64), np.zeros(len(effects), dtype=np.int64)
-    for slot, active in enumerate(effects):
-        row = active.effect
-        if row.kernel is None:
-            raise ValueError(f"{row.name} does not act on the motion")
-        real[slot] = address(row.kernel)
-        if len(directions):
-            carrying[slot] = complex_address(row.kernel)
-        p[BASE + 3 * slot : BASE + 3 * slot + len(active.values)] = active.values
-        on_plate = row.acts is Acts.ON_PLATE
-        slots[slot] = [1, row.acts is Acts.IN_CONTACT, row.hidden, row.shift, on_plate, row.rides, row.range_at]
-    hidden = 2 * max((slot + 1 for slot, a in enumerate(effects) if a.effect.hidden), default=0)
-    size = 4 + 4 * math.ceil(hidden / 4)  # the kernels count in fours
+    laid = lay_out(collision, effects, carrying=len(directions) > 0)
+    size = 4 + 4 * math.ceil(laid.hidden / 4)  # the kernel counts in fours
     which = np.asarray(directions, dtype=np.int64)
     n, k = times.size, which.size
     states, d_x = np.empty((n, 5)), np.empty((n, k))
@@ -110,7 +79,8 @@ def solve(
     event_d_state = np.empty((MAX_EVENTS, k, size))
     integrate: Any = hybrid.integrate
     count = integrate(
-        times, p, which, int(collision.variant), slots, _steps(collision, effects), real, carrying,
+        times, laid.p, which, int(collision.variant), laid.slots, _steps(collision, effects),
+        laid.functions, laid.carrying,
         states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
     )  # fmt: skip
     if count == -1:
@@ -121,9 +91,9 @@ def solve(
         Event(
             _kind(int(event_kind[e])),
             float(event_time[e]),
-            event_state[e, : 4 + hidden].copy(),
+            event_state[e, : 4 + laid.hidden].copy(),
             event_d_time[e].copy(),
-            event_d_state[e, :, : 4 + hidden].copy(),
+            event_d_state[e, :, : 4 + laid.hidden].copy(),
         )
         for e in range(count)
     )
@@ -149,20 +119,13 @@ def _kind(code: int) -> str:
 
 def _steps(collision: Collision, effects: Sequence[Active]) -> Floats:
     """Return the longest steps in s (in contact, apart, gone, before the touch), their growth and nearing."""
-    c = collision
-    factor = math.prod(active.effect.stiffens(np.asarray(active.values)) for active in effects)
-    inverse = 1 / c.block_mass_kg + 1 / c.plate_mass_kg
-    plate = c.plate_stiffness_n_per_m / c.plate_mass_kg
-    swinging = math.sqrt(factor * c.contact_stiffness_n_per_m * inverse + plate)
-    contact = max(swinging, c.contact_damping_n_s_per_m * inverse)
-    hidden = [(a.effect.fastest(np.asarray(a.values)), a.effect.acts is Acts.ON_BLOCK) for a in effects]
-    inside = max((rate for rate, block in hidden if block), default=0.0)
-    every = max((rate for rate, _ in hidden), default=0.0)
+    rates = swings(collision, effects)
 
     def longest(base: float, own: float) -> float:
         return min(_BASE_STEP / max(base, 1e-9), _HIDDEN_STEP / max(own, 1e-9), _LONGEST_S)
 
-    steps = [longest(contact, every), longest(math.sqrt(plate), every), longest(0.0, inside), _LONGEST_S]
+    contact, apart = longest(rates.contact, rates.every), longest(rates.plate, rates.every)
+    steps = [contact, apart, longest(0.0, rates.inside), _LONGEST_S]
     # A law that is not smooth where the overlap begins is stepped away from, and up to, in short strides.
     rough = any(active.effect.rough for active in effects)
     return np.array([*steps, *((1.35, 0.4) if rough else (3.0, 0.0))])

@@ -38,10 +38,10 @@ DIP = 100
 TURN = 90  # event kind: the block's velocity changes its sign
 RANGE = 95  # plus slot: the bodies leave or enter the range of a force
 _SHRINK, _SMALLEST = 0.25, 1e-4
-_WATCHED = 7  # xi, xi', F, v, and a range a slot
+_WATCHED = 4  # xi, xi', F, v; then a range a slot
 
 
-@inlined
+@tight
 def _rates(z, out, rows, which, p, slots, flags, real, carrying, s, values, effect, cs, c_values, c_effect, told):  # type: ignore[no-untyped-def]
     """Write d/dt of the state and of its derivatives, and tell what is watched."""
     mass = state_rates(z, out, p, slots, flags, real, s, values, effect, told)
@@ -78,22 +78,21 @@ def _reach(  # type: ignore[no-untyped-def]
     slopes = k.reshape(11 * slopes_row)
     for j in range(weights.size):
         scaled[j] = h * weights[j]
-    for stage in range(1, 11):
-        _combine(flat, slopes, table, scaled, begins[stage - 1], begins[stage], slopes_row, n, staged)
-        _rates(
-            trial, k[stage], rows, which, p, slots, flags, real, carrying,
-            s, values, effect, cs, c_values, c_effect, told,
-        )  # fmt: skip
-    _combine(flat, slopes, table, scaled, begins[10], begins[11], slopes_row, n, ahead)
-    _rates(
-        out, f_end, rows, which, p, slots, flags, real, carrying, s, values, effect, cs, c_values, c_effect, told
-    )  # fmt: skip
+    for stage in range(1, 12):
+        last = stage == 11
+        here, there, stage_state = (f_end, ahead, out) if last else (k[stage], staged, trial)
+        _combine(flat, slopes, table, scaled, begins[stage - 1], begins[stage], slopes_row, n, there)
+        mass = state_rates(stage_state, here, p, slots, flags, real, s, values, effect, told)
+        if rows > 1:
+            derivative_rates(
+                stage_state, here, rows, which, p, slots, flags, carrying, cs, c_values, c_effect, told, mass
+            )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@tight
 def _expect(phase, variant, flags, slots, before_touch, expected):  # type: ignore[no-untyped-def]
     """Write which sign each watched quantity has in this phase; 0: not watched."""
-    for i in range(_WATCHED):
+    for i in range(expected.size):
         expected[i] = 0.0
     if not before_touch:
         expected[3] = flags[SIGN]
@@ -113,7 +112,7 @@ def _expect(phase, variant, flags, slots, before_touch, expected):  # type: igno
             expected[4 + slot] = -1.0 if flags[NEAR_0 + slot] > 0.5 else 1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@tight
 def _value(item, z, told, p, slots):  # type: ignore[no-untyped-def]
     """Return a watched quantity at a state whose rates were just told."""
     if item < 3:
@@ -124,13 +123,13 @@ def _value(item, z, told, p, slots):  # type: ignore[no-untyped-def]
     return -told[0, 0] - p[SLOT_PARAMETERS + 3 * slot + int(slots[slot, RANGE_AT])]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@tight
 def _crossed(z, z_end, f, f_end, told, told_end, h, expected, p, slots):  # type: ignore[no-untyped-def]
     """Return the first watched quantity found on its wrong side after a step, or -1.
 
     One that may have gone there and come back within the step is returned with DIP added.
     """
-    for item in range(_WATCHED):
+    for item in range(expected.size):
         sign = expected[item]
         if sign != 0.0 and _value(item, z_end, told_end, p, slots) * sign < 0.0:
             return item
@@ -144,7 +143,7 @@ def _crossed(z, z_end, f, f_end, told, told_end, h, expected, p, slots):  # type
     return -1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@tight
 def _slope(item, f, told, p, slots):  # type: ignore[no-untyped-def]
     """Return d/dt of xi, xi' or (as far as spring and dashpot make it) F: what the look for dips needs."""
     if item == 0:
@@ -156,14 +155,14 @@ def _slope(item, f, told, p, slots):  # type: ignore[no-untyped-def]
     return second if item == 1 else p[2] * told[0, 1] + p[3] * second
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@tight
 def _set(phase, flags):  # type: ignore[no-untyped-def]
     flags[SPRING] = 1.0 if phase in (CONTACT, PARTING) else 0.0
     flags[DASH] = 1.0 if phase == CONTACT else 0.0
     flags[PARTED] = 1.0 if phase == OVERLAPPED else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@tight
 def _quintic(x0, v0, a0, x1, v1, a1, h, at):  # type: ignore[no-untyped-def]
     """Return (x, v) at ``at`` in [0, h] of the quintic through both ends' position, velocity and acceleration."""
     u = at / h
@@ -178,7 +177,7 @@ def _quintic(x0, v0, a0, x1, v1, a1, h, at):  # type: ignore[no-untyped-def]
     return x, v
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@tight
 def _emit(i, at, h, z, f, z_end, f_end, rows, slots, states, d_x):  # type: ignore[no-untyped-def]
     """Write sample ``i``, ``at`` into a step: (x_b, v_b, x_p, v_p, contact point) and the derivatives of x_b."""
     x, v = _quintic(z[0, 0], z[0, 1], f[0, 1], z_end[0, 0], z_end[0, 1], f_end[0, 1], h, at)
@@ -216,7 +215,7 @@ def _march(  # type: ignore[no-untyped-def]
     nothing = np.full(1, -1, dtype=np.int64)
     single, couple = rows - rows + 1, rows - rows + 2  # of the type of ``rows``, so that one compiled kernel serves
     pair, pair_rate, pair_told = np.zeros((2, size)), np.zeros((2, size)), np.zeros((2, 3))
-    flags, expected = np.zeros(NEAR_0 + slots.shape[0]), np.zeros(_WATCHED)
+    flags, expected = np.zeros(NEAR_0 + slots.shape[0]), np.zeros(_WATCHED + slots.shape[0])
     z[0, 0], z[0, 1], z[0, 2], z[0, 3] = p[5], p[4], p[5], p[6]
     for j in range(1, rows):
         by = which[j - 1]

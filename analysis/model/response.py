@@ -41,7 +41,7 @@ class ShotData:
     course: Course
     noise: Noise
     wavelength_m: float = DEFAULT_WAVELENGTH_M
-    band_hz: float = 4e4
+    rate_hz: float = 1e5  # of the demodulated record
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,8 +246,7 @@ def _sense(
 ) -> tuple[Floats, Floats]:
     """Return displacement and derivatives as a sensor with this effect shows them (by complex steps)."""
     assert effect.sensor is not None
-    # Times from the touch that the data alone tell: one clock for all trials of a fit.
-    seen = Sensed(shot.time_s - shot.course.touch_time_s, velocity_m_per_s, shot.wavelength_m, shot.band_hz)
+    seen = Sensed(shot.time_s, velocity_m_per_s, shot.wavelength_m, shot.rate_hz)
     own = np.array([values[f"{effect.name}.{p.name}"] for p in effect.parameters], dtype=np.complex128)
     count = columns.shape[1]
     steps = np.zeros((x.size, 1 + count), dtype=np.complex128)

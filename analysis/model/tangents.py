@@ -71,7 +71,7 @@ def candidates(problem: Problem, parameters: Floats, names: Iterable[str] | None
             yield from _sensed(problem, parameters, row)
         elif row.acts is Acts.AT_START:
             yield _moving_plate(problem, parameters, row)
-        elif not (problem.model.base.one_body and row.acts is Acts.ON_PLATE):
+        elif row.one_body or not problem.model.base.one_body:
             singles += [(row, point) for point in grid(row)]
     room = max(1, 3 - sum(effect.kernel is not None for effect in problem.model.effects))
     for begin in range(0, len(singles), room):
@@ -151,9 +151,7 @@ def _sensed(problem: Problem, parameters: Floats, effect: Effect) -> Iterator[Ca
     for index in range(len(problem.shots)):
         shot, own, _ = _situation(problem, parameters, index)
         response = respond(problem.model, shot, parameters[: problem.shared], own, derivatives=False)
-        seen = Sensed(
-            shot.time_s - shot.course.touch_time_s, response.velocity_m_per_s, shot.wavelength_m, shot.band_hz
-        )
+        seen = Sensed(shot.time_s, response.velocity_m_per_s, shot.wavelength_m, shot.rate_hz)
         runs.append((seen, response.displacement_m - own[OWN_NAMES.index("offset_m")]))
     phases = [p for p in effect.parameters if p.name == "phase_rad"]
     amplitude = effect.index(effect.amplitude)

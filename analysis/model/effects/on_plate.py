@@ -6,9 +6,12 @@ from typing import Any
 from analysis.model.effects.kernel import (
     FORCE,
     ON_PLATE,
+    PAIR,
     PLATE_STIFFNESS,
     Q_RATE,
+    TOUCHING,
     W_RATE,
+    XI,
     Q,
     U,
     W,
@@ -20,6 +23,12 @@ from analysis.model.effects.row import Acts, Effect, Parameter, frequencies
 def cubic_stiffness(s: Any, p: Any, out: Any) -> None:
     """Add -k_3 y^3; p = (k_3 in N/m^3).  A plate that stiffens (or softens) with its deflection; Duffing, 1918."""
     out[ON_PLATE] -= p[0] * s[Y] * s[Y] * s[Y]
+
+
+def cubic_contact(s: Any, p: Any, out: Any) -> None:
+    """Add k_3 xi^3 between one body and its spring, where that is all there is; p = (k_3 in N/m^3)."""
+    if s[TOUCHING].real > 0.5:
+        out[PAIR] += p[0] * s[XI] * s[XI] * s[XI]
 
 
 def plate_damping(s: Any, p: Any, out: Any) -> None:
@@ -60,9 +69,10 @@ ROWS = (
         "cubic_stiffness",
         "a plate that stiffens as it bends",
         Acts.ON_PLATE,
-        (Parameter("coefficient_n_per_m3", "N/m³", 2e5),),
+        (Parameter("coefficient_n_per_m3", "N/m³", 1e5),),
         "coefficient_n_per_m3",
         cubic_stiffness,
+        locked=cubic_contact,
         look_alikes=("contact_exponent",),
     ),
     Effect(
@@ -72,7 +82,7 @@ ROWS = (
         (Parameter("coefficient_n_s_per_m", "N s/m", 2e-4, lower=0.0),),
         "coefficient_n_s_per_m",
         plate_damping,
-        fastest=lambda values: float(values[0]) / 1e-4,
+        fastest=lambda values, c: float(values[0]) / c.plate_mass_kg,
         look_alikes=("viscoelastic_arm",),
     ),
     Effect(
@@ -81,12 +91,14 @@ ROWS = (
         Acts.ON_PLATE,
         (
             Parameter("stiffness_n_per_m", "N/m", 0.5, lower=0.0),
-            Parameter("relaxation_time_s", "s", 2e-3, lower=2e-5, upper=1.0, grid=(2e-4, 6e-4, 2e-3, 6e-3, 2e-2, 6e-2)),
+            Parameter(
+                "relaxation_time_s", "s", 2e-3, 2e-5, 0.5, (2e-4, 5e-4, 1.2e-3, 3e-3, 7e-3, 2e-2), logarithmic=True
+            ),
         ),
         "stiffness_n_per_m",
         viscoelastic_arm,
         hidden=1,
-        fastest=lambda values: 1 / float(values[1]),
+        fastest=lambda values, _: 1 / float(values[1]),
         look_alikes=("plate_damping",),
     ),
     Effect(
@@ -94,30 +106,30 @@ ROWS = (
         "a second way in which the plate swings",
         Acts.ON_PLATE,
         (
-            Parameter("mass_kg", "kg", 5e-3, lower=1e-6),
-            Parameter("frequency_hz", "Hz", 900.0, lower=20.0, upper=2e4, grid=frequencies(80, 6000, 150)),
-            Parameter("damping_ratio", "", 0.02, lower=0.0, upper=0.7, grid=(0.005, 0.03, 0.15)),
+            Parameter("mass_kg", "kg", 5e-3, lower=1e-5, upper=1e4, tried=(0.1,), logarithmic=True),
+            Parameter("frequency_hz", "Hz", 900.0, 1.0, 2e4, frequencies(300, 8000), logarithmic=True),
+            Parameter("damping_ratio", "", 0.02, 1e-4, 0.6, (0.005, 0.03, 0.15), (0.01,), logarithmic=True),
         ),
         "mass_kg",
         second_plate_mode,
         hidden=2,
         shift=1.0,
         inverse=True,
-        stiffens=lambda values: 1 + 2e-4 / float(values[0]),
-        fastest=lambda values: 2 * math.pi * float(values[1]),
+        stiffens=lambda values, c: 1 + 1 / (float(values[0]) * (1 / c.block_mass_kg + 1 / c.plate_mass_kg)),
+        fastest=lambda values, _: 2 * math.pi * float(values[1]),
     ),
     Effect(
         "support_compliance",
         "a clamp that gives under the plate",
         Acts.ON_PLATE,
         (
-            Parameter("compliance_m_per_n", "m/N", 1e-6, lower=0.0),
-            Parameter("frequency_hz", "Hz", 300.0, lower=20.0, upper=1e4, grid=frequencies(40, 4000, 156)),
+            Parameter("compliance_m_per_n", "m/N", 1e-5, lower=0.0, upper=1e-2, tried=(1e-6,)),
+            Parameter("frequency_hz", "Hz", 300.0, 1.0, 1e4, frequencies(200, 3000, 0.012), logarithmic=True),
         ),
         "compliance_m_per_n",
         support_compliance,
         hidden=2,
-        fastest=lambda values: 2 * math.pi * float(values[1]),
+        fastest=lambda values, _: 2 * math.pi * float(values[1]),
         look_alikes=("coulomb_friction", "viscous_drag"),
     ),
     Effect(

@@ -4,14 +4,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model.effects.kernel import Kernel
+from analysis.model.parameters import Collision
 
 Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 class Acts(Enum):
@@ -29,9 +30,11 @@ class Parameter:
     """A parameter of an effect.
 
     ``scale`` is a natural size (a first guess, of the order that one shot can just show or somewhat above);
-    ``lower`` and ``upper`` keep the sign physical; ``grid`` holds the values at which a linear score is to be taken
-    where the effect is not linear in it; ``own`` says that every shot has its own; ``fixed`` that a fit chooses among
-    the grid instead of moving it; ``nuisance`` that it belongs to the fit but to no result.
+    ``lower`` and ``upper`` keep it physical; ``grid`` holds the values at which a linear score is to be taken where
+    the effect is not linear in it; ``tried`` those from which the diagnosis starts, where they are not the grid (or,
+    without one, the scale); ``logarithmic`` says that the diagnosis searches it by its logarithm, as fits a size not
+    known to a power of ten; ``own`` that every shot has its own; ``fixed`` that a fit chooses among the grid instead of
+    moving it; ``nuisance`` that it belongs to the fit but to no result.
     """
 
     name: str
@@ -40,6 +43,8 @@ class Parameter:
     lower: float = -math.inf
     upper: float = math.inf
     grid: tuple[float, ...] = ()
+    tried: tuple[float, ...] = ()
+    logarithmic: bool = False
     own: bool = False
     fixed: bool = False
     nuisance: bool = False
@@ -47,15 +52,19 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Sensed:
-    """What a sensor effect may ask of the measurement: times in s from the touch, the block's velocity, the optics."""
+    """What a sensor effect may ask: times on the recording's clock, the block's velocity, the optics.
+
+    ``rate_hz`` is that of the demodulated record, which may hold more samples than ``time_s``, shape (n,).
+    """
 
     time_s: Floats
     velocity_m_per_s: Floats
     wavelength_m: float
-    band_hz: float
+    rate_hz: float
 
 
-Sensor = Callable[[Sensed, Complexes, Complexes], Complexes]
+Sensor = Callable[[Sensed, Any, Any], Any]
+Rate = Callable[[Floats, Collision], float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +73,12 @@ class Effect:
 
     ``amplitude`` names the parameter in which the effect is linear near nothing; ``inverse`` says that the effect
     vanishes as that parameter grows.  ``kernel`` is the mechanical function, ``sensor`` the one on the displacement,
-    shape (n, k), of a sensor effect.  ``hidden`` states follow the block before the touch if they ride with it, and
-    move the contact point by ``shift`` times the first of them.  ``fastest`` gives the fastest rate in rad/s that the
-    effect brings, ``stiffens`` by what factor it may raise the contact's stiffness, ``rough`` says that its law is not
-    smooth where the overlap begins: the integrator suits its steps to them.
+    shape (n, k), of a sensor effect; ``locked`` takes the kernel's place, between the two bodies, where the base model
+    is one body on a contact (without it what acts on the plate has no meaning there).  ``hidden`` states follow the
+    block before the touch if they ride with it, and move the contact point by ``shift`` times the first of them.  Of
+    its values and the collision ``fastest`` gives the fastest rate in rad/s that the effect brings, ``stiffens`` by
+    what factor it may raise the contact's stiffness, ``rough`` says that its law is not smooth where the overlap
+    begins: the integrators suit their steps to them.
     """
 
     name: str
@@ -83,9 +94,16 @@ class Effect:
     rough: bool = False
     range_at: int = -1  # which parameter is the range within which the bodies must be
     inverse: bool = False
-    fastest: Callable[[Floats], float] = field(default=lambda _values: 0.0)
-    stiffens: Callable[[Floats], float] = field(default=lambda _values: 1.0)
+    optical: bool = False  # has a meaning only where light of a known wavelength measures
+    fastest: Rate = field(default=lambda _values, _collision: 0.0)
+    stiffens: Rate = field(default=lambda _values, _collision: 1.0)
+    locked: Kernel | None = None
     look_alikes: tuple[str, ...] = ()
+
+    @property
+    def one_body(self) -> bool:
+        """Return whether the effect has a meaning where the plate does not move."""
+        return self.acts not in (Acts.ON_PLATE, Acts.AT_START) or self.locked is not None
 
     @property
     def own(self) -> bool:
@@ -100,6 +118,7 @@ class Effect:
         raise ValueError(f"{self.name} has no parameter {name!r}; it has {', '.join(p.name for p in self.parameters)}")
 
 
-def frequencies(low_hz: float, high_hz: float, count: int) -> tuple[float, ...]:
-    """Return a geometric grid; at most 3 % a step keeps a line from falling between two points."""
+def frequencies(low_hz: float, high_hz: float, step: float = 0.03) -> tuple[float, ...]:
+    """Return a geometric grid; steps of at most 3 % keep a line from falling between two points."""
+    count = math.ceil(math.log(high_hz / low_hz) / math.log1p(step)) + 1
     return tuple(float(f) for f in np.geomspace(low_hz, high_hz, count))

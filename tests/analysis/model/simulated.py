@@ -38,7 +38,7 @@ def shot(
         if sensor is not None:
             p = np.zeros((3, 1), dtype=np.complex128)
             p[: len(values), 0] = values
-            seen = Sensed(time_s - touch_s, run.velocity_m_per_s, WAVELENGTH_M, BAND_HZ)
+            seen = Sensed(time_s, run.velocity_m_per_s, WAVELENGTH_M, rate_hz)
             x = sensor(seen, x[:, None].astype(np.complex128), p)[:, 0].real
     noise = white_m * random.standard_normal(samples)
     if floor_m > 0:

@@ -160,12 +160,13 @@ def test_plate_in_motion_is_met_where_it_is() -> None:
 
 def test_sensor_lag_of_a_ramp_is_a_delay_and_of_a_swing_a_low_pass() -> None:
     t = np.arange(4000) * 1e-5
-    seen = Sensed(t, np.zeros(t.size), 632.8e-9, 3e4)
     tau = 5e-5
+    seen = Sensed(t, np.full(t.size, 0.2), 632.8e-9, 1e5)
     p = np.array([[tau], [0], [0]], dtype=np.complex128)
     ramp = demodulation_lag(seen, (0.2 * t)[:, None].astype(np.complex128), p)[:, 0].real
     assert ramp == pytest.approx(0.2 * (t - tau), abs=1e-15)
     omega = 2 * math.pi * 400
+    seen = Sensed(t, omega * np.cos(omega * t), 632.8e-9, 1e5)
     swing = demodulation_lag(seen, np.sin(omega * t)[:, None].astype(np.complex128), p)[:, 0].real
     gain, phase = 1 / math.hypot(1, omega * tau), math.atan(omega * tau)
     late = t > 40 * tau

@@ -131,10 +131,11 @@ def test_two_integrators_agree_anywhere(
 ) -> None:
     collision = Collision(17.85e-3, -velocity, plate, mass, contact, damping, variant=variant)
     time_s = np.arange(-0.002, 1.3 * collision.contact_time_estimate_s, 2e-5)
-    one = exact.solve(collision, time_s)
+    one = exact.solve(collision, time_s, derivatives=True)
     other = general.solve(collision, [], time_s)
-    deepest = np.abs(one.displacement_m).max()
-    assert np.abs(one.displacement_m - other.displacement_m).max() < 1e-10 * deepest
+    # A chain of bounces magnifies any error as it does a small change of the parameters.
+    magnified = np.linalg.norm(one.displacement_derivatives[:, :5] * collision.vector[:5], axis=1).max()
+    assert np.abs(one.displacement_m - other.displacement_m).max() < 3e-11 * magnified
     gap = one.gap_m
     assert np.all(gap[one.force_n != 0] <= 1e-15)
     assert abs(one.velocity_m_per_s[-1]) <= velocity * (1 + 1e-12)

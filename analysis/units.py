@@ -1,0 +1,28 @@
+"""The unit that a name carries: "coefficient_n_s2_per_m2" is a coefficient in N s²/m²."""
+
+import re
+
+_SYMBOLS = {"n": "N", "s": "s", "m": "m", "kg": "kg", "hz": "Hz", "rad": "rad"}
+_POWERS = {"": "", "2": "²", "3": "³", "4": "⁴"}
+_TOKEN = re.compile(rf"({'|'.join(_SYMBOLS)})([234]?)")
+
+
+def parts(name: str) -> tuple[str, str]:
+    """Return ("coefficient", "N s²/m²") for "coefficient_n_s2_per_m2"; a name without a unit has the unit ""."""
+    tokens = name.split("_")
+    begin = len(tokens)
+    while begin > 1 and (tokens[begin - 1] == "per" or _TOKEN.fullmatch(tokens[begin - 1])):
+        begin -= 1
+    unit = "_".join(tokens[begin:])
+    above, _, below = unit.partition("_per_")
+    if unit.startswith("per_") or unit.endswith("per") or "per" in below.split("_"):
+        return name.replace("_", " "), ""
+    spelled = _spelled(above)
+    if below:
+        spelled += f"/({_spelled(below)})" if "_" in below else f"/{_spelled(below)}"
+    return " ".join(tokens[:begin]), spelled
+
+
+def _spelled(tokens: str) -> str:
+    found = [_TOKEN.fullmatch(token) for token in tokens.split("_")]
+    return " ".join(_SYMBOLS[match[1]] + _POWERS[match[2]] for match in found if match)

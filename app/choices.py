@@ -5,7 +5,7 @@ from pathlib import Path
 from analysis.shot import AnalysisSettings
 from app import settings_file
 from app.panels.settings_sheet import Value
-from app.settings import WrongSettings
+from app.settings import MOST_ADDRESSES, WrongSettings
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import Digitizer
 
@@ -29,6 +29,11 @@ class Choices:
         """Open this source at the next start too; a recording played back is not remembered."""
         if not source.startswith("replay"):
             self.change({"source": source})
+
+    def remember_network(self, source: str) -> None:
+        """Offer this oscilloscope in the network from now on."""
+        known = (source, *(other for other in self.settings.network_sources if other != source))
+        self.change({"network": " ".join(known[:MOST_ADDRESSES])})
 
     def analysis(self) -> AnalysisSettings:
         """Return what concerns the analysis."""

@@ -17,6 +17,7 @@ from instrument.capture import Capture
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.found_devices import FoundDevice, found_devices
+from instrument.network_scope import network_name
 from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
 
 Open = Callable[[str], Digitizer]
@@ -70,6 +71,7 @@ class Rig:
         self._asked: tuple[float, float] | None = None  # (when ARM was pressed, since when the state stood)
         self._problems: deque[str] = deque()
         self._found: tuple[tuple[str, str], ...] = ()
+        self._network: tuple[str, ...] = ()
         self._thread = threading.Thread(target=self._work, name="levimass source", daemon=True)
         self.source = source
         self.rearm = False
@@ -86,13 +88,18 @@ class Rig:
             self._wake.notify()
 
     def sources(self) -> list[tuple[str, str]]:
-        """Return (name, words) of what can be chosen: the bench, the devices found, a recording to play."""
+        """Return (name, words) of what can be chosen: bench, devices found, known addresses, a recording to play."""
         benches = [(source, WORDS[source]) for source in (BENCH, FLAWED_BENCH)]
-        return [*benches, *self._found, ("replay:", WORDS["replay:"])]
+        network = [(source, network_name(source)) for source in self._network]
+        return [*benches, *self._found, *network, ("replay:", WORDS["replay:"])]
 
     def remember_found(self, found: Sequence[FoundDevice]) -> None:
         """Offer these devices as sources from now on."""
         self._found = tuple((device.source, f"{device.name}, {device.where}") for device in found)
+
+    def remember_network(self, sources: Sequence[str]) -> None:
+        """Offer these oscilloscopes in the network as sources."""
+        self._network = tuple(sources)
 
     def arm(self) -> None:
         """Wait for the light switch; a source that failed to open is opened again."""
@@ -140,6 +147,11 @@ class Rig:
         return dict(zip(names, running.capture.save_pending(folder), strict=False))
 
     # what the screen pulls ----------------------------------------------------------------------------------------
+
+    @property
+    def opened(self) -> str | None:
+        """Get the source that is open, None while there is none."""
+        return self._running.source if self._running is not None else None
 
     @property
     def channels(self) -> tuple[Channel, ...]:

@@ -1,5 +1,6 @@
 """What a person may choose: the rig, the shot, the analysis, the folders; checked as a whole, in SI units."""
 
+import contextlib
 import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -10,10 +11,12 @@ from analysis.recording import Air, Setup
 from analysis.shot import AnalysisSettings
 from app.panels.settings_sheet import Field, Value
 from instrument.capture_options import CaptureOptions
-from instrument.digitizer import CaptureSettings, Digitizer
+from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.network_scope import network_source
 from instrument.trigger import Edge
 
 KNOWS_ITS_RIG = ("bench", "replay")  # sources that bring mass and wavelength along
+MOST_ADDRESSES = 5
 
 
 class WrongSettings(Exception):
@@ -44,6 +47,7 @@ class Settings:
     folder: str = ""
     appearance: str = "system"
     source: str = "bench"
+    network: str = ""  # oscilloscopes in the network that answered, newest first, blanks between them
     tour_done: bool = False
 
     def __post_init__(self) -> None:
@@ -58,6 +62,9 @@ class Settings:
             raise WrongSettings("the part before the trigger must be shorter than the shot")
         if not isinstance(self.tour_done, bool):
             raise WrongSettings(f"tour_done: {self.tour_done!r} is neither true nor false")
+        for key in ("source", "network"):
+            if not isinstance(getattr(self, key), str):
+                raise WrongSettings(f"{key}: {getattr(self, key)!r} is not a text")
         for field in FIELDS:
             value = getattr(self, field.key)
             if field.kind == "number":
@@ -78,6 +85,15 @@ class Settings:
     def data_folder(self) -> Path:
         """Get where shots are saved."""
         return Path(self.folder).expanduser() if self.folder else user_documents_path() / "Levimass"
+
+    @property
+    def network_sources(self) -> tuple[str, ...]:
+        """Get the oscilloscopes in the network that answered before, newest first; what is no address is left out."""
+        sources = []
+        for text in self.network.split()[:MOST_ADDRESSES]:
+            with contextlib.suppress(DigitizerError):
+                sources.append(network_source(text))
+        return tuple(sources)
 
     @property
     def analysis(self) -> AnalysisSettings:

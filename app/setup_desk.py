@@ -14,6 +14,7 @@ from app.rig import Rig
 from instrument.digitizer import DigitizerError
 from instrument.doctor import Check
 from instrument.found_devices import FoundDevice, found_devices, udev_instructions
+from instrument.network_scope import network_name, network_source
 from instrument.setup_check import judge
 from instrument.snapshot import Snapshot
 
@@ -42,11 +43,14 @@ class SetupDesk(QObject):
         self._job: Job | None = None
         self._found: tuple[FoundDevice, ...] = ()
         self._problem = ""
+        self._typed = ""  # an address that has not answered yet
         self._present = ""
         self._judged_s = 0.0
         self._sheet.look_wanted.connect(self.look)
         self._sheet.source_wanted.connect(self._use)
+        self._sheet.address_wanted.connect(self._use_address)
         self._sheet.arm_wanted.connect(self._arm)
+        rig.remember_network(choices.settings.network_sources)
         panels.work.setup_wanted.connect(self.toggle_setup)
 
     @Slot()
@@ -77,6 +81,7 @@ class SetupDesk(QObject):
     def show(self, snapshot: Snapshot) -> None:
         """Bring the sheet up to date while it is open."""
         self._take_found()
+        self._take_address()
         if not self._sheet.isVisible():
             return
         if self._job is None and self._present != self._rig.source:
@@ -101,7 +106,8 @@ class SetupDesk(QObject):
 
     def _show_devices(self) -> None:
         self._present = self._rig.source
-        self._sheet.show_devices(self._found, self._present, self._problem)
+        network = [FoundDevice(s, network_name(s), "in the network") for s in self._choices.settings.network_sources]
+        self._sheet.show_devices(self._found, network, self._present, self._problem)
         barred = any("permission" in device.problem for device in self._found)
         self._sheet.show_remedy(udev_instructions() if barred and sys.platform.startswith("linux") else "")
 
@@ -120,6 +126,25 @@ class SetupDesk(QObject):
     @Slot(str)
     def _use(self, source: str) -> None:
         self.source_wanted.emit(source)
+
+    @Slot(str)
+    def _use_address(self, typed: str) -> None:
+        try:
+            self._typed = network_source(typed)
+        except DigitizerError as error:
+            self._sheet.refuse_address(str(error))
+            return
+        self._sheet.refuse_address("")
+        self.source_wanted.emit(self._typed)
+
+    def _take_address(self) -> None:
+        """Remember the address that was typed, once the oscilloscope there has answered."""
+        if self._typed and self._rig.opened == self._typed:
+            self._choices.remember_network(self._typed)
+            self._rig.remember_network(self._choices.settings.network_sources)
+            self._sheet.address.clear()
+            self._present = ""
+            self._typed = ""
 
     @Slot()
     def _arm(self) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
 from app.keyboard import EnterPresses
 from app.theme import MARKS, Colours, Tone, sized
@@ -21,6 +21,7 @@ class SetupSheet(QFrame):
 
     look_wanted = Signal()
     source_wanted = Signal(str)
+    address_wanted = Signal(str)  # as it was typed
     arm_wanted = Signal()
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
@@ -56,6 +57,23 @@ class SetupSheet(QFrame):
         self._devices = QGridLayout()
         self._devices.setColumnStretch(0, 1)
         column.addLayout(self._devices)
+        row = QHBoxLayout()
+        self.address = QLineEdit(self)
+        self.address.setPlaceholderText("oscilloscope in the network, as 192.168.1.5")
+        self.address.setAccessibleName("Address of an oscilloscope in the network")
+        self.address.setToolTip("HOST, HOST:PORT or a VISA name; options as ?channels=1,2&trigger=3 may follow")
+        self.address.setMaxLength(300)
+        self.address.returnPressed.connect(self._address)
+        self.use_address = QPushButton("Use", self)
+        self.use_address.setAccessibleName("Use the oscilloscope at this address")
+        self.use_address.clicked.connect(self._address)
+        row.addWidget(self.address, 1)
+        row.addWidget(self.use_address)
+        column.addLayout(row)
+        self._refusal = QLabel(self)
+        self._refusal.setWordWrap(True)
+        self._refusal.hide()
+        column.addWidget(self._refusal)
 
         self._permission = QWidget(self)
         permission = QVBoxLayout(self._permission)
@@ -115,8 +133,10 @@ class SetupSheet(QFrame):
         self.look.setEnabled(False)
         self._found.setText("looking for devices …")
 
-    def show_devices(self, found: Sequence[FoundDevice], present: str, problem: str = "") -> None:
-        """List the bench and what was found; ``problem`` says why nothing could be looked for."""
+    def show_devices(
+        self, found: Sequence[FoundDevice], known: Sequence[FoundDevice], present: str, problem: str = ""
+    ) -> None:
+        """List the bench, what was found and the addresses known; ``problem`` says why nothing could be looked for."""
         self.look.setEnabled(True)
         while (item := self._devices.takeAt(0)) is not None:
             if (widget := item.widget()) is not None:
@@ -129,7 +149,7 @@ class SetupSheet(QFrame):
         else:
             self._found.setText("No digitizer is plugged in. The simulated bench needs none.")
         self._add_device(0, "bench", "Simulated bench", "no device needed", "", present)
-        for line, device in enumerate(found, 1):
+        for line, device in enumerate((*found, *known), 1):
             words = f"{device.problem}: {device.remedy}" if device.problem else ""
             self._add_device(line, device.source, device.name, device.where, words, present)
 
@@ -147,6 +167,17 @@ class SetupSheet(QFrame):
         button.installEventFilter(self._presses)
         self._devices.addWidget(label, line, 0)
         self._devices.addWidget(button, line, 1, Qt.AlignmentFlag.AlignTop)
+
+    def refuse_address(self, words: str) -> None:
+        """Say why the address is none, or nothing."""
+        self._refusal.setText(f"{MARKS[Tone.BAD]} {words}" if words else "")
+        self._refusal.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
+        self._refusal.setVisible(bool(words))
+
+    @property
+    def refusal(self) -> str:
+        """Get what is said of the address."""
+        return self._refusal.text()
 
     def use_buttons(self) -> list[QPushButton]:
         """Return the buttons that choose a device, from top to bottom."""
@@ -225,6 +256,10 @@ class SetupSheet(QFrame):
     @Slot()
     def _use(self) -> None:
         self.source_wanted.emit(str(self.sender().property("source")))
+
+    @Slot()
+    def _address(self) -> None:
+        self.address_wanted.emit(self.address.text())
 
     @Slot()
     def _arm(self) -> None:

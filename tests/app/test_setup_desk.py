@@ -8,6 +8,7 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
+from app.choices import Choices
 from app.panels.banner import Banner
 from app.panels.setup_sheet import SetupSheet
 from app.theme import LIGHT, Tone
@@ -15,7 +16,9 @@ from app.window import MainWindow, open_window
 from instrument.digitizer import DigitizerError
 from instrument.doctor import Check, Grade
 from instrument.found_devices import FoundDevice, udev_instructions
+from instrument.sources import open_source
 from tests.app import rigs
+from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
 
 WAIT_MS = 30_000
 BARRED = FoundDevice("hantek6022", "Hantek 6022", "USB bus 1", "no permission to open it", "install the udev rule")
@@ -78,6 +81,35 @@ def test_arming_from_the_set_up_and_a_missing_usb_library(qtbot: QtBot, window: 
     sheet.arm.click()
     assert not sheet.isVisible()
     qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+
+
+def test_an_oscilloscope_in_the_network_is_typed_used_and_remembered(
+    qtbot: QtBot, window: MainWindow, tmp_path: Path
+) -> None:
+    sheet, rig = window.panels.setup, window.rig
+    window.setup_desk._find = lambda: ()
+    rig._open = open_source
+    qtbot.keyClick(window, Qt.Key.Key_F3)
+    qtbot.keyClicks(sheet.address, "no address")  # a blank is typed here and arms nothing
+    qtbot.keyClick(sheet.address, Qt.Key.Key_Return)
+    assert "'no address' is no address: type HOST" in sheet.refusal and rig.source == "bench"
+
+    sheet.address.setText("127.0.0.1:1")
+    sheet.use_address.click()
+    assert sheet.refusal == ""
+    qtbot.waitUntil(lambda: window.panels.banner.word == "FAULT", timeout=WAIT_MS)
+    with TcpScope(EmulatedScope("rigol", polls_until_trigger=1)) as server:
+        source = f"scpi:127.0.0.1:{server.port}"
+        sheet.address.setText(f"127.0.0.1:{server.port}")
+        qtbot.keyClick(sheet.address, Qt.Key.Key_Return)
+        qtbot.waitUntil(lambda: (source, f"Oscilloscope at 127.0.0.1:{server.port}") in rig.sources(), timeout=WAIT_MS)
+        assert rig.opened == source
+        assert json.loads((tmp_path / "settings.json").read_text())["network"] == source, "port 1 never answered"
+        qtbot.waitUntil(lambda: len(sheet.use_buttons()) == 2, timeout=WAIT_MS)
+        assert not sheet.use_buttons()[1].isEnabled()
+        rig.open("bench")
+        qtbot.waitUntil(lambda: rig.opened == "bench" or rig.latest().state == "fault", timeout=WAIT_MS)
+    assert Choices(tmp_path / "settings.json").settings.network_sources == (source,)
 
 
 def test_the_tour_is_shown_once_and_leaves_the_keys_alone(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:

@@ -4,11 +4,13 @@
 Every ratio is of figures taken in turns in one run, so that a busy machine slows both sides alike.
 """
 
+import contextlib
 import dataclasses
+import os
 import sys
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.signal import fftconvolve
@@ -76,10 +78,27 @@ def _in_turns(work: dict[str, Callable[[], object]], rounds: int, threads: bool 
     fastest = dict.fromkeys(work, np.inf)
     for _ in range(rounds):
         for name, run in work.items():
-            start = clock()
-            run()
-            fastest[name] = min(fastest[name], clock() - start)
+            with _before_all_others() if threads else contextlib.nullcontext():
+                start = clock()
+                run()
+                fastest[name] = min(fastest[name], clock() - start)
     return fastest
+
+
+@contextlib.contextmanager
+def _before_all_others() -> Iterator[None]:
+    """Run threads started here before other programs', where the system allows it: a core in use is no core."""
+    first = getattr(os, "SCHED_FIFO", None)
+    try:
+        if first is not None:
+            os.sched_setscheduler(0, first, os.sched_param(1))
+    except PermissionError:
+        first = None
+    try:
+        yield
+    finally:
+        if first is not None:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def speed() -> None:
@@ -128,7 +147,7 @@ def speed() -> None:
         "both channels, two threads": lambda: read_tracks(recording, [moving, rest], grid, None, None),
         "whole demodulation to Motion": lambda: demodulate(recording, settings),
     }
-    fastest |= _in_turns(threaded, 100, threads=True)
+    fastest |= _in_turns(threaded, 50, threads=True)
     fastest |= _in_turns({"STFT ridge": lambda: ridge(counts[:, 1], RATE_HZ, 10e3)}, 2)
     fastest |= _in_turns({"scipy hilbert": lambda: analytic_signal(counts[:, 1], RATE_HZ)}, 2)
     for name, seconds in fastest.items():

@@ -4,13 +4,12 @@ import json
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -216,7 +215,8 @@ def _workers(jobs: int | None, scheduler: str | None) -> Iterator[tuple[Executor
             try:
                 yield pool, count
             except KeyboardInterrupt:
-                pool.shutdown(wait=False, cancel_futures=True)
+                for worker in active_children():  # what they have not finished is done by the next call
+                    worker.terminate()
                 raise
         return
     try:
@@ -236,14 +236,14 @@ class _Pool(ProcessPoolExecutor):
     """Processes that leave Ctrl-C to the one that started them: a terminal sends it to all, and each would complain."""
 
     def submit(self, *work: Any, **more: Any) -> Future[Any]:
-        """Hand out work; a process is started here, and inherits what Ctrl-C does to it."""
-        if threading.current_thread() is not threading.main_thread():
+        """Hand out work; a process that is started for it inherits that Ctrl-C is held back, for good."""
+        if not hasattr(signal, "pthread_sigmask"):
             return super().submit(*work, **more)
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             return super().submit(*work, **more)
         finally:
-            signal.signal(signal.SIGINT, before)
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Progress:

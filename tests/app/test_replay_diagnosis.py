@@ -50,7 +50,7 @@ def test_what_no_effect_explains_is_said(recordings: Path, capsys: pytest.Captur
 def test_a_model_is_saved_and_judges_the_next_shots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shots, model = tmp_path / "shots", tmp_path / "model.toml"
     effect = "viscous_drag:coefficient_n_s_per_m=1e-3"
-    assert main(["--simulate", str(shots), "--shots", "3", "--seed", "3", "--effect", effect]) == 0
+    assert main(["--simulate", str(shots), "--shots", "2", "--seed", "3", "--effect", effect]) == 0
     capsys.readouterr()
     assert main(["--replay", str(shots), "--save-model", str(model), "--json", "-"]) == 0
     first = json.loads(capsys.readouterr().out)["diagnosis"]

@@ -39,7 +39,7 @@ def test_friction_is_named_and_the_error_falls_to_the_noise() -> None:
 
 def test_two_strong_effects_are_both_named() -> None:
     truth = {"viscous_drag": {"coefficient_n_s_per_m": 8e-4}, "cubic_stiffness": {"coefficient_n_per_m3": 3e5}}
-    found = diagnose(shots(truth))
+    found = diagnose(shots(truth, count=2))
     assert found.verdict is Verdict.EFFECT_FOUND
     assert {effect.name for effect in found.effects} == set(truth)
     for effect in found.effects:
@@ -49,7 +49,7 @@ def test_two_strong_effects_are_both_named() -> None:
 
 
 def test_what_is_off_the_catalogue_stays_unexplained() -> None:
-    found = diagnose(shots({"magnet": {"force_n": -3e-3, "range_m": 7e-4}}))
+    found = diagnose(shots({"magnet": {"force_n": -3e-3, "range_m": 7e-4}}, count=2))
     assert found.verdict is Verdict.UNEXPLAINED
     assert found.effects == ()
     assert "rms in displacement" in found.remainder
@@ -63,7 +63,7 @@ def test_one_shot_is_judged_without_a_held_out_one() -> None:
 
 
 def test_an_accepted_effect_is_part_of_the_model_before() -> None:
-    motions = shots({"viscous_drag": {"coefficient_n_s_per_m": 2e-4}})
+    motions = shots({"viscous_drag": {"coefficient_n_s_per_m": 2e-4}}, count=2)
     found = diagnose(motions, accepted=("viscous_drag",))
     assert found.verdict is Verdict.ADEQUATE
     assert found.fit_before.effects == ("viscous_drag",)

@@ -147,7 +147,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
     if options.doctor:
         from app.doctor import doctor
 
-        return doctor
+        return partial(doctor, source=options.source)
     return partial(window, arguments)
 
 
@@ -173,7 +173,7 @@ def _parser() -> argparse.ArgumentParser:
         help="print the paper's numbers beside this program's (and beside a recording's)",
     )
     mode.add_argument("--map", type=_path, metavar="FILE", help="what a TDMS, HDF5, WAV or CSV file holds, and its use")
-    mode.add_argument("--doctor", action="store_true", help="check this machine, one line each")
+    mode.add_argument("--doctor", action="store_true", help="check this machine, with --source its signals too")
     group = parser.add_argument_group("with --replay")
     group.add_argument("--json", metavar="FILE", type=_name, help="write the result (- for standard output)")
     group.add_argument("--export", type=_path, metavar="DIR", help="write CSV: one motion file a shot, and shots.csv")
@@ -242,8 +242,8 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
             parser.error("--acquire needs --source")
         if options.out is None:
             parser.error("--acquire needs --out")
-    elif options.source is not None or options.out is not None:
-        parser.error("--source and --out go with --acquire")
+    elif options.out is not None or (options.source is not None and not options.doctor):
+        parser.error("--source and --out go with --acquire, --source with --doctor too")
     if options.simulate is None and (options.effect is not None or options.undeclared):
         parser.error("--effect and --undeclared go with --simulate")
     if options.effect is not None and options.undeclared:

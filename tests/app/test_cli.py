@@ -28,6 +28,7 @@ HOUSE = Path(__file__).resolve().parents[2]
         ["--acquire", "1", "--source", "bench"],
         ["--acquire", "1", "--out", "d"],
         ["--source", "bench"],
+        ["--doctor", "--source", "bench", "--out", "d"],
         ["--undeclared"],
         ["--simulate", "d", "--undeclared", "--effect", "tilt:angle_rad=1e-4"],
         ["--replay", "x", "--doctor"],

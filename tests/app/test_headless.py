@@ -35,6 +35,15 @@ def test_doctor(capsys: pytest.CaptureFixture[str]) -> None:
         assert any(f"{name}:" in line for line in lines), name
 
 
+def test_the_doctor_judges_the_signals_of_a_source(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["--doctor", "--source", "bench"])
+    lines = [line for line in capsys.readouterr().out.splitlines() if " signal, " in line]
+    assert [line.split(", ")[1].split(":")[0] for line in lines] == ["PD0", "PD1", "light switch", "rest frequency"]
+    assert all("beat at 2.7" in line for line in lines[:2])
+    assert main(["--doctor", "--source", "nothing"]) == 1
+    assert "fail  source: unknown source 'nothing'" in capsys.readouterr().out
+
+
 def test_no_qt_without_a_window(tmp_path: Path) -> None:
     """RECORDING.md: the other modes need no screen; Qt is not even imported."""
     code = (

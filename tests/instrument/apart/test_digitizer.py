@@ -21,6 +21,7 @@ from instrument.capture import Capture, CaptureOptions
 from instrument.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 from instrument.open_recording import open_recording
 from tests.instrument.apart import devices
+from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
 from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer, samples
 
 ONE = CaptureSettings(RATE_HZ, 20_000, 2_000)
@@ -243,3 +244,31 @@ def test_a_shot_is_captured_through_it(opened, tmp_path):
     period = samples(first, ONE.samples)[:, 2]
     assert np.array_equal(np.asarray(recording.counts)[:, 2] > 800, period > 800)
     assert said == []
+
+
+def test_an_oscilloscope_s_shot_is_fetched_and_given_up_through_it():
+    scope = EmulatedScope("rigol", polls_until_trigger=1)
+    with TcpScope(scope) as server:
+        digitizer = open_apart(f"scpi:127.0.0.1:{server.port}?channels=1,2")
+        try:
+            settings = digitizer.default_settings()
+            assert settings is not None
+            digitizer.arm(settings)
+            buffer, counts, ended, at = np.empty((100_000, 2), np.int16), [], False, None
+            while not ended:
+                block = read(digitizer, buffer)
+                if block.trigger_sample is not None:
+                    at = sum(map(len, counts)) + block.trigger_sample
+                counts.append(buffer[: block.samples].copy())
+                ended = block.ended
+            whole = np.concatenate(counts)
+            assert whole.shape == (settings.samples, 2)
+            assert np.array_equal(whole[:, 0], scope.codes(1).astype(int) - 128)
+            assert at == settings.pre_trigger_samples
+
+            scope.polls_until_trigger = 10**9
+            digitizer.arm(settings)
+            threading.Timer(0.2, digitizer.stop).start()
+            assert read(digitizer, buffer) == Block(0, ended=True)
+        finally:
+            digitizer.close()

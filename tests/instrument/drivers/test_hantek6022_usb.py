@@ -96,3 +96,14 @@ def test_unplugged_in_mid_shot_what_came_is_kept_and_replugging_recovers(play) -
 
 def test_stop_is_heard_from_another_thread(play) -> None:
     assert play("stop")["slowest"] < 1.0
+
+
+def test_in_a_process_of_its_own_it_is_unplugged_and_plugged_in_again(play) -> None:
+    result = play("apart")
+    read, again = result["read"], result["again"]
+    assert (read["first"], read["breaks"]) == (SETTLING, [])
+    assert "unplugged" in read["fault"] and read["samples"] > 0.1e6
+    assert "no Hantek 6022 is plugged in" in result["missing"]
+    assert (again["first"], again["breaks"], again["fault"]) == (SETTLING, [], "")
+    assert again["samples"] > 0.1e6
+    assert result["child"] is None

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from analysis.recording import Role
-from instrument.digitizer import CaptureSettings, DigitizerError
+from instrument.apart.digitizer import open_apart
+from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers import byte_clock, hantek6022
 from instrument.drivers.hantek6022 import Hantek6022
 from instrument.found_devices import found_devices
@@ -24,7 +25,7 @@ def without_clock() -> None:
     byte_clock.SOON_STEP_S = byte_clock.LASTING_STEP_S = 1e9
 
 
-def read(scope: Hantek6022, seconds: float, gap_after: int | None = None) -> dict:
+def read(scope: Digitizer, seconds: float, gap_after: int | None = None) -> dict:
     """Read for a while, or until a gap is told after a sample; return the packets' numbers, gaps and the end."""
     numbers, gaps, got, fault = [], [], 0, ""
     buffer = np.empty((1 << 18, 2), np.int16)
@@ -171,6 +172,27 @@ def unplug() -> dict:
     again = read(scope, 0.4)
     scope.close()
     return {"read": result, "missing": missing, "again": again, "threads": threading.active_count()}
+
+
+def apart() -> dict:
+    """The device is owned by a child process, the emulator lives here."""
+    bed = Testbed()
+    bed.plug(WarmHantek(), 1)
+    scope = open_apart("hantek6022?roles=switch,measurement")
+    settings = CaptureSettings(1e6, 1000, 0)
+    scope.arm(settings)
+    threading.Timer(0.5, bed.unplug, (1,)).start()
+    result = read(scope, 5.0)
+    try:
+        scope.arm(settings)
+        missing = ""
+    except DigitizerError as error:
+        missing = str(error)
+    bed.plug(WarmHantek(), 2)
+    scope.arm(settings)
+    again = read(scope, 0.4)
+    scope.close()
+    return {"read": result, "missing": missing, "again": again, "child": scope.child_id}
 
 
 def stop() -> dict:

@@ -1,0 +1,46 @@
+"""A look at a source's signals without a screen."""
+
+import numpy as np
+import pytest
+
+from analysis.recording import Channel, Recording, Role, Setup
+from instrument.digitizer import Block, DigitizerError
+from instrument.replay import ReplayDigitizer
+from instrument.signal_trial import try_signals
+from tests.instrument.fake_digitizer import FakeDigitizer
+
+
+def test_a_stream_is_watched_and_every_toggle_counted() -> None:
+    now = [0.0]
+
+    def tick(fake: FakeDigitizer, at: int) -> Block | None:
+        now[0] = at / 1e6
+        return None
+
+    digitizer = FakeDigitizer(before_block=tick)
+    lines = {check.name: check.line for check in try_signals(digitizer, 0.2, lambda: now[0])}
+    assert "beat at 0.0910 MHz" in lines["PD0"] and "beat at 0.0910 MHz" in lines["PD1"]
+    assert "toggled 6 times" in lines["light switch"]
+    assert not digitizer.running.is_set()
+
+
+def test_a_shot_of_a_device_that_triggers_itself_is_judged() -> None:
+    n = np.arange(40_000)
+    counts = np.rint(1500 * np.sin(2 * np.pi * 0.1 * n))[:, None].astype(np.int16)
+    setup = Setup(0.01785, rest_frequency_hz=1e6, digitizer_bits=12)
+    shot = Recording("s", counts, 1e7, (Channel(Role.MEASUREMENT, 1e-3),), setup, trigger_sample=5_000)
+    replay = ReplayDigitizer([shot], real_time=False)
+    assert replay.capabilities.hardware_trigger
+    grades = {check.name: check.grade.value for check in try_signals(replay)}
+    assert grades == {"PD1": "ok", "rest frequency": "ok"}
+
+
+def test_a_device_that_sends_nothing_is_said() -> None:
+    now = [0.0]
+
+    def silence(fake: FakeDigitizer, at: int) -> Block:
+        now[0] += 0.5
+        return Block(0)
+
+    with pytest.raises(DigitizerError, match=r"fake sent no samples in 3 s: fire its trigger, and check its cables"):
+        try_signals(FakeDigitizer(before_block=silence), clock=lambda: now[0])

@@ -50,6 +50,8 @@ class Layout(QWidget):
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName("Pages")
+        # none of the pages widens the window, whatever it shows
+        self.tabs.setMinimumWidth(54 * self.fontMetrics().horizontalAdvance("M"))
         for name, page in (
             ("LIVE", self.live),
             ("SHOT", self.shot),

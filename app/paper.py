@@ -105,6 +105,11 @@ def unit_of(row: PaperRow) -> str:
     return _scale(row)[1]
 
 
+def scale_of(row: PaperRow) -> float:
+    """Return the factor from SI to the readable unit."""
+    return _scale(row)[0]
+
+
 def _scale(row: PaperRow) -> tuple[float, str]:
     return OWN_SCALES.get(row.key) or SCALES.get(row.unit, (1.0, row.unit))
 

@@ -5,11 +5,15 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.recording import Recording
+from app.asked_work import AskedWork
 from app.file_question import Want, ask
+from app.jobs import Asked, Report
 from app.layout import Layout
+from app.panels.shot_raw import RawCurves, curves_of
+from app.plots.shot_times import time_zero
 from app.rig_desk import RECORDINGS
 from app.session import Entry
-from app.spectrum_work import SpectrumWork
+from app.spectra import Spectra, spectra_of
 from app.theme import Tone
 from app.verdict import tone_of
 from app.workbench import Happening, Kind, Workbench, raw_of
@@ -17,6 +21,18 @@ from instrument.foreign.remembered import FORMATS, format_of, is_foreign
 from instrument.snapshot import FinishedShot
 
 OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for ending in FORMATS)})"
+
+
+def _zero_s(entry: Entry) -> float:
+    return time_zero(entry.shot)[0] if entry.shot is not None else 0.0
+
+
+def _spectra_of(entry: Entry, recording: Recording, report: Report, cancelled: Asked) -> Spectra:
+    return spectra_of(recording, _zero_s(entry), report, cancelled)
+
+
+def _raw_curves_of(_: Entry, recording: Recording, __: Report, ___: Asked) -> RawCurves:
+    return curves_of(recording)
 
 
 def is_unmapped(path: Path) -> bool:
@@ -35,7 +51,8 @@ class SessionDesk(QObject):
     def __init__(self, bench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._bench, self._panels = bench, panels
-        self._spectra = SpectrumWork(bench.jobs)
+        self._spectra = AskedWork[Spectra](bench.jobs, "spectrum", _spectra_of)
+        self._raw_view = AskedWork[RawCurves](bench.errands, "raw signals", _raw_curves_of)
         self._seen = -1
         self._shown: tuple[int, object] | None = None
         self._undrawn: set[int] = set()  # pages whose selection changed while another one was in front
@@ -58,6 +75,7 @@ class SessionDesk(QObject):
         p.diagnosis.add_wanted.connect(self._add_effect)
         p.diagnosis.remove_wanted.connect(self._remove_effect)
         p.work.cancel_wanted.connect(self._cancel_work)
+        p.shot.raw_wanted.connect(self._raw_wanted)
         p.tabs.currentChanged.connect(self._page_changed)
 
     # what ended -------------------------------------------------------------------------------------------------
@@ -76,6 +94,9 @@ class SessionDesk(QObject):
         spectra = self._spectra.take()
         if spectra is not None:
             self._panels.spectrum.show_spectra(spectra)
+        raw = self._raw_view.take()
+        if raw is not None:
+            self._panels.shot.raw.show_curves(raw)
         self._show_table()
 
     def _show_table(self) -> None:
@@ -113,9 +134,11 @@ class SessionDesk(QObject):
         if finished.problem:
             self.said.emit(f"{finished.name}: {finished.problem}", Tone.BAD)
         self.arrived.emit(entry)
-        self._panels.table.select([entry.number])
-        if not stay:
-            self._panels.tabs.setCurrentIndex(Layout.SHOT)
+        tabs, chosen = self._panels.tabs, self._panels.table.numbers
+        if len(chosen) < 2:  # a selection of several is at work: it is not spoilt
+            self._panels.table.select([entry.number])
+        if tabs.currentIndex() == Layout.LIVE and not stay:  # whoever reads another page is not torn from it
+            tabs.setCurrentIndex(Layout.SHOT)
 
     # what is selected -------------------------------------------------------------------------------------------
 
@@ -152,6 +175,7 @@ class SessionDesk(QObject):
         if page in self._undrawn:
             self._undrawn.discard(page)
             if page == Layout.SHOT:
+                self._raw_view.forget()
                 entry = self.front()
                 shot = entry.shot if entry is not None else None
                 self._panels.shot.show_shot(shot, self._recording(entry) if entry is not None else None)
@@ -166,6 +190,12 @@ class SessionDesk(QObject):
             self._panels.spectrum.show_spectra(None)
         elif self._spectra.ask(entry, recording):
             self._panels.spectrum.say(f"computing the spectra of {entry.name} …")
+
+    @Slot(object)
+    def _raw_wanted(self, recording: Recording) -> None:
+        entry = self.front()
+        if entry is not None:
+            self._raw_view.ask(entry, recording)
 
     def _show_diagnosis(self) -> None:
         found = self._bench.diagnosed

@@ -9,6 +9,7 @@ from app.file_question import Want, ask
 from app.layout import Layout
 from app.panels.shot_deflection import DeflectionView
 from app.plots import save
+from app.plots.plain_plot import PlainPlot
 from app.plots.time_stack import TimeStack
 from app.theme import Tone
 
@@ -26,6 +27,7 @@ class ViewDesk(QObject):
         p = panels
         p.shot.export_wanted.connect(self._ask_and_save)
         p.compare.export_wanted.connect(self._ask_and_save)
+        p.spectrum.export_wanted.connect(self._ask_and_save)
         p.shot.deflection.export_wanted.connect(self._deflection)
         p.live.stack.export_wanted.connect(self._live)
         p.diagnosis.stack.export_wanted.connect(self._residuals)
@@ -112,6 +114,8 @@ class ViewDesk(QObject):
             self._panels.compare.show_whole()
         elif page == Layout.DIAGNOSIS:
             self._panels.diagnosis.reset()
+        elif page == Layout.SPECTRUM:
+            self._panels.spectrum.reset()
         else:
             self._panels.shot.reset()
 
@@ -138,7 +142,11 @@ class ViewDesk(QObject):
         """Open the menu of the plot in front."""
         page = self._panels.tabs.currentIndex()
         if page == Layout.COMPARE:
-            self._panels.compare.stack.open_menu()
+            self._panels.compare.open_menu()
+        elif page == Layout.SPECTRUM:
+            self._panels.spectrum.open_menu()
+        elif page == Layout.DIAGNOSIS:
+            self._panels.diagnosis.stack.open_menu()
         elif page == Layout.LIVE:
             self._panels.live.stack.open_menu()
         else:
@@ -184,7 +192,7 @@ class ViewDesk(QObject):
                 save.save_png(plot, path)
             elif isinstance(plot, TimeStack):
                 save.save_csv(plot, path)
-            elif isinstance(plot, DeflectionView):
+            elif isinstance(plot, DeflectionView | PlainPlot):
                 save.save_columns(plot.columns, path)
             else:
                 raise OSError(f"{path}: this plot has no samples to save")

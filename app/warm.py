@@ -48,7 +48,7 @@ class Kernels:
         """Make them ready; a job.  Where the other process fails they are compiled here, when they are needed."""
         try:
             if not _mark().exists():
-                report("compiling, once after an installation", 0.2)
+                report("compiling, at the first start only", 0.2)
                 _in_another_process(cancelled)
             if self._then is not None:
                 self._then()

@@ -167,7 +167,8 @@ def open_window(folder: Path, open_digitizer: Open = open_apart, *, apart: bool 
     bench = Workbench(Session.reopen(folder / "session.json"), choices.analysis, Saver())
     window = MainWindow(rig, bench, theme, choices, kernels)
     theme.setParent(window)
-    window.resize(1480, 920)
+    room = window.screen().availableSize()
+    window.resize(min(1480, room.width()), min(920, room.height()))
     return window
 
 

@@ -155,7 +155,7 @@ class DiagnosisPanel(QWidget):
         left_column.addWidget(self.bars, 1)
         right = QWidget(split)
         right_column = QVBoxLayout(right)
-        right_column.setContentsMargins(0, 0, 0, 0)
+        right_column.setContentsMargins(6, 0, 0, 0)
         self._residual_heading = QLabel("RESIDUAL OF DISPLACEMENT", right)
         self._residual_heading.setProperty("heading", True)
         right_column.addWidget(self._residual_heading)
@@ -295,18 +295,18 @@ class DiagnosisPanel(QWidget):
     def _show_errors(self, diagnosis: Diagnosis) -> None:
         def cells(errors: Errors | None) -> str:
             if errors is None:
-                return "<td align='right' style='padding: 0 10px'>–</td>" * 4
+                return "<td align='right' style='padding: 0 6px'>–</td>" * 4
             values = (
                 f"{number(1e9 * errors.displacement_rms_m, 3)} nm",
                 f"{number(1e6 * errors.velocity_rms_m_per_s, 3)} µm/s",
                 f"{number(1e3 * errors.force_rms_n, 3)} mN",
                 number(errors.reduced_chi2, 4),
             )
-            return "".join(f"<td align='right' style='padding: 0 10px'>{value}</td>" for value in values)
+            return "".join(f"<td align='right' style='padding: 0 6px'>{value}</td>" for value in values)
 
         heads = "".join(
-            f"<td align='right' style='padding: 0 10px'><b>{head}</b></td>"
-            for head in ("displacement rms", "velocity rms", "force rms", "χ²/ν")
+            f"<td align='right' style='padding: 0 6px'><b>{head}</b></td>"
+            for head in ("displacement", "velocity", "force", "χ²/ν")
         )
         rows = (
             ("before", diagnosis.error_before),
@@ -315,7 +315,7 @@ class DiagnosisPanel(QWidget):
             ("held out, after", diagnosis.error_held_out_after),
         )
         body = "".join(f"<tr><td>{name}</td>{cells(errors)}</tr>" for name, errors in rows)
-        self._errors.setText(f"<table cellspacing='0'><tr><td></td>{heads}</tr>{body}</table>")
+        self._errors.setText(f"<table cellspacing='0'><tr><td>rms</td>{heads}</tr>{body}</table>")
 
     def _show_residuals(self) -> None:
         diagnosis = self._diagnosis
@@ -327,9 +327,7 @@ class DiagnosisPanel(QWidget):
         assert motion is not None
         zero, words = time_zero(shot)
         self.stack.label_time(words)
-        self._residual_heading.setText(
-            f"RESIDUAL OF DISPLACEMENT, {shot.name}; band: ±2 standard deviations of the noise"
-        )
+        self._residual_heading.setText(f"RESIDUAL OF DISPLACEMENT, {shot.name} (band: noise, ±2 σ)")
         start, step = 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz
         for fit, curve, band in zip(
             (diagnosis.fit_before, diagnosis.fit_after), self._curves, self._bands, strict=True

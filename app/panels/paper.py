@@ -3,12 +3,14 @@
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from analysis.paper import Reproduction, Status
+from analysis.quantity import Quantity
 from app.panels.tree_table import Line, TreeTable
-from app.paper import SECTIONS, cells
+from app.paper import SECTIONS, cells, scale_of
 from app.theme import Colours, Tone
-from app.wording import local
+from app.wording import concise_text, local
 
 COLUMNS = ("number", "paper", "as printed", "simulated", "recomputed", "recording", "difference")
+RECORDED = COLUMNS.index("recording") - 1
 _TONES = {Status.AGREES: Tone.GOOD, Status.TRACED: Tone.GOOD, Status.OPEN: Tone.BAD}
 
 
@@ -57,7 +59,9 @@ class PaperPanel(QWidget):
             parts = []
             for row in (row for row in result.rows if row.section == section):
                 texts = cells(row)
-                told = tuple(local(text) if "." in text and not text.isalpha() else text for text in texts[1:])
+                told = [local(text) if "." in text and not text.isalpha() else text for text in texts[1:]]
+                if isinstance(row.recorded, Quantity):
+                    told[RECORDED] = concise_text(row.recorded, scale_of(row))
                 trace = (Line((row.traced_to, *[""] * 6)),) if row.traced_to else ()
                 tone = _TONES.get(row.status)
                 colour = self._colours.signs[tone] if tone is not None else None
@@ -71,6 +75,4 @@ class PaperPanel(QWidget):
             for place in range(section_item.childCount()):
                 for trace_index in range(section_item.child(place).childCount()):
                     section_item.child(place).child(trace_index).setFirstColumnSpanned(True)
-        for column in range(self.table.columnCount()):
-            self.table.resizeColumnToContents(column)
-        self.table.setColumnWidth(0, min(self.table.columnWidth(0), 380))
+        self.table.fit_columns()

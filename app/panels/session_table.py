@@ -2,7 +2,16 @@
 
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QItemSelectionModel, QModelIndex, QObject, Qt, Signal, Slot
+from PySide6.QtCore import (
+    QAbstractTableModel,
+    QItemSelection,
+    QItemSelectionModel,
+    QModelIndex,
+    QObject,
+    Qt,
+    Signal,
+    Slot,
+)
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QFrame,
@@ -181,6 +190,7 @@ class SessionTable(QFrame):
         bar.addStretch(1)
         self._buttons: list[QPushButton] = []
         self._can_undo = False
+        self._numbers: list[int] = []
         for words, tip, slot in (
             ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)", self._open),
             (
@@ -233,12 +243,16 @@ class SessionTable(QFrame):
     @property
     def numbers(self) -> list[int]:
         """Get the numbers of the selected shots, in order."""
+        return list(self._numbers)
+
+    def _selected_numbers(self) -> list[int]:
         rows = sorted({index.row() for index in self.table.selectionModel().selectedRows()})
         return [self.model.entries[row].number for row in rows if row < len(self.model.entries)]
 
     def show_session(self, session: Session) -> None:
         """Show the session's entries."""
         self.model.show_entries(session.entries)
+        self._numbers = self._selected_numbers()
         self._can_undo = session.can_undo
         count = len(session.entries)
         self._count.setText("SHOTS" if count == 0 else f"SHOTS  {count}")
@@ -246,15 +260,17 @@ class SessionTable(QFrame):
 
     def select(self, numbers: list[int]) -> None:
         """Select these shots and show the last of them."""
-        model = self.table.selectionModel()
-        model.clearSelection()
-        chosen = QItemSelectionModel.SelectionFlag.Select | QItemSelectionModel.SelectionFlag.Rows
+        flag = QItemSelectionModel.SelectionFlag
+        chosen, last = QItemSelection(), None
         for row, entry in enumerate(self.model.entries):
             if entry.number in numbers:
-                index = self.model.index(row, 0)
-                model.select(index, chosen)
-                model.setCurrentIndex(index, QItemSelectionModel.SelectionFlag.NoUpdate)
-                self.table.scrollTo(index)
+                last = self.model.index(row, 0)
+                chosen.select(last, last)
+        model = self.table.selectionModel()
+        if last is not None:
+            model.setCurrentIndex(last, flag.NoUpdate)
+            self.table.scrollTo(last)
+        model.select(chosen, flag.ClearAndSelect | flag.Rows)  # at once: every change of the selection is drawn
 
     def edit_note(self) -> None:
         """Start editing the note of the shot in front."""
@@ -272,6 +288,7 @@ class SessionTable(QFrame):
 
     @Slot()
     def _changed(self) -> None:
+        self._numbers = self._selected_numbers()
         self._enable()
         self.selected.emit(self.numbers)
 

@@ -50,12 +50,14 @@ class ShotPanel(QWidget):
 
     view_changed = Signal(str)
     export_wanted = Signal(object, str)
+    raw_wanted = Signal(object)  # the recording whose raw curves are to be made
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
         self._shot: Shot | None = None
         self._view = "whole"
+        self._undrawn: set[str] = set()  # views that do not show this shot yet
         self.stack = TimeStack("Velocity, force and residual over time", colours, self)
         self.velocity = self.stack.add_plot("velocity", "m/s", 3)
         self.force = self.stack.add_plot("force", "N", 4)
@@ -219,8 +221,7 @@ class ShotPanel(QWidget):
                 curve.clear_samples()
         self._show_residual(motion, start, step)
         self._mark_events(zero)
-        self.deflection.show_shot(shot)
-        self.gap.show_shot(shot, start, step)
+        self._undrawn = {"deflection", "gap"}
         self.set_view(self._view)
         self.reset()
 
@@ -271,6 +272,7 @@ class ShotPanel(QWidget):
         self._pages.setCurrentWidget(page)
         self._residual_kind.setVisible(page is self.stack)
         self._legend.setVisible(page is not self._empty)
+        self._draw(view)
         self._cursor_button.setEnabled(isinstance(page, TimeStack))
         stack = self.current_stack()
         for readout, owner in zip(self._readouts, self.stacks, strict=True):
@@ -278,6 +280,19 @@ class ShotPanel(QWidget):
         self._cursor_button.setChecked(stack is not None and stack.cursors.shown)
         self._label_lines()
         self.view_changed.emit(view)
+
+    def _draw(self, view: str) -> None:
+        """Draw what only this view shows, when it is looked at."""
+        if view == "raw" and self.raw.wanted is not None:
+            self.raw_wanted.emit(self.raw.wanted)
+        if self._shot is None or self._shot.motion is None or view not in self._undrawn:
+            return
+        self._undrawn.discard(view)
+        if view == "deflection":
+            self.deflection.show_shot(self._shot)
+        else:
+            motion, zero = self._shot.motion, time_zero(self._shot)[0]
+            self.gap.show_shot(self._shot, 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz)
 
     @Slot()
     def reset(self) -> None:

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QAction, QBrush, QColor, QGuiApplication, QKeySequence
-from PySide6.QtWidgets import QAbstractItemView, QTreeWidget, QTreeWidgetItem, QTreeWidgetItemIterator, QWidget
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHeaderView,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QTreeWidgetItemIterator,
+    QWidget,
+)
 
 from app.theme import sized
 
@@ -33,6 +40,11 @@ class TreeTable(QTreeWidget):
         self.setAlternatingRowColors(True)
         self.setUniformRowHeights(True)
         self._right = tuple(right)
+        header = self.header()  # the first column takes what the others leave, so that nothing lies beyond the edge
+        header.setStretchLastSection(False)
+        header.setMinimumSectionSize(4 * self.fontMetrics().horizontalAdvance("M"))
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         for column in self._right:
             self.headerItem().setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         copy = QAction("Copy", self)
@@ -49,7 +61,11 @@ class TreeTable(QTreeWidget):
         self.addTopLevelItems([self._item(line) for line in lines])
         for item in self._top_items():
             item.setExpanded(item.text(0) in open_before)
-        for column in range(self.columnCount()):
+        self.fit_columns()
+
+    def fit_columns(self) -> None:
+        """Give every column but the first the width of its widest text."""
+        for column in range(1, self.columnCount()):
             self.resizeColumnToContents(column)
 
     @Slot()
@@ -72,8 +88,7 @@ class TreeTable(QTreeWidget):
     def _item(self, line: Line) -> QTreeWidgetItem:
         item = QTreeWidgetItem(list(line.cells))
         for column in range(len(line.cells)):
-            if line.hover:
-                item.setToolTip(column, line.hover)
+            item.setToolTip(column, line.hover or line.cells[column])
             if column in self._right:
                 item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
             if line.strong:

@@ -144,6 +144,7 @@ class Band(pg.FillBetweenItem):
         super().__init__(self._upper, self._lower, brush=pg.mkBrush(colour), pen=pg.mkPen(None))
         self.setZValue(-10)
         self.edges = (self._upper, self._lower)
+        self._typical = float("nan")
         self.dress(colour, edge)
 
     def dress(self, colour: str, edge: str) -> None:
@@ -152,11 +153,11 @@ class Band(pg.FillBetweenItem):
         for line in self.edges:
             line.setPen(pg.mkPen(edge, width=1, style=Qt.PenStyle.DashLine))
             line.setZValue(10)
-        self._half: NDArray[np.float64] = np.empty(0)
 
     def show_band(self, start: float, step: float, half: NDArray[np.float64]) -> None:
         """Show +-half (n,) at x = start + i*step; what is not finite counts as no width."""
-        self._half = half
+        finite = half[np.isfinite(half)]
+        self._typical = float(np.median(finite)) if len(finite) else float("nan")
         stride = max(1, len(half) // 300)
         index = np.arange(0, len(half), stride)
         width = np.nan_to_num(half[index], nan=0.0, posinf=0.0)
@@ -167,5 +168,4 @@ class Band(pg.FillBetweenItem):
     @property
     def typical(self) -> float:
         """Get the median half width; NaN without one."""
-        finite = self._half[np.isfinite(self._half)]
-        return float(np.median(finite)) if len(finite) else float("nan")
+        return self._typical

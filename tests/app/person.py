@@ -41,7 +41,7 @@ class Person:
 
     def __init__(self, pictures: Path) -> None:
         QAccessible.setActive(True)
-        self._pictures = pictures
+        self.pictures = pictures
         pictures.mkdir(parents=True, exist_ok=True)
         self._taken = 0
 
@@ -93,7 +93,7 @@ class Person:
     def picture(self, name: str) -> Path:
         """Take a picture of the whole screen."""
         self._taken += 1
-        path = self._pictures / f"{self._taken:02d}-{name}.png"
+        path = self.pictures / f"{self._taken:02d}-{name}.png"
         QTest.qWait(150)
         QGuiApplication.primaryScreen().grabWindow(0).save(str(path))
         return path

@@ -27,7 +27,7 @@ def test_budget_panel_shows_every_result_with_its_sources(qtbot: QtBot) -> None:
         item = panel.table.topLevelItem(index)
         assert item.text(0) == quantity.words and item.childCount() == len(quantity.rows)
         assert item.child(0).text(0) == quantity.rows[0].source
-        assert item.child(0).toolTip(0) == quantity.rows[0].how
+        assert item.child(0).toolTip(0) == (quantity.rows[0].how or quantity.rows[0].source)
     panel.table.topLevelItem(2).setExpanded(True)
     panel.show_shot(shot)
     assert panel.table.topLevelItem(2).isExpanded() and not panel.table.topLevelItem(1).isExpanded()

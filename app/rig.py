@@ -22,7 +22,7 @@ from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
 
 Open = Callable[[str], Digitizer]
 BENCH = "bench"
-FLAWED_BENCH = "bench?effect=quadratic_drag"  # named by nothing on the screen: a diagnosis is to find it
+FLAWED_BENCH = "bench?effect=quadratic_drag:coefficient_n_s2_per_m2=2e-4"  # not named on the screen: to be found
 LONGEST_ARMING_S = 60.0
 WORDS = {BENCH: "Simulated bench", FLAWED_BENCH: "Simulated bench with a flaw", "replay:": "Play a recording …"}
 

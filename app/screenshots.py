@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QImage
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QWidget
 
@@ -71,7 +72,9 @@ class Photographer:
         """Save a picture of the window, or of one panel."""
         QTest.qWait(80)
         path = self._into / f"{name}.png"
-        if not (of or self.window).grab().save(str(path)):
+        picture = (of or self.window).grab().toImage()
+        small = picture.convertToFormat(QImage.Format.Format_Indexed8, Qt.ImageConversionFlag.ThresholdDither)
+        if not small.save(str(path), quality=0):  # 256 colours, packed tightly: flat panels and thin lines lose nothing
             raise ScreenshotError(f"{path}: could not be written")
         print(path)
 

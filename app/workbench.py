@@ -4,16 +4,15 @@ Plain Python: every piece of work runs in the jobs' thread and comes back as a H
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from dataclasses import replace
 from pathlib import Path
 
 from analysis.diagnosis import diagnose
 from analysis.diagnosis.model_file import SavedModel
-from analysis.diagnosis.result import Diagnosis
 from analysis.recording import Recording
 from analysis.shot import AnalysisSettings, Shot
 from app.export import export
+from app.happening import Diagnosed, Filled, Happening, Kind, Loaded, Opened, SavedElsewhere
 from app.jobs import Asked, Job, Jobs, Report
 from app.load import load_and_analyse
 from app.model_in_use import load_model, model_words, refit, save_model
@@ -26,34 +25,6 @@ from instrument.recording_error import PartlySaved, RecordingError
 from instrument.recording_file import find_recordings, rewrite_note
 from instrument.recording_search import is_motion_record
 from instrument.recording_writer import write_text_beside
-
-
-class Kind(StrEnum):
-    """What may happen."""
-
-    SHOT = "shot"  # a new entry, analysed
-    CHANGED = "changed"  # entries were read again or refitted
-    EXPORTED = "exported"
-    DIAGNOSED = "diagnosed"
-    MODEL = "model"  # a model file was loaded
-    PROBLEM = "problem"
-
-
-@dataclass(frozen=True, slots=True)
-class Happening:
-    """One thing that ended, in words, with the entries it concerns."""
-
-    kind: Kind
-    words: str
-    numbers: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnosed:
-    """A diagnosis and the entries it was made over, in the order of its fits."""
-
-    diagnosis: Diagnosis
-    numbers: tuple[int, ...]
 
 
 class Workbench:
@@ -133,11 +104,11 @@ class Workbench:
     def save_elsewhere(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
         """Queue the saving of shots that are only in memory; ``save`` does it and returns each one's path by name."""
 
-        def work(_: Report, __: Asked) -> _SavedElsewhere:
+        def work(_: Report, __: Asked) -> SavedElsewhere:
             try:
-                return _SavedElsewhere(save(folder), folder)
+                return SavedElsewhere(save(folder), folder)
             except PartlySaved as error:
-                return _SavedElsewhere(error.saved, folder, str(error))
+                return SavedElsewhere(error.saved, folder, str(error))
 
         self.errands.submit("saving elsewhere", work, "save")
 
@@ -200,7 +171,7 @@ class Workbench:
 
     def load_model(self, path: Path) -> None:
         """Queue the reading of a model file; its effects then are the model's, and every shot is fitted again."""
-        self.errands.submit("model file", lambda _, __: _Loaded(load_model(path), path), "model")
+        self.errands.submit("model file", lambda _, __: Loaded(load_model(path), path), "model")
 
     def _take_fits_of_diagnosis(self) -> tuple[int, ...]:
         """Give the diagnosed shots the fit the diagnosis already made with exactly these effects; return whose."""
@@ -254,22 +225,22 @@ class Workbench:
             for number in result.numbers:
                 self.session.set_verdict(number, verdict_words(result.diagnosis))
             self._waiting.append(Happening(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
-        elif isinstance(result, _SavedElsewhere):
+        elif isinstance(result, SavedElsewhere):
             self._take_saved(result)
-        elif isinstance(result, _Loaded):
+        elif isinstance(result, Loaded):
             self.known = result.model
             self._use(result.model.effects)
             words = f"Model {model_words(result.model)}, taken from {result.path}"
             self._waiting.append(Happening(Kind.MODEL, words))
-        elif isinstance(result, _Opened):
+        elif isinstance(result, Opened):
             entry = self.session.add(result.shot, copy_of=result.copy_of)
             self._waiting.append(Happening(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
-        elif isinstance(result, _Filled):
+        elif isinstance(result, Filled):
             for number, shot in result.shots:
                 self.session.fill(number, shot)
             self._waiting.append(Happening(Kind.CHANGED, "", tuple(number for number, _ in result.shots)))
 
-    def _take_saved(self, result: "_SavedElsewhere") -> None:
+    def _take_saved(self, result: SavedElsewhere) -> None:
         for name, path in result.paths.items():
             if not self.session.set_path(name, str(path)):
                 self._paths_ahead[name] = str(path)  # its analysis is still under way
@@ -289,25 +260,25 @@ class Workbench:
     def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
         effects = self.effects
 
-        def work(report: Report, cancelled: Asked) -> _Opened:
+        def work(report: Report, cancelled: Asked) -> Opened:
             shot = load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled)
-            return _Opened(_with_effects(shot, effects, cancelled), copy_of)
+            return Opened(_with_effects(shot, effects, cancelled), copy_of)
 
         self.jobs.submit(f"{path.name}", work, "open")
 
     def _submit_fill(self, entry: Entry) -> None:
         path, number, settings, effects = Path(entry.path or ""), entry.number, entry.settings, self.effects
 
-        def work(report: Report, cancelled: Asked) -> _Filled:
+        def work(report: Report, cancelled: Asked) -> Filled:
             shot = load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled)
-            return _Filled(((number, _with_effects(shot, effects, cancelled)),))
+            return Filled(((number, _with_effects(shot, effects, cancelled)),))
 
         self.jobs.submit(entry.name, work, "open")
 
     def _submit_refit(self, entries: Sequence[Entry]) -> None:
         effects = self.effects
 
-        def work(report: Report, cancelled: Asked) -> _Filled:
+        def work(report: Report, cancelled: Asked) -> Filled:
             done: list[tuple[int, Shot]] = []
             for place, entry in enumerate(entries):
                 shot = entry.shot
@@ -317,33 +288,9 @@ class Workbench:
                 fit = refit(shot, effects, cancelled)
                 if fit is not None:
                     done.append((entry.number, replace(shot, fit=fit)))
-            return _Filled(tuple(done))
+            return Filled(tuple(done))
 
         self.jobs.submit("fit with the new model", work, "refit")
-
-
-@dataclass(frozen=True, slots=True)
-class _Loaded:
-    model: SavedModel
-    path: Path
-
-
-@dataclass(frozen=True, slots=True)
-class _Opened:
-    shot: Shot
-    copy_of: int | None
-
-
-@dataclass(frozen=True, slots=True)
-class _SavedElsewhere:
-    paths: dict[str, Path]
-    folder: Path
-    problem: str | None = None  # why the others were not saved
-
-
-@dataclass(frozen=True, slots=True)
-class _Filled:
-    shots: tuple[tuple[int, Shot], ...]
 
 
 def _with_effects(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Shot:

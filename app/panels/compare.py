@@ -56,7 +56,7 @@ class ComparePanel(QWidget):
         self._force_curves = self._curves(self._force)
         right = QWidget(split)
         right_column = QVBoxLayout(right)
-        right_column.setContentsMargins(0, 0, 0, 0)
+        right_column.setContentsMargins(6, 0, 0, 0)
         self.trend = TrendPlot(colours, right)
         self._repeatability = QLabel(right)
         self._repeatability.setWordWrap(True)

@@ -1,27 +1,24 @@
 """DIAGNOSIS: the verdict in words first, then the candidates, the residual before and after, and what was blind."""
 
 import numpy as np
-from PySide6.QtCore import QRectF, QSize, Qt, Signal, Slot
-from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import (
-    QGridLayout,
     QHBoxLayout,
     QLabel,
     QProgressBar,
     QPushButton,
-    QScrollArea,
-    QSizePolicy,
     QSplitter,
     QVBoxLayout,
     QWidget,
 )
 
-from analysis.diagnosis.result import Candidate, Diagnosis, Errors, Verdict
+from analysis.diagnosis.result import Diagnosis, Errors, Verdict
 from analysis.shot import Shot
+from app.panels.candidates import CandidateBars
 from app.plots.shot_times import time_zero
 from app.plots.time_stack import TimeStack
 from app.theme import MARKS, Colours, Tone, sized, thin
-from app.wording import DASH, effect_words, number, parameter_words
+from app.wording import effect_words, number, parameter_words
 
 TONES = {Verdict.ADEQUATE: Tone.GOOD, Verdict.EFFECT_FOUND: Tone.WARNING, Verdict.UNEXPLAINED: Tone.BAD}
 WORDS = {
@@ -29,71 +26,6 @@ WORDS = {
     Verdict.EFFECT_FOUND: "EFFECT FOUND",
     Verdict.UNEXPLAINED: "UNEXPLAINED",
 }
-SHOWN_CANDIDATES = 19
-
-
-class Bar(QWidget):
-    """A horizontal bar; its length is said in words beside it."""
-
-    def __init__(self, share: float, colour: str, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._share, self._colour = min(1.0, max(0.0, share)), colour
-        self.setMinimumSize(QSize(60, 12))
-        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-
-    def paintEvent(self, _: QPaintEvent) -> None:
-        """Draw the bar."""
-        painter = QPainter(self)
-        painter.fillRect(QRectF(0, 1, max(1.0, self._share * self.width()), self.height() - 2), QColor(self._colour))
-
-
-class CandidateBars(QScrollArea):
-    """Every effect that was tried, best first."""
-
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._colours = colours
-        self.setWidgetResizable(True)
-        self.setAccessibleName("Effects that were tried, best first")
-        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-
-    def dress(self, colours: Colours) -> None:
-        """Set the colours used from the next show on."""
-        self._colours = colours
-
-    def show_candidates(self, candidates: tuple[Candidate, ...], named: set[str]) -> None:
-        """Show the candidates; named ones carry a tick."""
-        inner = QWidget(self)
-        grid = QGridLayout(inner)
-        grid.setContentsMargins(4, 2, 10, 2)
-        grid.setVerticalSpacing(3)
-        grid.setColumnStretch(1, 1)
-        most = max((abs(candidate.score) for candidate in candidates), default=1.0) or 1.0
-        for line, candidate in enumerate(candidates[:SHOWN_CANDIDATES]):
-            chosen = candidate.name in named
-            mark = f"{MARKS[Tone.GOOD]} " if chosen else ""
-            name = QLabel(mark + effect_words(candidate.name), inner)
-            name.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-            font = name.font()
-            font.setBold(chosen)
-            name.setFont(font)
-            colour = self._colours.simulated if chosen else self._colours.marker
-            score = QLabel(number(candidate.score, 3), inner)
-            score.setAlignment(Qt.AlignmentFlag.AlignRight)
-            bic = DASH if candidate.delta_bic is None else f"ΔBIC {number(candidate.delta_bic, 3)}"
-            evidence = QLabel(bic, inner)
-            evidence.setProperty("faint", True)
-            hover = "<br>".join(
-                [f"<b>{candidate.name}</b>", candidate.remark]
-                + [parameter_words(key, value) for key, value in candidate.parameters.items()]
-            )
-            for place, widget in enumerate((name, Bar(abs(candidate.score) / most, colour, inner), score, evidence)):
-                widget.setToolTip(hover)
-                grid.addWidget(widget, line, place)
-        grid.setRowStretch(SHOWN_CANDIDATES, 1)
-        self.setWidget(inner)
-        if candidates:
-            self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())
 
 
 class DiagnosisPanel(QWidget):
@@ -110,6 +42,7 @@ class DiagnosisPanel(QWidget):
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
         self._model_effects: tuple[str, ...] = ()
+        self._busy = False
         column = QVBoxLayout(self)
         column.setContentsMargins(10, 8, 10, 6)
         column.setSpacing(6)
@@ -207,6 +140,10 @@ class DiagnosisPanel(QWidget):
     def show_progress(self, what: str | None, fraction: float) -> None:
         """Show what is being done; None: nothing is."""
         busy = what is not None
+        if busy != self._busy and self._diagnosis is None:
+            self._busy = busy
+            self.show_diagnosis(None, self._shots, self._model_effects)
+        self._busy = busy
         self.progress.setVisible(busy)
         self.cancel.setVisible(busy)
         self.diagnose.setEnabled(not busy)
@@ -228,10 +165,14 @@ class DiagnosisPanel(QWidget):
         self._clear_effects()
         self._evidence.setVisible(diagnosis is not None)
         if diagnosis is None:
-            self._verdict.setText(f"{MARKS[Tone.NEUTRAL]} not diagnosed")
+            self._verdict.setText(
+                f"{MARKS[Tone.BUSY]} diagnosing" if self._busy else f"{MARKS[Tone.NEUTRAL]} not diagnosed"
+            )
             self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL]}")
             self._sentence.setText(
-                "Select one or several shots below and press Diagnose: the program looks at what the model leaves "
+                "The selected shots are looked at together; you can go on working, and take shots, meanwhile."
+                if self._busy
+                else "Select one or several shots below and press Diagnose: the program looks at what the model leaves "
                 "over, and says which effect the model lacks, if any. Shots at different speeds tell more."
             )
             self._blind.setText("")

@@ -25,7 +25,7 @@ bench: $(READY)
 
 # >= 2,000 simulated shots, 100 kills, 12,000 spoilt files: half an hour on two cores
 bench-soak: $(READY)
-	$(BIN)/python -m tests.benchmarks.soak --shots 2000
+	$(BIN)/python -m tests.benchmarks.soak --shots 2000 --apart
 	$(BIN)/python -m tests.benchmarks.kill --times 100
 	$(BIN)/python -m tests.benchmarks.fuzz --times 12000
 

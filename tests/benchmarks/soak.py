@@ -1,8 +1,9 @@
-"""Thousands of simulated shots in a row: ``python -m tests.benchmarks.soak [--shots 2000] [--fit]``.
+"""Thousands of simulated shots in a row: ``python -m tests.benchmarks.soak [--shots 2000] [--fit] [--apart]``.
 
 Bench as fast as it is read, light switch, recording, live picture and analysis; recordings are deleted as they come.
 Prints memory, threads and file handles after warm-up and at the end (targets: memory < 1 % more, the others equal),
-and fails where a shot was lost, cut short or not analysed.
+and fails where a shot was lost, cut short or not analysed.  ``--apart``: digitizer and analysis in processes of their
+own, as the program has them; memory is then that of all three.
 """
 
 import argparse
@@ -11,6 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 
@@ -18,6 +20,8 @@ from analysis.pipeline import analyse
 from analysis.recording import Recording
 from analysis.shot import AnalysisSettings, Progress, Shot
 from instrument.acquisition import State
+from instrument.apart.analysis import AnalysisApart
+from instrument.apart.digitizer import DigitizerApart
 from instrument.bench.bench import Rig
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.capture import Capture, CaptureOptions
@@ -63,18 +67,25 @@ class _Seen:
         return f"{memory / 1e6:7.1f} MB  {threads:.0f} threads  {open_:.0f} handles"
 
 
-def soak(shots: int, *, fit: bool, say: Callable[[str], None] = print) -> dict[str, tuple[float, float]]:
+def soak(
+    shots: int, *, fit: bool, apart: bool = False, say: Callable[[str], None] = print
+) -> dict[str, tuple[float, float]]:
     """Take ``shots`` shots; return (after warm-up, at the end) of memory in bytes, threads and handles."""
+    settings = AnalysisSettings(fit=fit)
+    analyst = AnalysisApart()
 
     def analysed(recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
-        return analyse(recording, AnalysisSettings(fit=fit), progress=progress, cancelled=cancelled)
+        if apart:
+            return analyst.analyse(recording, settings, progress, cancelled)
+        return analyse(recording, settings, progress=progress, cancelled=cancelled)
 
     seen = _Seen()
     problems: deque[str] = deque(maxlen=20)
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        digitizer = BenchDigitizer(Rig(seed=7), real_time=False, first_push_s=0.02, push_every_s=0.01)
+        bench = partial(BenchDigitizer, Rig(seed=7), real_time=False, first_push_s=0.02, push_every_s=0.01)
+        digitizer = DigitizerApart(bench) if apart else bench()
         options = CaptureOptions(folder, SHOT, watch=False)
         with Capture(digitizer, options, analyse=analysed, queue_length=8, say=problems.append) as capture:
             settled = asked = 0
@@ -97,6 +108,7 @@ def soak(shots: int, *, fit: bool, say: Callable[[str], None] = print) -> dict[s
                     if settled % (LOOK_EVERY * max(1, shots // LOOK_EVERY // LINES)) < LOOK_EVERY:
                         say(f"{settled:6d} shots {settled / (time.perf_counter() - begun):5.2f}/s  {seen}")
                 time.sleep(0.01)
+    analyst.close()
     say(f"{settled} shots in {time.perf_counter() - begun:.0f} s; problems: {list(problems) or 'none'}")
     return seen.growth(WARM_UP * shots)
 
@@ -106,8 +118,9 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--shots", type=int, default=2000)
     parser.add_argument("--fit", action="store_true", help="fit the base model too")
+    parser.add_argument("--apart", action="store_true", help="digitizer and analysis in processes of their own")
     options = parser.parse_args()
-    for key, (first, last) in soak(options.shots, fit=options.fit).items():
+    for key, (first, last) in soak(options.shots, fit=options.fit, apart=options.apart).items():
         print(f"{key:8s} {first:14.0f} after warm-up {last:14.0f} at the end  {100 * (last - first) / first:+.2f} %")
 
 

@@ -330,6 +330,17 @@ def test_a_full_disk_keeps_the_shot_in_memory_savable_elsewhere(
         assert len(list(elsewhere.glob("*.sigmf-meta"))) == 5
 
 
+def test_a_full_disk_is_said_on_standard_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("instrument.recorder.RecordingWriter", FullDisk)
+    with Capture(FakeDigitizer(), CaptureOptions(tmp_path, SETTINGS), live=False) as capture:
+        capture.arm()
+        until(capture, lambda s: s.state is State.FAULT)
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("levimass: ") and "No space left on device" in line and "save it to another folder" in line
+
+
 class NoFolder(RecordingWriter):
     """A folder that is gone by the time the shot is to be written."""
 

@@ -41,6 +41,7 @@ FLAG_WORDS = {
     "noise_not_known": "too little quiet flight to learn the noise from",
 }
 
+
 def effect_words(name: str) -> str:
     """Return an effect's name as a person says it."""
     return EFFECT_WORDS.get(name, name.replace("_", " "))

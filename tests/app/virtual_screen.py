@@ -1,4 +1,4 @@
-"""``python -m tests.app.virtual_screen PICTURES [light|dark] [2]``: the whole session on a screen of its own (Xvfb).
+"""``python -m tests.app.virtual_screen PICTURES [light|dark] [brief] [2]``: the whole session on a screen of its own (Xvfb).
 
 The last word scales everything, as on a dense screen: 2 takes 2960 x 1840 pixels.  Needs Xvfb and what Qt's xcb
 platform needs; on Debian: apt install xvfb libxcb-cursor0 libxkbcommon-x11-0 libegl1 libgl1.
@@ -37,9 +37,7 @@ def virtual_screen(scale: int = 1) -> Iterator[str]:
             server.terminate()
 
 
-def play(
-    pictures: Path, colours: str = "light", scale: int = 1, timeout_s: float = 1800.0
-) -> subprocess.CompletedProcess[str]:
+def play(pictures: Path, *words: str, scale: int = 1, timeout_s: float = 1800.0) -> subprocess.CompletedProcess[str]:
     """Play the whole session with a home of its own; kernels are taken from this user's cache."""
     from platformdirs import user_cache_path
 
@@ -48,7 +46,7 @@ def play(
         own = {"HOME": folder, "XDG_CONFIG_HOME": str(home / "config"), "XDG_CACHE_HOME": str(user_cache_path())}
         own |= {"DISPLAY": display, "QT_QPA_PLATFORM": "xcb", "QT_SCALE_FACTOR": str(scale)}
         own |= {"LEVIMASS_SESSION_HOME": folder, "PYTHONPATH": str(HOUSE)}
-        command = [sys.executable, "-m", "tests.app.whole_session", str(pictures.resolve()), colours]
+        command = [sys.executable, "-m", "tests.app.whole_session", str(pictures.resolve()), *words]
         return subprocess.run(
             command, env=os.environ | own, cwd=HOUSE, stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True,
             timeout=timeout_s, check=False,
@@ -64,8 +62,8 @@ def main(arguments: list[str]) -> int:
     if problem is not None:
         print(f"virtual_screen: {problem}", file=sys.stderr)
         return 1
-    colours = "dark" if "dark" in arguments[1:] else "light"
-    ended = play(Path(arguments[0]), colours, 2 if "2" in arguments[1:] else 1)
+    words = [word for word in arguments[1:] if word != "2"]
+    ended = play(Path(arguments[0]), *words, scale=2 if "2" in arguments[1:] else 1)
     print(ended.stdout, end="")
     return ended.returncode
 

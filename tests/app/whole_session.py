@@ -1,8 +1,8 @@
-"""A whole session through the real window: ``python -m tests.app.whole_session PICTURES [light|dark] [short]``.
+"""A whole session through the real window: ``python -m tests.app.whole_session PICTURES [light|dark] [brief]``.
 
 Started on a display (see ``virtual_screen``), it opens the program as ``levimass`` does and then only presses what a
 person could: set up, arm, five shots with a fault among them, look, compare, diagnose jointly, add the effect, save
-the model, report.  A picture of the screen is taken at every step; the exit status is 0 where all came about.
+the model, report (brief: only start, tour, settings and set-up).  A picture of the screen is taken at every step; the exit status is 0 where all came about.
 """
 
 import os
@@ -23,8 +23,9 @@ LONG_S = 600.0  # a diagnosis on a busy machine
 class Story(QObject):
     """One session, from the first start to the report."""
 
-    def __init__(self, home: Path, pictures: Path, colours: str) -> None:
+    def __init__(self, home: Path, pictures: Path, colours: str, brief: bool) -> None:
         super().__init__()
+        self._brief = brief
         self._home, self._colours = home, colours
         self._data = home / "rig"
         self._data.mkdir()
@@ -37,11 +38,12 @@ class Story(QObject):
         try:
             self._first_minute()
             self._settings()
-            self._five_shots()
-            self._look()
-            self._several()
-            self._diagnosis()
-            self._papers()
+            if not self._brief:
+                self._five_shots()
+                self._look()
+                self._several()
+                self._diagnosis()
+                self._papers()
             self._close()
         except Exception as error:  # whatever it was, the window must not stay open
             traceback.print_exc()
@@ -205,11 +207,11 @@ class Story(QObject):
 
 def main(arguments: list[str]) -> int:
     """Tell the story into a folder of pictures; return the exit status."""
-    if not arguments or arguments[1:] not in ([], ["light"], ["dark"]):
-        print("usage: python -m tests.app.whole_session PICTURES [light|dark]", file=sys.stderr)
+    if not arguments or not set(arguments[1:]) <= {"light", "dark", "brief"}:
+        print("usage: python -m tests.app.whole_session PICTURES [light|dark] [brief]", file=sys.stderr)
         return 2
     home = Path(os.environ["LEVIMASS_SESSION_HOME"])
-    story = Story(home, Path(arguments[0]), (arguments[1:] or ["light"])[0])
+    story = Story(home, Path(arguments[0]), "dark" if "dark" in arguments else "light", "brief" in arguments)
 
     from app.window import run
 

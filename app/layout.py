@@ -100,7 +100,7 @@ class Layout(QWidget):
         down.addWidget(self.table)
         down.setStretchFactor(0, 1)
         down.setStretchFactor(1, 0)
-        down.setSizes([700, 170])
+        down.setSizes([720, 150])
         down.setChildrenCollapsible(False)
         column.addWidget(down, 1)
         column.addWidget(self.work)

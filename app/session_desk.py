@@ -73,6 +73,7 @@ class SessionDesk(QObject):
         p.diagnosis.diagnose_wanted.connect(self.diagnose)
         p.diagnosis.cancel_wanted.connect(self._cancel_diagnosis)
         p.diagnosis.add_wanted.connect(self._add_effect)
+        p.diagnosis.add_all_wanted.connect(self._add_effects)
         p.diagnosis.remove_wanted.connect(self._remove_effect)
         p.work.cancel_wanted.connect(self._cancel_work)
         p.shot.raw_wanted.connect(self._raw_wanted)
@@ -327,6 +328,11 @@ class SessionDesk(QObject):
     @Slot(str)
     def _add_effect(self, name: str) -> None:
         self._bench.set_effect(name, True)
+        self._show_diagnosis()
+
+    @Slot(list)
+    def _add_effects(self, names: list[str]) -> None:
+        self._bench.add_effects(names)
         self._show_diagnosis()
 
     @Slot(str)

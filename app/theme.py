@@ -237,6 +237,7 @@ def style_sheet(colours: Colours) -> str:
     QTableView {{ border: none; gridline-color: {colours.edge}; selection-background-color: {colours.accent};
         selection-color: {colours.accent_text}; alternate-background-color: {colours.window}; }}
     QTableView::item {{ padding: 0 6px; }}
+    QTableView::item:selected {{ background: {colours.accent}; color: {colours.accent_text}; }}
     QScrollArea, QScrollArea > QWidget {{ border: none; background: {colours.panel}; }}
     QSplitter::handle {{ background: {colours.edge}; }}
     QSplitter::handle:horizontal {{ width: 3px; }}

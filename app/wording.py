@@ -24,7 +24,13 @@ def number(value: float | None, digits: int = 4) -> str:
     """Return a bare number with so many significant digits, or a dash."""
     if value is None or not math.isfinite(value):
         return DASH
-    return local(f"{value:.{digits}g}")
+    text = f"{value:.{digits}g}"
+    mantissa, exponent, power = text.partition("e")
+    if not exponent:
+        return local(text)
+    if 0 < int(power) < 7:  # 14900 is read faster than 1.49e+04
+        return local(f"{float(text):.0f}")
+    return local(f"{mantissa}e{int(power)}")
 
 
 def value_text(reading: Reading | None, scale: float = 1.0) -> str:
@@ -66,8 +72,10 @@ def how_text(name: str, reading: Reading | None, meaning: str = "") -> str:
 
 def parameter_words(name: str, value: Quantity) -> str:
     """Return "coefficient 0.00190 ± 0.00010 N s²/m²" for "coefficient_n_s2_per_m2"."""
-    words, unit = parameter_parts(name)
-    return f"{words} {value_text(value)} {unit}".rstrip()
+    base, _, shot = name.partition(".")
+    words, unit = parameter_parts(base)
+    which = f" of shot {shot}" if shot else ""
+    return f"{words}{which} {value_text(value)} {unit}".rstrip()
 
 
 def duration(seconds: float) -> str:

@@ -150,6 +150,10 @@ class Workbench:
         kept = tuple(effect for effect in self.effects if effect != name)
         self._use((*kept, name) if wanted else kept)
 
+    def add_effects(self, names: Sequence[str]) -> None:
+        """Add several effects at once, so that the shots are fitted again but once, or not at all after a diagnosis."""
+        self._use((*self.effects, *(name for name in names if name not in self.effects)))
+
     def _use(self, effects: tuple[str, ...]) -> None:
         self.session.set_effects(effects)
         done = self._take_fits_of_diagnosis()

@@ -17,7 +17,7 @@ class Bar(QWidget):
     def __init__(self, share: float, colour: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._share, self._colour = min(1.0, max(0.0, share)), colour
-        self.setMinimumSize(QSize(60, 12))
+        self.setMinimumSize(QSize(24, 12))
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     def paintEvent(self, _: QPaintEvent) -> None:

@@ -34,6 +34,7 @@ class DiagnosisPanel(QWidget):
     diagnose_wanted = Signal()
     cancel_wanted = Signal()
     add_wanted = Signal(str)
+    add_all_wanted = Signal(list)
     remove_wanted = Signal(str)
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
@@ -192,6 +193,9 @@ class DiagnosisPanel(QWidget):
             rivals = ", ".join(effect_words(name) for name in effect.indistinguishable_from)
             words = parameters + (f"   cannot be told from: {rivals}" if rivals else "")
             self._effect_row(effect.name, words, effect.name in model_effects)
+        missing = [effect.name for effect in diagnosis.effects if effect.name not in model_effects]
+        if len(missing) > 1:
+            self._add_all_row(missing)
         for name in model_effects:
             if name not in {effect.name for effect in diagnosis.effects}:
                 self._effect_row(name, "", True)
@@ -232,6 +236,15 @@ class DiagnosisPanel(QWidget):
         line.addWidget(label, 1)
         line.addWidget(button)
         self._effects.addWidget(row)
+
+    def _add_all_row(self, names: list[str]) -> None:
+        button = QPushButton("Add all to the model", self)
+        button.setProperty("effects", names)
+        button.setToolTip(
+            "Use these effects together: the fits are those of the diagnosis, so that nothing is waited for"
+        )
+        button.clicked.connect(self._add_all)
+        self._effects.addWidget(button, 0, Qt.AlignmentFlag.AlignRight)
 
     def _show_errors(self, diagnosis: Diagnosis) -> None:
         def cells(errors: Errors | None) -> str:
@@ -297,6 +310,10 @@ class DiagnosisPanel(QWidget):
     @Slot()
     def _add(self) -> None:
         self.add_wanted.emit(str(self.sender().property("effect")))
+
+    @Slot()
+    def _add_all(self) -> None:
+        self.add_all_wanted.emit(self.sender().property("effects"))
 
     @Slot()
     def _remove(self) -> None:

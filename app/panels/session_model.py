@@ -12,15 +12,15 @@ COLUMNS = (
     ("#", 5),
     ("time", 9),
     ("name", 13),
-    ("v in (m/s)", 18),
-    ("v out (m/s)", 18),
-    ("COR quasi-static", 19),
-    ("COR kinetic", 14),
+    ("v in (m/s)", 17),
+    ("v out (m/s)", 17),
+    ("COR quasi-static", 17),
+    ("COR kinetic", 13),
     ("F max (N)", 13),
-    ("k_p (N/m)", 16),
-    ("verdict", 24),
-    ("flags", 12),
-    ("note", 16),
+    ("k_p (N/m)", 14),
+    ("verdict", 20),
+    ("flags", 11),
+    ("note", 14),
 )
 NOTE = len(COLUMNS) - 1
 

@@ -80,10 +80,15 @@ class SampledCurve(pg.PlotCurveItem):
             self.setData(np.empty(0), np.empty(0))
             return
         (left, right), _ = view.viewRange()
-        pixels = max(64, int(view.width()))
+        pixels = max(64, int(view.width() * self._density()))
         first, last = self.index_range(left, right)
         positions, values = self._pyramid.view(first - 1, last + 1, pixels)
         self.setData(self._start + self._step * positions, values)
+
+    def _density(self) -> float:
+        """Return the screen's own pixels a logical one: fewer points than those leave a noise half unlit."""
+        widget = self.getViewWidget()
+        return float(widget.devicePixelRatioF()) if widget is not None else 1.0
 
 
 class PointCurve(SampledCurve):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QPushButton
 
 from analysis.quantity import NotSeen
 from app.panels.compare import ComparePanel
@@ -186,3 +187,19 @@ def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot
     assert not panel.diagnose.isEnabled() and panel.cancel.isVisible()
     panel.show_progress(None, 0.0)
     assert panel.diagnose.isEnabled()
+
+
+def test_several_effects_are_added_by_one_press(qtbot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    shot = synthetic.shot()
+    found = synthetic.diagnosis(shot)
+    two = replace(found, effects=(*found.effects, replace(found.effects[0], name="tilt")))
+    panel.show_diagnosis(two, [shot], ())
+    asked = []
+    panel.add_all_wanted.connect(asked.append)
+    (button,) = [b for b in panel.findChildren(QPushButton) if b.text() == "Add all to the model"]
+    button.click()
+    assert asked == [["quadratic_drag", "tilt"]]
+    panel.show_diagnosis(two, [shot], ("tilt",))
+    qtbot.waitUntil(lambda: not [b for b in panel.findChildren(QPushButton) if b.text() == "Add all to the model"])

@@ -5,6 +5,7 @@ from PySide6.QtCore import QLocale
 
 from analysis.quantity import NotSeen, Quantity
 from app import wording
+from app.wording import number, parameter_words
 
 
 @pytest.fixture
@@ -38,3 +39,16 @@ def test_parameters_are_said_with_their_unit():
     assert words == "coefficient 0.00190 ± 0.00010 N s²/m²"
     assert wording.parameter_words("force_n", Quantity(2e-5, 1e-6)).endswith(" N")
     assert wording.parameter_words("damping_ratio", Quantity(0.1, 0.01)) == "damping ratio 0.100 ± 0.010"
+
+
+def test_a_parameter_of_one_shot_says_which() -> None:
+    assert parameter_words("phase_rad.2", Quantity(0.98, 0.2, "fit")) == "phase of shot 2 0.98 ± 0.20 rad"
+
+
+def test_large_numbers_are_written_out_and_small_ones_are_short() -> None:
+    assert (number(14930.0, 3), number(9.7e-6, 2), number(1e9, 3), number(-74990.0)) == (
+        "14900",
+        "9.7e-6",
+        "1e9",
+        "-74990",
+    )

@@ -1,4 +1,4 @@
-"""``python -m tests.app.virtual_screen PICTURES [light|dark] [brief] [2]``: the whole session on a screen of its own (Xvfb).
+"""``python -m tests.app.virtual_screen PICTURES [light|dark] [brief] [2]``: the whole session on its own screen (Xvfb).
 
 The last word scales everything, as on a dense screen: 2 takes 2960 x 1840 pixels.  Needs Xvfb and what Qt's xcb
 platform needs; on Debian: apt install xvfb libxcb-cursor0 libxkbcommon-x11-0 libegl1 libgl1.

@@ -2,7 +2,8 @@
 
 Started on a display (see ``virtual_screen``), it opens the program as ``levimass`` does and then only presses what a
 person could: set up, arm, five shots with a fault among them, look, compare, diagnose jointly, add the effect, save
-the model, report (brief: only start, tour, settings and set-up).  A picture of the screen is taken at every step; the exit status is 0 where all came about.
+the model, report (brief: only start, tour, settings and set-up).  A picture of the screen is taken at every step; the
+exit status is 0 where all came about.
 """
 
 import os
@@ -174,12 +175,13 @@ class Story(QObject):
         p.picture("diagnosing")
         p.wait_to_read("EFFECT FOUND", LONG_S)
         p.picture("diagnosis")
-        p.click("Add to the model", Role.Button)
+        together = p.find("Add all to the model", Role.Button) is not None
+        p.click("Add all to the model" if together else "Add to the model", Role.Button)
         p.see("Remove from the model", Role.Button)
         p.picture("effect-added")
         p.press("Ctrl+2")
         p.press("1")
-        p.wait_to_read("quadratic drag")
+        p.wait_to_read("paper + quadratic drag", LONG_S)
         p.picture("shot-with-the-effect")
 
     def _papers(self) -> None:

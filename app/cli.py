@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import io
 import os
 import signal
 import sys
@@ -18,6 +19,8 @@ OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status of RECORDING.md (0 analysed, 1 something failed, 2 wrong usage)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # "±", or a name that is no text, must not cost a script its result
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         with _ended_by_ctrl_c():
             work = _work(arguments)

@@ -26,10 +26,6 @@ EFFECT_WORDS = {
 }
 
 FLAG_WORDS = {
-    "clipped": "the digitizer clipped: force and velocity are unsure there; lower the gain or the light",
-    "gap": "samples were lost; nothing is shown in their place",
-    "truncated": "the file is shorter than its description says; analysed as far as it goes",
-    "longer_than_declared": "the file is longer than its description says",
     "interrupted": "the capture was cut off before it was closed; analysed as far as it got",
     "cut_short": "the capture ended before all samples asked for came",
     "trigger_lost": "the light switch's sample lies beyond the end of the file",
@@ -49,7 +45,7 @@ def effect_words(name: str) -> str:
 
 def flag_words(flag: str) -> str:
     """Return what a flag means and what to do, in one line."""
-    return FLAG_WORDS.get(flag) or MEANINGS.get(flag, flag.replace("_", " "))
+    return MEANINGS.get(flag) or FLAG_WORDS.get(flag, flag.replace("_", " "))
 
 
 def parameter_parts(name: str) -> tuple[str, str]:

@@ -180,12 +180,13 @@ def write_text_beside(path: Path, text: str, *, sync: bool) -> None:
     check_writable(path)
     with _as_recording_error(path):
         if _is_device(path):
-            path.write_text(text, encoding="utf-8", newline="\n")
+            path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
             return
         path = Path(os.path.realpath(path))
         beside = path.with_name(f".{path.name}.{os.getpid()}.new")
         try:
-            with open(beside, "w", encoding="utf-8", newline="\n") as file:
+            # a file's name in the text may hold bytes that are no text
+            with open(beside, "w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
                 file.write(text)
                 if sync:
                     file.flush()

@@ -123,8 +123,9 @@ def drift(model: SavedModel, fit: Fit) -> dict[str, float]:
 
 
 def _string(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+    whole = text.encode("utf-8", "replace").decode()  # a file's name may hold bytes that are no text
+    escaped = whole.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
 
 
 def _number(value: float) -> str:

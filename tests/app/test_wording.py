@@ -1,10 +1,14 @@
 """Numbers as the screen states them."""
 
+from pathlib import Path
+
 import pytest
 from PySide6.QtCore import QLocale
 
 from analysis.quantity import NotSeen, Quantity
+from analysis.signal.quality import MEANINGS
 from app import wording
+from app.physics_words import FLAG_WORDS
 from app.wording import number, parameter_words
 
 
@@ -52,3 +56,9 @@ def test_large_numbers_are_written_out_and_small_ones_are_short() -> None:
         "1e9",
         "-74990",
     )
+
+
+def test_every_flag_has_one_meaning_and_stands_in_the_page_of_formats():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    assert not set(MEANINGS) & set(FLAG_WORDS)
+    assert [flag for flag in (*MEANINGS, *FLAG_WORDS) if f"`{flag}`" not in page] == []

@@ -58,10 +58,8 @@ def errors_row(what: str, errors: Errors | None) -> str:
     """Return a row of the table of errors."""
     if errors is None:
         return f"| {what} | not held out | | | |"
-    return (
-        f"| {what} | {errors.displacement_rms_m:.4g} | {errors.velocity_rms_m_per_s:.4g} | "
-        f"{errors.force_rms_n:.4g} | {errors.reduced_chi2:.4g} |"
-    )
+    numbers = (errors.displacement_rms_m, errors.velocity_rms_m_per_s, errors.force_rms_n, errors.reduced_chi2)
+    return f"| {what} | {' | '.join('–' if n != n else f'{n:.4g}' for n in numbers)} |"
 
 
 def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path) -> str:

@@ -204,9 +204,9 @@ def test_nothing_is_overwritten_and_a_failure_leaves_nothing(shot: Recording, tm
 
 def test_a_link_stays_a_link_and_a_device_a_device(tmp_path: Path) -> None:
     (tmp_path / "link.json").symlink_to(tmp_path / "file.json")
-    write_text_beside(tmp_path / "link.json", "new", sync=True)
+    write_text_beside(tmp_path / "link.json", "new\udcff", sync=True)
     assert (tmp_path / "link.json").is_symlink()
-    assert (tmp_path / "file.json").read_text() == "new"
+    assert (tmp_path / "file.json").read_text() == "new\\udcff"  # no text, and no reason to fail
     os.mkfifo(tmp_path / "pipe")
     reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
     write_text_beside(tmp_path / "pipe", "through", sync=True)

@@ -17,7 +17,7 @@ MODEL = SavedModel(
         "coulomb_friction.force_n": Quantity(9.0e-5, 3.5e-8),
     },
     covariance=np.array([[9e-8, 1e-13], [1e-13, 1.2e-15]]),
-    shots=('shot "1"', "shot\\2"),
+    shots=('shot "1"', "shot\\2", "shot\n3 \U0001f4cf\U000e0001"),
     errors={"before": Errors(1e-6, 2e-4, 7e-3, 8e4), "after": Errors(4e-10, 2e-6, 1e-3, 1.0)},
 )
 
@@ -28,6 +28,10 @@ def test_what_is_written_comes_back() -> None:
     values = {name: (q.value, q.std) for name, q in back.parameters.items()}
     assert values == {name: (q.value, q.std) for name, q in MODEL.parameters.items()}
     assert dataclasses.replace(back, covariance=MODEL.covariance, parameters=MODEL.parameters) == MODEL
+
+
+def test_a_name_that_is_no_text_does_no_harm() -> None:
+    assert from_text(to_text(dataclasses.replace(MODEL, shots=("shot\udcff",)))).shots == ("shot?",)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Shots analysed in a process of its own, whose long stretches of Python hold up neither the screen nor a capture."""
 
 import contextlib
+import gc
 import multiprocessing
 import os
 import queue
@@ -166,12 +167,14 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, news: Connectio
     if warm is not None:
         with contextlib.suppress(Exception):  # then it is compiled when it is needed
             warm()
+    gc.freeze()  # what is loaded by now stays to the end
     while True:
         task = waiting.get()
         try:
             news.send(_one(task, news, dropped))
         except OSError:
             return
+        gc.collect()  # now, when nobody waits for it
 
 
 def _one(task: _Task, news: Connection, dropped: set[int]) -> _News:

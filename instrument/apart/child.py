@@ -1,6 +1,7 @@
 """The child process: it owns the device, fills the shared ring and does what it is told; it ends with its parent."""
 
 import contextlib
+import gc
 import os
 import queue
 import signal
@@ -108,6 +109,7 @@ class _Child:
         try:
             if order.kind == "prepare":
                 self._digitizer.prepare()
+                gc.freeze()  # what is loaded by now stays to the end: looking through it for garbage only takes time
             elif order.kind == "defaults":
                 settings = self._digitizer.default_settings()
             elif order.kind == "arm":
@@ -127,6 +129,7 @@ class _Child:
         ring = self._ring
         assert ring is not None
         ring.give_free(self._at, self._blocks)  # what is left of the stream before is nobody's
+        gc.collect()  # now, when nothing waits for it
         self._length = min(block_samples(order.settings.sample_rate_hz), ring.capacity)
         self._digitizer.arm(order.settings)
         self._run = order.serial

@@ -1,9 +1,7 @@
 """A shot's motion as HDF5: the columns of the CSV as data sets with their units, numbers and settings as attributes."""
 
-import contextlib
 import io
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +14,7 @@ from analysis.shot import Shot
 from app.export import motion_columns, motion_file_names
 from app.physics_words import parameter_parts
 from instrument.recording_error import RecordingError
+from instrument.recording_writer import write_beside
 
 
 def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
@@ -30,7 +29,7 @@ def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
         if shot.motion is None:
             continue
         path = folder / Path(name).with_suffix(".h5").name
-        _write(path, _bytes(shot, [other for other in shots if other is not shot], path))
+        write_beside(path, _bytes(shot, [other for other in shots if other is not shot], path), sync=True)
         written.append(path)
     return written
 
@@ -69,18 +68,3 @@ def _column(group: Any, name: str, values: np.ndarray) -> None:
 
 def _plain(text: str) -> str:
     return text.replace("\x00", " ").encode("utf-8", "replace").decode("utf-8")[:16000]
-
-
-def _write(path: Path, data: memoryview) -> None:
-    """Write a file whole or not at all."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.new")
-    try:
-        with open(beside, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            beside.unlink()
-        raise

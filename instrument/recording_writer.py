@@ -173,21 +173,25 @@ def write_json_beside(path: Path, value: Mapping[str, Any], *, sync: bool) -> No
 
 
 def write_text_beside(path: Path, text: str, *, sync: bool) -> None:
-    """Write text to a file beside ``path``, fsync it, and ``os.replace`` it into place.
+    """Write text, as ``write_beside`` does; a file's name in it may hold bytes that are no text."""
+    write_beside(path, text.encode("utf-8", errors="backslashreplace"), sync=sync)
 
-    A link stays a link, to the new text; a device or a pipe is written into, as nothing may take its place.
+
+def write_beside(path: Path, content: bytes | memoryview, *, sync: bool) -> None:
+    """Write a file beside ``path``, fsync it, and ``os.replace`` it into place.  Raises RecordingError.
+
+    A link stays a link, to the new content; a device or a pipe is written into, as nothing may take its place.
     """
     check_writable(path)
     with _as_recording_error(path):
         if _is_device(path):
-            path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+            path.write_bytes(content)
             return
         path = Path(os.path.realpath(path))
         beside = path.with_name(f".{path.name}.{os.getpid()}.new")
         try:
-            # a file's name in the text may hold bytes that are no text
-            with open(beside, "w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
-                file.write(text)
+            with open(beside, "wb") as file:
+                file.write(content)
                 if sync:
                     file.flush()
                     os.fsync(file.fileno())
@@ -201,7 +205,7 @@ def write_text_beside(path: Path, text: str, *, sync: bool) -> None:
 
 
 def check_writable(path: Path) -> None:
-    """Raise RecordingError where ``write_text_beside`` would fail: better said before hours of work than after."""
+    """Raise RecordingError where ``write_beside`` would fail: better said before hours of work than after."""
     with _as_recording_error(path):
         if os.path.isdir(path):
             raise IsADirectoryError(0, "a folder, not a file")

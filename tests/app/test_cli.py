@@ -68,10 +68,6 @@ def test_any_name_is_refused_in_one_line(name: str, tmp_path: Path, capsys: pyte
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def _levimass(*arguments: str, **streams: Any) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, "-m", "app", *arguments], cwd=HOUSE, text=True, **streams)
-
-
 POSIX = pytest.mark.skipif(os.name != "posix", reason="pipes and signals as POSIX has them")
 
 

@@ -24,8 +24,8 @@ def test_results_and_failures_come_back_and_the_thread_lives_on():
         assert jobs.close()
 
 
-def test_cancel_reaches_the_job_under_way_and_those_that_wait():
-    jobs = Jobs()
+def _endless():
+    """Return a flag and a job that raises it, then runs until it is told to stop."""
     started = threading.Event()
 
     def endless(report, cancelled):
@@ -34,6 +34,12 @@ def test_cancel_reaches_the_job_under_way_and_those_that_wait():
             threading.Event().wait(0.002)
         raise Cancelled
 
+    return started, endless
+
+
+def test_cancel_reaches_the_job_under_way_and_those_that_wait():
+    jobs = Jobs()
+    started, endless = _endless()
     try:
         first, second = jobs.submit("first", endless, "diagnosis"), jobs.submit("second", endless, "diagnosis")
         other = jobs.submit("other", lambda report, cancelled: "kept", "export")
@@ -49,14 +55,7 @@ def test_cancel_reaches_the_job_under_way_and_those_that_wait():
 
 def test_close_ends_a_job_that_listens():
     jobs = Jobs()
-    started = threading.Event()
-
-    def endless(report, cancelled):
-        started.set()
-        while not cancelled():
-            threading.Event().wait(0.002)
-        raise Cancelled
-
+    started, endless = _endless()
     jobs.submit("endless", endless)
     assert started.wait(10)
     assert jobs.close(5)

@@ -22,7 +22,7 @@ class Coordinates:
 
     ``plate`` says whether the first four parameters are plate and contact (else they are left as they are);
     ``own_at`` holds where each shot's (v_i, touch time, offset) begin, ``reference_s`` its expected touch;
-    the parameters ``inverse_at`` are searched by their inverse.
+    the parameters ``inverse_at`` are searched by their inverse, those ``logarithmic_at`` by their logarithm.
     """
 
     block_mass_kg: float
@@ -30,6 +30,7 @@ class Coordinates:
     own_at: tuple[int, ...]
     reference_s: tuple[float, ...]
     inverse_at: tuple[int, ...] = ()
+    logarithmic_at: tuple[int, ...] = ()
 
     def to_search(self, parameters: Floats) -> Floats:
         """Return the coordinates of ``parameters``, shape (p,)."""
@@ -45,6 +46,8 @@ class Coordinates:
             z[at + 2] = parameters[at + 2] + parameters[at] * (reference - parameters[at + 1])
         for at in self.inverse_at:
             z[at] = 1 / parameters[at]
+        for at in self.logarithmic_at:
+            z[at] = math.log(parameters[at])
         return z
 
     def to_parameters(self, z: Floats) -> tuple[Floats, Floats]:
@@ -77,4 +80,6 @@ class Coordinates:
         for at in self.inverse_at:
             out[at] = 1 / max(z[at], 1e-12)
             slope[at, at] = -(out[at] ** 2)
+        for at in self.logarithmic_at:
+            out[at] = slope[at, at] = math.exp(min(z[at], 60.0))
         return out, slope

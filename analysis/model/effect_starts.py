@@ -24,7 +24,8 @@ def effect_starts(
     ``bare`` is the same problem without effects, ``bases`` sets of its parameters to begin from: its minimum, and
     where the effect may have drawn that far away, a guess that the effect disturbs less.  ``given`` fixes starts by
     full name.  From each base first the linear estimate at the best points of the effects' grids (or a fraction of it,
-    where the whole makes things worse: the base parameters have yet to give way), then natural sizes, then large ones.
+    where the whole makes things worse: the base parameters have yet to give way), and natural sizes there, then large
+    ones.
     """
     rankings: list[dict[str, list[tuple[Candidate, Gain]]]] = []
     for base in bases:
@@ -36,7 +37,11 @@ def effect_starts(
     more = [("linear", place) for place in range(1, _POINTS)]
     for base, ranked in zip(bases, rankings, strict=True):
         most = max(len(found) for found in ranked.values())
-        rounds = [*more[: most - 1], ("natural", 0), ("large", 0)]
+        natural = [("natural", place) for place in range(most)]
+        # What the base parameters have swallowed the linear estimate takes for nothing: there the natural size is best.
+        swallowed = any(effect.inverse for effect in model.effects)
+        rounds = [*natural, *more[: most - 1]] if swallowed else [*more[: most - 1], *natural]
+        rounds.append(("large", 0))
         yield from _from(bare, base, model, given, ranked, rounds)
 
 

@@ -28,6 +28,7 @@ _TRIED_STARTS = 6
 _FOLLOWED_STARTS = 3
 _EARLY = 0.3  # of the contact time: the bounces
 _STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
+_LAST_EVALUATIONS = 120  # for the best of several searches that were all cut short
 _GOOD_ENOUGH = 1.1  # chi^2 a sample: a minimum down at the noise, no other start can do better
 
 
@@ -197,6 +198,9 @@ def _with_effects(
             best = (problem, trial)
             if trial.converged and trial.square.chi2 < _GOOD_ENOUGH * trial.square.samples:
                 break
+    if best is not None and not best[1].converged:
+        with contextlib.suppress(Infeasible):
+            best = (best[0], search(best[0], best[1].parameters, stop, evaluations=_LAST_EVALUATIONS))
     if best is None:
         raise Infeasible(f"no start of {', '.join(e.name for e in model.effects)} gives a trajectory: {why}")
     return best

@@ -1,5 +1,6 @@
 """The least-squares search over one or several shots: one sum of squares, shared and own parameters."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -111,12 +112,22 @@ def search(
         for e in model.effects
         if e.inverse and f"{e.name}.{e.amplitude}" in model.shared_names
     )
+    names = [*model.shared_names, *(n for _ in problem.shots for n in model.own_names)]
+    limits = {name: parameter for name, _, _, parameter in model.effect_parameters}
+    # An amplitude may have to pass through nothing on its way, where a logarithm has no end.
+    amplitudes = {f"{e.name}.{e.amplitude}" for e in model.effects}
+    logarithmic = tuple(
+        place
+        for place, name in enumerate(names)
+        if name in limits and name not in amplitudes and limits[name].logarithmic and limits[name].lower > 0
+    )
     coordinates = Coordinates(
         block_mass_kg=problem.shots[0].block_mass_kg,
         plate=not model.base.one_body,
         own_at=tuple(count + own * index for index in range(len(problem.shots))),
         reference_s=tuple(shot.course.touch_time_s for shot in problem.shots),
         inverse_at=inverse,
+        logarithmic_at=logarithmic,
     )
 
     seen: dict[bytes, Square] = {}
@@ -143,17 +154,15 @@ def search(
     start = coordinates.to_search(begin)
     lower, upper = np.full(start.size, -np.inf), np.full(start.size, np.inf)
     lower[len(model.base.names) - 1] = 0.0  # a dashpot never drives
-    names = [*model.shared_names, *(n for _ in problem.shots for n in model.own_names)]
-    limits = {name: parameter for name, _, _, parameter in model.effect_parameters}
     for place, name in enumerate(names):
         if name not in limits:
             continue
         lower[place], upper[place] = limits[name].lower, limits[name].upper
         if place in inverse:
             lower[place], upper[place] = 1e-9, 1 / max(limits[name].lower, 1e-12)
-        elif limits[name].grid and limits[name].lower > 0:
-            lower[place] = max(lower[place], start[place] / _FURTHEST)
-            upper[place] = min(upper[place], start[place] * _FURTHEST)
+        elif place in logarithmic:
+            lower[place] = max(math.log(lower[place]), start[place] - math.log(_FURTHEST))
+            upper[place] = min(math.log(upper[place]), start[place] + math.log(_FURTHEST))
     found = minimise(
         function,
         start,

@@ -33,3 +33,12 @@ def test_what_the_sensor_adds_is_found_and_leaves_the_rig_alone(name: str) -> No
         assert abs(fit.parameters[key].value - getattr(truth.bodies, key)) < SIGMAS * fit.parameters[key].std
     for one, speed in zip(fit.shots, truth.speeds_m_per_s, strict=True):
         assert abs(one.velocity_in_m_per_s.value + speed) < SIGMAS * one.velocity_in_m_per_s.std
+
+
+def test_a_second_mode_that_the_base_has_swallowed_is_found() -> None:
+    mode = {"mass_kg": 0.01, "frequency_hz": 2500.0, "damping_ratio": 0.01}
+    fit = fit_shots(shots({"second_plate_mode": mode}, seed=4, count=2), effects=("second_plate_mode",))
+    assert fit.converged
+    for key, value in mode.items():
+        found = fit.parameters[f"second_plate_mode.{key}"]
+        assert abs(found.value - value) < SIGMAS * found.std < 0.3 * value

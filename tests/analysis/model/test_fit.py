@@ -11,6 +11,7 @@ from analysis.model.parameters import PAPER
 from analysis.model.starts import NoCollision
 from analysis.shot import AnalysisSettings, Cancelled
 from analysis.signal.demodulate import demodulate
+from tests.analysis.collision import PLATE_N_PER_M, Rig, motion_of
 from tests.analysis.model.simulated import shot
 
 NAMES = (
@@ -126,3 +127,12 @@ def test_recording_of_the_paper(recordings: Path) -> None:
         assert abs(fit.parameters[name].value - value) < SIGMAS * fit.parameters[name].std
     assert fit.shots[0].velocity_in_m_per_s.value == pytest.approx(-0.265, abs=3e-6)
     assert fit.shots[0].velocity_out_m_per_s.value == pytest.approx(0.261702, abs=3e-6)
+
+
+@pytest.mark.parametrize("seed", [28, 29, 30])
+def test_a_collision_integrated_elsewhere_converges(seed: int) -> None:
+    fit = fit_shots([motion_of(Rig(noise_m=0.3e-9), seed=seed)])
+    assert fit.converged and not fit.flags
+    assert abs(fit.parameters["plate_stiffness_n_per_m"].value - PLATE_N_PER_M) < SIGMAS * (
+        fit.parameters["plate_stiffness_n_per_m"].std
+    )

@@ -200,13 +200,13 @@ def test_every_key_of_the_sheet_is_bound_to_something(opened, qtbot):
     assert not window.panels.keys.isVisible()
 
 
-def test_three_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened, qtbot, tmp_path):
+def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened, qtbot, tmp_path):
     effect = {"quadratic_drag": {"coefficient_n_s2_per_m2": 2e-3}}
-    paths = simulate(tmp_path / "drag", 3, 5, effect)
+    paths = simulate(tmp_path / "drag", 2, 5, effect)
     window = opened(rigs.still_bench)
     window.session_desk.open_paths([Path(path) for path in paths])
-    qtbot.waitUntil(lambda: len(window.bench.session.entries) == 3, timeout=WAIT_MS)
-    window.panels.table.select([1, 2, 3])
+    qtbot.waitUntil(lambda: len(window.bench.session.entries) == 2, timeout=WAIT_MS)
+    window.panels.table.select([1, 2])
     qtbot.keyClick(window, Qt.Key.Key_D)
     assert window.panels.tabs.currentIndex() == Layout.DIAGNOSIS
     qtbot.waitUntil(lambda: window.bench.diagnosed is not None, timeout=3 * WAIT_MS)

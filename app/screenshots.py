@@ -65,6 +65,9 @@ class Photographer:
 
     def press(self, key: Qt.Key, modifier: Qt.KeyboardModifier = Qt.KeyboardModifier.NoModifier) -> None:
         """Press a key and let the window answer."""
+        if not self.window.isActiveWindow():  # without a display another window of the process may have taken it
+            self.window.activateWindow()
+            self.wait("the window in front", self.window.isActiveWindow)
         QTest.keyClick(self.window, key, modifier)
         QTest.qWait(120)
 
@@ -153,6 +156,16 @@ class Photographer:
         self.wait("the diagnosis", lambda: self.window.bench.jobs.open_jobs == 0)
         QTest.qWait(200)
         self.take("diagnosis")
+        self._model_file()
+
+    def _model_file(self) -> None:
+        panels, bench, path = self.window.panels, self.window.bench, self._scratch / "model.toml"
+        bench.save_model(panels.table.numbers, path)
+        self.wait("the model file", path.exists)
+        bench.load_model(path)
+        self.press(Qt.Key.Key_2, Qt.KeyboardModifier.ControlModifier)
+        self.wait("the model held against the shot", lambda: "model file" in panels.model.known)
+        self.take("model-file")
 
     def _panels(self) -> None:
         panels = self.window.panels

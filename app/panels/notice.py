@@ -1,7 +1,8 @@
 """A line under the banner for what went wrong or was done; it stays until it is read away, and never blocks."""
 
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QWidget
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
 from app.theme import MARKS, Colours, Tone
 
@@ -20,6 +21,8 @@ class NoticeLine(QFrame):
         self._words = QLabel(self)
         self._words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._words.setAccessibleName("Newest message")
+        self._words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # a path must not widen it
+        self._whole = ""
         self._close = QPushButton("Read", self)
         self._close.setToolTip("Take this message away")
         self._close.clicked.connect(self.next)
@@ -45,6 +48,16 @@ class NoticeLine(QFrame):
         self._colours = colours
         self._refresh()
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Shorten the message to the room that there is; hovering shows the whole."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        self.layout().activate()
+        shown = self._words.fontMetrics().elidedText(self._whole, Qt.TextElideMode.ElideMiddle, self._words.width())
+        self._words.setText(shown)
+
     @Slot()
     def next(self) -> None:
         """Take the newest notice away."""
@@ -55,13 +68,15 @@ class NoticeLine(QFrame):
     def _refresh(self) -> None:
         self._close.setVisible(bool(self._notices))
         if not self._notices:
+            self._whole = ""
             self._words.setText("")
             self._words.setToolTip("")
             self._words.setAccessibleDescription("")
             return
         words, tone = self._notices[-1]
         more = f"   ({len(self._notices) - 1} more)" if len(self._notices) > 1 else ""
-        self._words.setText(f"{MARKS[tone]} {words}{more}")
+        self._whole = f"{MARKS[tone]} {words}{more}"
         self._words.setToolTip("\n".join(text for text, _ in reversed(self._notices)))
-        self._words.setAccessibleDescription(self._words.text())
+        self._words.setAccessibleDescription(self._whole)
         self._words.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
+        self._fit()

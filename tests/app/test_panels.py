@@ -11,12 +11,13 @@ from PySide6.QtWidgets import QPushButton
 from analysis.quantity import NotSeen
 from app.panels.compare import ComparePanel
 from app.panels.diagnosis import DiagnosisPanel
+from app.panels.notice import NoticeLine
 from app.panels.numbers import NumbersPanel
 from app.panels.session_table import NOTE, SessionTable
 from app.panels.shot import ShotPanel
 from app.plots import save
 from app.session import Session
-from app.theme import DARK, LIGHT
+from app.theme import DARK, LIGHT, Tone
 from tests.app import synthetic
 
 
@@ -203,3 +204,16 @@ def test_several_effects_are_added_by_one_press(qtbot):
     assert asked == [["quadratic_drag", "tilt"]]
     panel.show_diagnosis(two, [shot], ("tilt",))
     qtbot.waitUntil(lambda: not [b for b in panel.findChildren(QPushButton) if b.text() == "Add all to the model"])
+
+
+def test_a_long_message_widens_nothing_and_is_whole_on_hover(qtbot):
+    line = NoticeLine(LIGHT)
+    qtbot.addWidget(line)
+    line.resize(400, 30)
+    line.show()
+    before = line.minimumSizeHint().width()
+    words = f"saved as /{'a-long-folder/' * 40}report.html"
+    line.say(words, Tone.GOOD)
+    assert line.minimumSizeHint().width() <= before + line.fontMetrics().horizontalAdvance("M Read M") + 60
+    assert line.words == words and words in line._words.toolTip()
+    assert "…" in line._words.text()

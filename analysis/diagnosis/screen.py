@@ -165,7 +165,7 @@ def _linear(
     for k, begin in enumerate(starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
         start = dict(begin)
-        if kind.name == "second_plate_mode":  # its effect goes as one over the mass
+        if kind.inverse:  # its effect goes as one over the amplitude (a mass)
             factor = max(factor, 1e-9)
             start[knob.name] = start[knob.name] / factor
             factor = factor if factor > 1e-9 else 0.0

@@ -71,8 +71,8 @@ def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[Kin
 
 def _nothing(kind: Kind, values: Mapping[str, float]) -> dict[str, float]:
     """Return an effect's values at which it does nothing."""
-    if kind.name == "second_plate_mode":
-        return {**values, "mass_kg": 1e9}
+    if kind.inverse:
+        return {**values, kind.amplitude[0]: 1e9}
     return {**values, **dict.fromkeys(kind.amplitude, 0.0)}
 
 
@@ -85,7 +85,7 @@ def least_seen(at: Projector, kind: Kind, snr: float = 5.0) -> float | None:
         return None
     score = max(listed, key=lambda s: s.power)
     size = score.unit
-    return float(snr * size / np.sqrt(best)) if kind.name != "second_plate_mode" else float(size * np.sqrt(best) / snr)
+    return float(snr * size / np.sqrt(best)) if not kind.inverse else float(size * np.sqrt(best) / snr)
 
 
 __all__ = ["LEAST_SEPARATION", "Separation", "beside", "least_seen", "separation", "snr"]

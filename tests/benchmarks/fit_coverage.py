@@ -80,7 +80,7 @@ def main() -> int:
             [shot(PAPER.at_speed(v), effects=drag, seed=10 * seed + i) for i, v in enumerate((-0.15, -0.265, -0.4))],
             effects=tuple(drag),
         )
-        for seed in range(max(20, shots // 4))
+        for seed in range(shots)
     ]
     truth = TRUTH | {"quadratic_drag.coefficient_n_s2_per_m2": 1.3e-3}
     missed += _report("three shots with quadratic drag, white noise", fits, truth, {})

@@ -28,6 +28,8 @@ from analysis.quantity import Quantity
 from analysis.shot import AnalysisError, Cancelled, Progress
 
 LEAST_LEAD = 6.0  # of the criterion over the runner-up
+# Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
+LEAST_OF_SEVERAL = 12.0
 
 
 def diagnose(
@@ -200,9 +202,9 @@ def _paying(
             return best, None
         added = [name for name in best.names if name not in before.names]
         if len(added) == 1:
-            return (best, (first, told)) if told.chi2 < first.chi2 else (before, (first, first))
+            return (best, (first, told)) if told.beats(first) else (before, (first, first))
         shorter = [(f, foretell(f, held, floor, stop)) for f in (without(best, n, trail, stop) for n in added) if f]
-        worse = [(t.chi2, f) for f, t in shorter if t is not None and t.chi2 <= told.chi2]
+        worse = [(t.chi2, f) for f, t in shorter if t is not None and not told.beats(t)]
         if not worse:
             return best, (first, told)
         best = min(worse, key=lambda pair: pair[0])[1]
@@ -213,6 +215,8 @@ def _gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[l
     """Return the effects that may be named, and the verdict."""
     if not effects:
         return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
+    if len(effects) > 1 and any(effect.evidence["snr"] < LEAST_OF_SEVERAL for effect in effects):
+        return [], Verdict.UNEXPLAINED
     if not best.converged or rest.rough:
         return [], Verdict.UNEXPLAINED
     if rest.significant:

@@ -101,7 +101,7 @@ def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *,
     for place, (trial, _) in enumerate(quick):
         near = trial.bic < quick[0][0].bic + WORTH_FINISHING and place < REFITTED
         if near or place < 1 or (strong and place < 2):
-            trial = fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
+            trial = fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, exact=False, cancelled=stop)
         trail.keep(trial)
         if best is None or trial.bic < best.bic:
             best = trial
@@ -130,7 +130,8 @@ def refit(
         z = np.clip(hypothesis.pack(Point(point.base, point.own, values)), low, high)
         if whole:
             return fit(hypothesis, z, here.floor, evaluations=evaluations, cancelled=stop)
-        return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=evaluations, cancelled=stop))
+        found = search(hypothesis, z, here.floor, evaluations=evaluations, exact=False, cancelled=stop)
+        return finish(hypothesis, found)
     except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
         return None
 

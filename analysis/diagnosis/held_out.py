@@ -16,10 +16,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Foretold:
-    """Held-out shots as the others foretell them: displacements on the motions' grids, whitened chi^2 of all."""
+    """Held-out shots as the others foretell them: displacements on the motions' grids, whitened chi^2 of all.
+
+    ``rms_m`` is how far they lie from what was measured, averaged samples of all held-out shots together.
+    """
 
     displacement_m: tuple[Floats, ...]
     chi2: float
+    rms_m: float
+
+    def beats(self, other: "Foretold") -> bool:
+        """Return whether this foretells better: more likely, and not further off."""
+        return self.chi2 < other.chi2 and self.rms_m < 1.02 * other.rms_m
 
 
 def choose(rig: Rig) -> tuple[int, ...]:
@@ -38,14 +46,16 @@ def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Callable
 
     Only its start is fitted on the shot itself.  ``floor`` whitens it: give the same one to what is compared.
     """
-    shown, chi2 = [], 0.0
+    shown, chi2, off = [], 0.0, []
     for shot in held:
         told = _foretell(fitted, shot, floor, stop)
         if told is None:
             return None
         shown.append(told[0])
         chi2 += told[1]
-    return Foretold(tuple(shown), chi2)
+        measured = fitted.hypothesis.rig.shots[shot]
+        off.append((measured.averaged(told[0]) - measured.displacement_m)[measured.valid])
+    return Foretold(tuple(shown), chi2, float(np.sqrt(np.mean(np.concatenate(off) ** 2))))
 
 
 def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Callable[[], bool]) -> tuple[Floats, float] | None:

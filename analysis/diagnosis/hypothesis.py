@@ -1,5 +1,6 @@
 """One hypothesis: the base model with some effects, its parameters laid out for a search over all shots at once."""
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -7,10 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.derivatives import has_tangents, linearised_shot
 from analysis.diagnosis.knobs import Kind, Knob
 from analysis.diagnosis.quick_shot import COARSE, FINE, Optics, Run, Values, respond
 from analysis.diagnosis.samples import Samples
 from analysis.model.coordinates import Coordinates
+from analysis.model.effects import named
 from analysis.model.response import Base
 
 Floats = NDArray[np.float64]
@@ -153,12 +156,15 @@ class Hypothesis:
             )
         )
 
-    def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
+    def linearised(self, z: Floats, *, exact: bool = True) -> list[tuple[Floats, Floats]]:
         """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
 
-        Forward differences in search coordinates; the cost is one trajectory a shared or own parameter and shot.
+        By the model's own tangents, or, not ``exact``, by forward differences of quick trajectories where something
+        acts on the motion: right to parts in a hundred, good for the first steps of a search.
         """
-        return list(POOL.map(lambda i: self._linearised_shot(i, z), range(len(self.rig.shots))))
+        if has_tangents(self) and (exact or not any(named(kind.name).kernel for kind in self.effects)):
+            return list(POOL.map(lambda i: linearised_shot(self, i, z), range(len(self.rig.shots))))
+        return list(POOL.map(lambda i: self._differenced_shot(i, z), range(len(self.rig.shots))))
 
     def touches(self, column: int, shot: int) -> bool:
         """Return whether a vector entry has a bearing on a shot."""
@@ -169,7 +175,7 @@ class Hypothesis:
         of = self.knobs[column - self.offset][2]
         return of in (-1, shot)
 
-    def _linearised_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
+    def _differenced_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
         shot = self.rig.shots[index]
         point = self.unpack(z)
         here = shot.averaged(self.run(index, point).displacement_m)
@@ -185,6 +191,8 @@ class Hypothesis:
                 step = 1e-4 * abs(z[own])
             elif column == own + 1:
                 step = 1e-7
+            elif column >= self.offset and self.knobs[column - self.offset][1].name == "frequency_hz":
+                step = 0.02 / (2 * np.pi * math.exp(z[column]) * shot.length_s)  # radians at the record's end
             moved = z.copy()
             moved[column] += step
             if moved[column] > high[column]:

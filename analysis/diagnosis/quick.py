@@ -166,9 +166,7 @@ def integrate(time_s, p, slots, functions, size, pieces, apart, x, v, plate, cha
         while t < end - 1e-15:
             h = min(piece, end - t)
             _step(z, h, p, slots, flags, functions, k, work, new, s, values, effect, told)
-            at, which = _first_switch(
-                z, new, h, p, slots, flags, functions, on, used, k, work, s, values, effect, told
-            )
+            at, which = _first_switch(z, new, h, p, slots, flags, functions, on, used, k, work, s, values, effect, told)
             if which >= 0:
                 _step(z, at, p, slots, flags, functions, k, work, new, s, values, effect, told)
                 on[which] = not on[which]

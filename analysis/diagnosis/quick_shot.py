@@ -20,6 +20,7 @@ FINE, COARSE = 0.05, 0.3  # radians of the fastest swing a step
 _MOST_PIECES = 200
 _AT_REST = {"displacement_m": 0.0, "velocity_m_per_s": 0.0}
 
+
 @dataclass(frozen=True, slots=True)
 class Optics:
     """What the sensor's effects need: wavelength in m (None: no optics) and the record's sample rate in Hz."""

@@ -13,6 +13,7 @@ from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import POOL, Hypothesis, Point
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.samples import Samples
+from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
 
 Floats = NDArray[np.float64]
@@ -92,14 +93,16 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
     )
     point = at.fitted.point
     shots = at.fitted.hypothesis.rig.shots
-    base = [at.fitted.hypothesis.coarse(i, point) for i in range(len(shots))]
+    # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
+    sensor = named(kind.name).sensor is not None
+    base = [_shown(at.fitted.hypothesis, i, point, sensor) for i in range(len(shots))]
     freedom = len(kind.shared) + len(kind.own) * len(shots)
 
     def column(start: Mapping[str, float]) -> list[Floats] | None:
         values = tuple({**v, kind.name: start} for v in point.values)
         try:
             moved = Point(point.base, point.own, values)
-            x = [with_it.coarse(i, moved) for i in range(len(shots))]
+            x = [_shown(with_it, i, moved, sensor) for i in range(len(shots))]
         except Infeasible:
             return None
         return [(a - b)[:, None] for a, b in zip(x, base, strict=True)]
@@ -115,6 +118,12 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
         out += _linear(at, kind, *_columns(at, finer, column), freedom)
     out.sort(key=lambda score: -score.gain)
     return out
+
+
+def _shown(hypothesis: Hypothesis, index: int, point: Point, sensor: bool) -> Floats:
+    if not sensor:
+        return hypothesis.coarse(index, point)
+    return hypothesis.rig.shots[index].averaged(hypothesis.run(index, point).displacement_m)
 
 
 def _columns(

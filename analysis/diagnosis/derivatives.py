@@ -1,0 +1,86 @@
+"""Exact derivatives of a hypothesis: the model's own tangents, chained to the coordinates of the search.
+
+The base model has directions in which the displacement moves ten thousand times less than in others.  A search that
+differences trajectories loses them in the error of the difference and stops in the middle of a valley; the tangents
+that the integrator carries along do not.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.quick_shot import Values
+from analysis.diagnosis.samples import Samples
+from analysis.model.effects import named
+from analysis.model.response import DEFAULT_WAVELENGTH_M, Model, ShotData, respond
+from analysis.noise import Noise
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.hypothesis import Hypothesis
+
+Floats = NDArray[np.float64]
+
+
+def has_tangents(hypothesis: "Hypothesis") -> bool:
+    """Return whether the model's tangents belong to this hypothesis' coordinates.
+
+    An attraction is entered before the touch: the quick integrator counts its time from there, the model does not.
+    """
+    return all(named(kind.name).range_at < 0 for kind in hypothesis.effects)
+
+
+def linearised_shot(hypothesis: "Hypothesis", index: int, z: Floats) -> tuple[Floats, Floats]:
+    """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
+
+    Cost: about 1 ms a shot of the bare base model, 5 to 15 ms with mechanical effects.
+    """
+    rig = hypothesis.rig
+    shot = rig.shots[index]
+    point = hypothesis.unpack(z)
+    values = point.values[index]
+    model = Model(rig.base, tuple(named(kind.name) for kind in hypothesis.effects), _chosen(hypothesis))
+    shared = [*point.base, *(_value(values, name) for name in model.shared_effect_names)]
+    own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
+    response = respond(model, _data(shot), np.array(shared), np.array(own))
+    by = dict(zip((*model.shared_names, *model.own_names), shot.averaged(response.derivatives).T, strict=True))
+
+    columns = np.zeros((shot.valid.size, hypothesis.size))
+    physical = np.zeros((shot.valid.size, hypothesis.offset))
+    for place, name in enumerate(rig.base.names):
+        physical[:, place] = by[name]
+    for place, name in enumerate(("velocity_in_m_per_s", "touch_time_s", "offset_m")):
+        physical[:, rig.count + 3 * index + place] = by[name]
+    _, slope = hypothesis.coordinates.to_parameters(z[: hypothesis.offset])
+    columns[:, : hypothesis.offset] = physical @ slope
+    for k, (name, knob, of) in enumerate(hypothesis.knobs):
+        if of in (-1, index):
+            slope_of = knob.slope(float(z[hypothesis.offset + k]))
+            columns[:, hypothesis.offset + k] = by[f"{name}.{knob.name}"] * slope_of
+    return shot.averaged(response.displacement_m), columns
+
+
+def _chosen(hypothesis: "Hypothesis") -> tuple[tuple[str, float], ...]:
+    return tuple((f"{name}.{key}", value) for name, given in hypothesis.fixed.items() for key, value in given.items())
+
+
+def _value(values: Values, full: str) -> float:
+    name, parameter = full.split(".")
+    return values[name][parameter]
+
+
+def _data(shot: Samples) -> ShotData:
+    """Return the shot as the model takes it; it is whitened elsewhere."""
+    nothing = Noise(1.0, 0.0, 1.0, np.ones(1), shot.spacing_s, 0)
+    optics = {} if shot.wavelength_m is None else {"wavelength_m": shot.wavelength_m}
+    rate_hz = shot.factor / shot.spacing_s
+    return ShotData(
+        shot.time_s,
+        shot.displacement_m,
+        shot.valid,
+        shot.moving_mass_kg,
+        shot.course,
+        nothing,
+        rate_hz=rate_hz,
+        **optics,
+    )

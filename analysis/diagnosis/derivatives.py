@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.diagnosis.quick_shot import Values
 from analysis.diagnosis.samples import Samples
 from analysis.model.effects import named
-from analysis.model.response import DEFAULT_WAVELENGTH_M, Model, ShotData, respond
+from analysis.model.response import Model, ShotData, respond
 from analysis.noise import Noise
 
 if TYPE_CHECKING:

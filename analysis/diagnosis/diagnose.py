@@ -16,7 +16,7 @@ from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.held_out import Foretold, choose, foretell
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import Kind, kinds
-from analysis.diagnosis.remainder import Remainder, judge
+from analysis.diagnosis.remainder import Remainder, describe, judge
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.samples import together
 from analysis.diagnosis.screen import Projector, projector
@@ -80,6 +80,7 @@ def diagnose(
     effects = [_found(best, at, name, rest, catalogue, trail, stop) for name in best.names if name not in before.names]
     effects, verdict = _gates(effects, rest, best)
     after = best if effects else before
+    left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(before, best)
     if after is before and best is not before:
         told = (told[0], told[0]) if told else None
     tell("errors before and after", 0.9)
@@ -87,7 +88,7 @@ def diagnose(
     fall = error_after.displacement_rms_m / error_before.displacement_rms_m
     diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=words.verdict(verdict, effects, rest.text, fall),
+        sentence=words.verdict(verdict, effects, left, fall),
         effects=tuple(effects),
         candidates=_candidates(before, trail, best),
         error_before=error_before,
@@ -96,7 +97,7 @@ def diagnose(
         error_held_out_after=_held(motions, rig, held, told[1] if told else None, after.floor),
         fit_before=fit if fit is not None and not accepted else as_fit(before, motions, model, 0.0),
         fit_after=as_fit(after, motions, model, time.perf_counter() - began),
-        remainder=rest.text,
+        remainder=left,
         blind_spots=_blind(at, catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
         separating_shot=_separating(effects, rig),
         seconds=time.perf_counter() - began,
@@ -223,6 +224,13 @@ def _gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[l
         keep = [effect for effect in effects if len(effect.indistinguishable_from) <= words.UNDETERMINED]
         return keep if len(keep) == len(effects) else [], Verdict.UNEXPLAINED
     return effects, Verdict.EFFECT_FOUND
+
+
+def _unnamed(before: Fitted, best: Fitted) -> str:
+    """Return what the model leaves over, and what would imitate it without being sure of a name."""
+    added = [words.plain(name) for name in best.names if name not in before.names]
+    text = describe(before)
+    return f"{text}; best imitated by {' with '.join(added)}, which did not pass every test" if added else text
 
 
 def _errors(motions: Sequence[Motion], fitted: Fitted, floor: Floor) -> Errors:

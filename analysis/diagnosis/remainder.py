@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
-from analysis.diagnosis.compare import Fitted, learn_floor
+from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.misfit import Misfit, gain, worst
 from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.screen import Projector
 
@@ -35,6 +36,7 @@ class Remainder:
     ratio: float
     text: str
     size: float = 0.0  # of a significant shared shape, in units of the noise
+    misfit: Misfit | None = None  # the freedom that the hypothesis misses most
 
     @property
     def rough(self) -> bool:
@@ -44,7 +46,8 @@ class Remainder:
     @property
     def significant(self) -> bool:
         """Return whether something is left that the noise does not do."""
-        return self.rough or self.coherence > self.limit
+        missed = self.misfit is not None and self.misfit.significant
+        return self.rough or self.coherence > self.limit or missed
 
 
 def judge(fitted: Fitted, at: Projector) -> Remainder:
@@ -56,10 +59,11 @@ def judge(fitted: Fitted, at: Projector) -> Remainder:
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
     coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
-    loud = correlation > WORST_CORRELATION or ratio > WORST_RATIO or coherence > limit
+    misfit = worst(fitted, at)
+    loud = correlation > WORST_CORRELATION or ratio > WORST_RATIO or coherence > limit or misfit.significant
     text = describe(fitted) if loud else "nothing is left that the noise does not do"
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
-    return Remainder(coherence, limit, correlation, ratio, text, size)
+    return Remainder(coherence, limit, correlation, ratio, text, size, misfit)
 
 
 def _correlation(white: Sequence[Floats]) -> float:
@@ -108,19 +112,8 @@ def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
     best, width = 0.0, 1
     for power in _POWERS:
         columns = [_bumps(shot) * (abs(shot.course.velocity_in_m_per_s) / fastest) ** power for shot in shots]
-        bare = at.whitened(columns)
-        some = np.linalg.norm(at.projected(bare), axis=0) > 1e-6 * np.linalg.norm(bare, axis=0)
-        full = np.column_stack([at.tangents, bare[:, some]])
-        scale = np.linalg.norm(full, axis=0)
-        scale[scale == 0] = 1.0
-        joint, *_ = np.linalg.lstsq(full / scale, at.whole, rcond=1e-12)
-        joint = joint / scale
-        left = []
-        for residual, (_, tangent), bumps in zip(fitted.residual_m, at.lines, columns, strict=True):
-            left.append(residual - np.column_stack([tangent, bumps[:, some]]) @ joint)
-        _, value = learn_floor(fitted.hypothesis.rig, left, fitted.floor)
-        best = max(best, 2 * (value - fitted.log_likelihood))
-        width = int(some.sum())
+        value, width = gain(fitted, at, columns)
+        best = max(best, value)
     limit = _SMALL_SAMPLE * float(chi2_law.isf(FALSE_ALARM / len(_POWERS), width))
     return best, limit, width
 

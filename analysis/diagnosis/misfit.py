@@ -1,0 +1,113 @@
+"""Is a hypothesis wrong in a way that looks like noise?  Shapes it would not need if it were right.
+
+What a wrong effect leaves over is small and smooth, and a wandering floor swallows it.  So the fit is offered more
+freedom, shape by shape: the same parameters apart for every shot, an effect that is stronger after the turn than before,
+kinks and steps where the bodies meet, turn and part.  A right hypothesis has no use for any; the floor is learnt anew
+with each, so that the noise is not what the misfit made of it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_law
+
+from analysis.diagnosis.compare import Fitted, learn_floor
+from analysis.diagnosis.samples import Samples
+from analysis.diagnosis.screen import Projector
+
+Floats = NDArray[np.float64]
+FALSE_ALARM = 1e-3  # of all shapes together
+# A wandering floor that is learnt from the same data is refitted to every shape: twice the gain of white noise by
+# chance, as the mean over clean sets with a random walk and with a building's floor shows (docs/closed-loop.md).
+_WANDERING = 2.0
+_WIDTHS = (0.01, 0.03, 0.1)  # in contact times
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """The shape that a fit misses most: twice its gain in log-likelihood, and what that may reach by chance."""
+
+    shape: str
+    gain: float
+    limit: float
+
+    @property
+    def significant(self) -> bool:
+        """Return whether chance does not do this."""
+        return self.gain > self.limit
+
+
+def gain(fitted: Fitted, at: Projector, columns: Sequence[Floats]) -> tuple[float, int]:
+    """Return twice the gain in log-likelihood of shapes (shot by shot, shape (n, k)), and how many they really are."""
+    bare = at.whitened(columns)
+    norm = np.linalg.norm(bare, axis=0)
+    some = np.linalg.norm(at.projected(bare), axis=0) > 1e-6 * norm
+    if not some.any():
+        return 0.0, 0
+    full = np.column_stack([at.tangents, bare[:, some]])
+    scale = np.linalg.norm(full, axis=0)
+    scale[scale == 0] = 1.0
+    joint, *_ = np.linalg.lstsq(full / scale, at.whole, rcond=1e-12)
+    joint = joint / scale
+    left = [
+        residual - np.column_stack([tangent, shape[:, some]]) @ joint
+        for residual, (_, tangent), shape in zip(fitted.residual_m, at.lines, columns, strict=True)
+    ]
+    _, value = learn_floor(fitted.hypothesis.rig, left, fitted.floor)
+    return 2 * (value - fitted.log_likelihood), int(some.sum())
+
+
+def worst(fitted: Fitted, at: Projector) -> Misfit:
+    """Return the shape whose gain exceeds its limit most."""
+    shots = fitted.hypothesis.rig.shots
+    hypothesis = fitted.hypothesis
+    base = list(range(hypothesis.rig.count))
+    effects = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.knobs) if shot < 0]
+    every = range(hypothesis.offset, hypothesis.size)
+    fastest = max(abs(shot.course.velocity_in_m_per_s) for shot in shots)
+    shapes: dict[str, list[Floats]] = {"kinks": [_kinks(shot) for shot in shots]}
+    if len(shots) > 1:
+        shapes["plate and contact of every shot"] = _apart(at, base, len(shots))
+        shapes["kinks that grow with the speed"] = [
+            _kinks(shot) * abs(shot.course.velocity_in_m_per_s) / fastest for shot in shots
+        ]
+        if effects:
+            shapes["effects of every shot"] = _apart(at, effects, len(shots))
+    if hypothesis.knobs:
+        shapes["effects after the turn"] = [
+            line[1][:, list(every)] * _after_turn(shot)[:, None] for line, shot in zip(at.lines, shots, strict=True)
+        ]
+    factor = _WANDERING if fitted.floor.rms_m[0] > 0 else 1.0
+    found = []
+    for name, columns in shapes.items():
+        value, width = gain(fitted, at, columns)
+        if width:
+            found.append(Misfit(name, value, factor * float(chi2_law.isf(FALSE_ALARM / len(shapes), width))))
+    return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=Misfit("none", 0.0, np.inf))
+
+
+def _apart(at: Projector, columns: Sequence[int], shots: int) -> list[Floats]:
+    """Return derivatives by shared parameters, free for all shots but the last."""
+    out = []
+    for shot, (_, tangent) in enumerate(at.lines):
+        blocks = [tangent[:, columns] * (shot == other) for other in range(shots - 1)]
+        out.append(np.concatenate(blocks, axis=1))
+    return out
+
+
+def _after_turn(shot: Samples) -> Floats:
+    width = 0.1 * shot.course.contact_time_s
+    return np.asarray(0.5 + 0.5 * np.tanh((shot.centre_s - shot.course.turnaround_time_s) / width))
+
+
+def _kinks(shot: Samples) -> Floats:
+    """Return rounded steps and bends where the bodies meet, turn and part, shape (n, 18)."""
+    c = shot.course
+    columns = []
+    for place in (c.touch_time_s, c.turnaround_time_s, c.release_time_s):
+        for width in _WIDTHS:
+            u = (shot.centre_s - place) / (width * c.contact_time_s)
+            columns += [0.5 * np.tanh(u), np.logaddexp(u, -u)]
+    return np.stack(columns, axis=1)

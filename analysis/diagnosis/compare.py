@@ -12,6 +12,7 @@ from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.model.least_squares import Infeasible, Minimum, Square, covariance, minimise
 
 Floats = NDArray[np.float64]
+_NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
 
 
 @dataclass(frozen=True)
@@ -110,9 +111,13 @@ def finish(hypothesis: Hypothesis, found: Minimum) -> Fitted:
     left = residuals(hypothesis, found.parameters)
     floor, value = learn_floor(hypothesis.rig, left)
     inverse = covariance(found.square)
+    converged = found.converged
     if inverse is None:
         inverse = np.full((hypothesis.size, hypothesis.size), np.nan)
-    return Fitted(hypothesis, found.parameters, floor, value, left, inverse, found.converged)
+    else:
+        gradient = found.square.gradient
+        converged = converged or float(gradient @ inverse @ gradient) < _NEAR * found.square.chi2 / found.square.samples
+    return Fitted(hypothesis, found.parameters, floor, value, left, inverse, converged)
 
 
 def fit(

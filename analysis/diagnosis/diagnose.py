@@ -30,6 +30,8 @@ from analysis.shot import AnalysisError, Cancelled, Progress
 LEAST_LEAD = 6.0  # of the criterion over the runner-up
 # Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
 LEAST_OF_SEVERAL = 12.0
+# Beside something unexplained an effect is named only if it is larger than that; several, if each is much larger.
+CLEAR_OF_THE_REST = 3.0
 
 
 def diagnose(
@@ -221,8 +223,12 @@ def _gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[l
     if not best.converged or rest.rough:
         return [], Verdict.UNEXPLAINED
     if rest.significant:
-        keep = [effect for effect in effects if len(effect.indistinguishable_from) <= words.UNDETERMINED]
-        return keep if len(keep) == len(effects) else [], Verdict.UNEXPLAINED
+        clear = all(
+            len(effect.indistinguishable_from) <= words.UNDETERMINED
+            and effect.evidence["snr"] > rest.missed * (1.0 if len(effects) == 1 else CLEAR_OF_THE_REST)
+            for effect in effects
+        )
+        return effects if clear else [], Verdict.UNEXPLAINED
     return effects, Verdict.EFFECT_FOUND
 
 

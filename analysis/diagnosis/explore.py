@@ -59,7 +59,7 @@ def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int =
 def polish(fitted: Fitted, trail: Trail, stop: Stop) -> Fitted:
     """Return the fit brought to its very minimum: what a short search leaves over would call for one effect more."""
     better = fit(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, cancelled=stop)
-    if better.log_likelihood < fitted.log_likelihood and not (better.converged and not fitted.converged):
+    if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
     trail.fits[tuple(sorted(better.names))] = better
     return better

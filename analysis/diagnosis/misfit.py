@@ -1,9 +1,9 @@
 """Is a hypothesis wrong in a way that looks like noise?  Shapes it would not need if it were right.
 
 What a wrong effect leaves over is small and smooth, and a wandering floor swallows it.  So the fit is offered more
-freedom, shape by shape: the same parameters apart for every shot, an effect that is stronger after the turn than before,
-kinks and steps where the bodies meet, turn and part.  A right hypothesis has no use for any; the floor is learnt anew
-with each, so that the noise is not what the misfit made of it.
+freedom, shape by shape: the same parameters apart for every shot, an effect that is stronger after the turn than
+before, kinks and steps where the bodies meet, turn and part.  A right hypothesis has no use for any; the floor is
+learnt anew with each, so that the noise is not what the misfit made of it.
 """
 
 from collections.abc import Sequence
@@ -27,11 +27,20 @@ _WIDTHS = (0.01, 0.03, 0.1)  # in contact times
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """The shape that a fit misses most: twice its gain in log-likelihood, and what that may reach by chance."""
+    """The shape that a fit misses most: twice its gain in log-likelihood, and what that may reach by chance.
+
+    ``width`` numbers describe the shape.
+    """
 
     shape: str
     gain: float
     limit: float
+    width: int = 0
+
+    @property
+    def size(self) -> float:
+        """Get the size of what is missed in units of the noise."""
+        return float(np.sqrt(max(0.0, self.gain - self.width)))
 
     @property
     def significant(self) -> bool:
@@ -84,7 +93,7 @@ def worst(fitted: Fitted, at: Projector) -> Misfit:
     for name, columns in shapes.items():
         value, width = gain(fitted, at, columns)
         if width:
-            found.append(Misfit(name, value, factor * float(chi2_law.isf(FALSE_ALARM / len(shapes), width))))
+            found.append(Misfit(name, value, factor * float(chi2_law.isf(FALSE_ALARM / len(shapes), width)), width))
     return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=Misfit("none", 0.0, np.inf))
 
 

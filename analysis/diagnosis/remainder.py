@@ -39,6 +39,11 @@ class Remainder:
     misfit: Misfit | None = None  # the freedom that the hypothesis misses most
 
     @property
+    def missed(self) -> float:
+        """Get the size of whatever is significantly left, shared shape or misfit, in units of the noise."""
+        return max(self.size, self.misfit.size if self.misfit is not None and self.misfit.significant else 0.0)
+
+    @property
     def rough(self) -> bool:
         """Return whether the remainder is not even roughly noise, so that no likelihood can be believed."""
         return self.correlation > WORST_CORRELATION or self.ratio > WORST_RATIO

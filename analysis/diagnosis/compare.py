@@ -50,17 +50,34 @@ class Fitted:
 
 def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats, *, exact: bool = True) -> Square:
     """Return the whitened sum of squares at ``z`` with its derivatives."""
-    curvature, gradient = np.zeros((z.size, z.size)), np.zeros(z.size)
-    chi2, samples = 0.0, 0
+    rows = []
     for shot, (here, columns) in zip(hypothesis.rig.shots, hypothesis.linearised(z, exact=exact), strict=True):
         both = floor.whiten(np.column_stack([here - shot.displacement_m, columns]), shot.valid, shot.weight)
         if not np.all(np.isfinite(both)):
             raise Infeasible("the trajectory is not finite")
-        curvature += both[:, 1:].T @ both[:, 1:]
-        gradient += both[:, 1:].T @ both[:, 0]
-        chi2 += float(both[:, 0] @ both[:, 0])
-        samples += both.shape[0]
-    return Square(chi2, curvature, gradient, samples)
+        rows.append(both)
+    joined = np.concatenate(rows)
+    left, jacobian = joined[:, 0], joined[:, 1:]
+    return Square(
+        float(left @ left),
+        jacobian.T @ jacobian,
+        jacobian.T @ left,
+        left.size,
+        left,
+        lambda step: np.asarray(jacobian @ step),
+        lambda vector: np.asarray(jacobian.T @ vector),
+    )
+
+
+def whitened_residual(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Floats:
+    """Return model minus measured at ``z``, whitened, all shots one after another."""
+    shots = hypothesis.rig.shots
+    return np.concatenate(
+        [
+            floor.whiten((x - shot.displacement_m)[:, None], shot.valid, shot.weight)[:, 0]
+            for shot, x in zip(shots, hypothesis.displacement(z), strict=True)
+        ]
+    )
 
 
 def residuals(hypothesis: Hypothesis, z: Floats) -> tuple[Floats, ...]:
@@ -102,6 +119,7 @@ def search(
         upper=high,
         evaluations=evaluations,
         tolerance=1e-2,
+        residual=(lambda at: whitened_residual(hypothesis, floor, at)) if exact else None,
         cancelled=cancelled,
     )
 

@@ -65,9 +65,15 @@ def diagnose(
     before = _accept(base, catalogue, accepted, stop)
     tell("scoring the catalogue", 0.15)
     best, trail = explore(before, catalogue, stop)
+    again = trail.of(before.names)
+    if again is not None and again.bic < before.bic - 1.0:  # an effect's detour led the base itself to a better place
+        before = again
+        best, trail = explore(before, catalogue, stop)
     tell("foretelling a held-out shot", 0.55)
     held = choose(rig) if hold_out is None else (hold_out,)
     best, told = _paying(before, best, held, trail, stop)
+    if best is not before and before.bic - best.bic < LEAST_FALL:
+        best, told = before, (told[0], told[0]) if told else None
     tell("testing what is left", 0.7)
     at, paying = _projector(best, trail), best
     while faint := [n for n in best.names if n not in before.names and snr(best, at, n) < LEAST_SEPARATION]:
@@ -75,8 +81,8 @@ def diagnose(
         best = before if shorter is None or len(faint) == len(best.names) - len(before.names) == 1 else shorter
         at = _projector(best, trail)
     if best is not paying and told is not None:
-        again = foretell(best, held, best.floor, stop)
-        told = (told[0], again) if again is not None else None
+        retold = foretell(best, held, best.floor, stop)
+        told = (told[0], retold) if retold is not None else None
     rest = judge(best, at)
     tell("telling look-alikes apart", 0.8)
     effects = [_found(best, at, name, rest, catalogue, trail, stop) for name in best.names if name not in before.names]
@@ -207,7 +213,7 @@ def _paying(
         if len(added) == 1:
             return (best, (first, told)) if told.beats(first) else (before, (first, first))
         shorter = [(f, foretell(f, held, floor, stop)) for f in (without(best, n, trail, stop) for n in added) if f]
-        worse = [(t.chi2, f) for f, t in shorter if t is not None and not told.beats(t)]
+        worse = [(f.bic, f) for f, t in shorter if t is not None and not told.beats(t)]
         if not worse:
             return best, (first, told)
         best = min(worse, key=lambda pair: pair[0])[1]

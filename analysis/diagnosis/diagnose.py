@@ -72,14 +72,14 @@ def diagnose(
     tell("foretelling a held-out shot", 0.55)
     held = choose(rig) if hold_out is None else (hold_out,)
     best, told = _paying(before, best, held, trail, stop)
-    if best is not before and before.bic - best.bic < LEAST_FALL:
-        best, told = before, (told[0], told[0]) if told else None
     tell("testing what is left", 0.7)
     at, paying = _projector(best, trail), best
     while faint := [n for n in best.names if n not in before.names and snr(best, at, n) < LEAST_SEPARATION]:
         shorter = without(best, faint[0], trail, stop)
         best = before if shorter is None or len(faint) == len(best.names) - len(before.names) == 1 else shorter
         at = _projector(best, trail)
+    if best is not before and before.bic - best.bic < LEAST_FALL:
+        best, at = before, _projector(before, trail)
     if best is not paying and told is not None:
         retold = foretell(best, held, best.floor, stop)
         told = (told[0], retold) if retold is not None else None

@@ -19,6 +19,7 @@ from instrument.bench.simulate import simulate
 from instrument.digitizer import Digitizer, DigitizerError
 
 SIZE = (1480, 920)
+MOST_BYTES = 300_000
 LONGEST_S = 900.0  # a diagnosis on a busy machine
 
 
@@ -76,9 +77,10 @@ class Photographer:
         QTest.qWait(80)
         path = self._into / f"{name}.png"
         picture = (of or self.window).grab().toImage()
-        small = picture.convertToFormat(QImage.Format.Format_Indexed8, Qt.ImageConversionFlag.ThresholdDither)
-        if not small.save(str(path), quality=0):  # 256 colours, packed tightly: flat panels and thin lines lose nothing
+        if not picture.save(str(path), quality=0):  # packed as tightly as PNG can
             raise ScreenshotError(f"{path}: could not be written")
+        if path.stat().st_size > MOST_BYTES:  # a spectrogram's noise: five bits a colour do
+            picture.convertToFormat(QImage.Format.Format_RGB555).save(str(path), quality=0)
         print(path)
 
     def run(self) -> None:

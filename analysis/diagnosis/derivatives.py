@@ -55,8 +55,10 @@ def linearised_shot(hypothesis: "Hypothesis", index: int, z: Floats) -> tuple[Fl
     columns[:, : hypothesis.offset] = physical @ slope
     for k, (name, knob, of) in enumerate(hypothesis.knobs):
         if of in (-1, index):
-            slope_of = knob.slope(float(z[hypothesis.offset + k]))
-            columns[:, hypothesis.offset + k] = by[f"{name}.{knob.name}"] * slope_of
+            column = by[f"{name}.{knob.name}"]
+            if name == "demodulation_lag":  # the touch that is searched is the one that is seen
+                column = column - by["touch_time_s"]
+            columns[:, hypothesis.offset + k] = column * knob.slope(float(z[hypothesis.offset + k]))
     return shot.averaged(response.displacement_m), columns
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.compare import Fitted, finish, fit, search
-from analysis.diagnosis.hypothesis import Hypothesis, Point
+from analysis.diagnosis.hypothesis import Hypothesis, Point, delay
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.screen import Projector, Score, fixed_of, projector, scores
 from analysis.model.least_squares import Infeasible
@@ -127,7 +127,8 @@ def refit(
     values = tuple({**v, kind.name: s} for v, s in zip(point.values, start, strict=True))
     low, high = hypothesis.bounds
     try:
-        z = np.clip(hypothesis.pack(Point(point.base, point.own, values)), low, high)
+        own = point.own - [[0.0, delay(s), 0.0] for s in ({kind.name: given} for given in start)]
+        z = np.clip(hypothesis.pack(Point(point.base, own, values)), low, high)
         if whole:
             return fit(hypothesis, z, here.floor, evaluations=evaluations, cancelled=stop)
         found = search(hypothesis, z, here.floor, evaluations=evaluations, exact=False, cancelled=stop)
@@ -150,7 +151,8 @@ def without(fitted: Fitted, name: str, trail: Trail, stop: Stop) -> Fitted | Non
     point = fitted.point
     values = tuple({key: value for key, value in v.items() if key != name} for v in point.values)
     try:
-        trial = fit(hypothesis, hypothesis.pack(Point(point.base, point.own, values)), fitted.floor, cancelled=stop)
+        own = point.own + [[0.0, delay({name: v[name]}), 0.0] for v in point.values]
+        trial = fit(hypothesis, hypothesis.pack(Point(point.base, own, values)), fitted.floor, cancelled=stop)
     except Infeasible:
         return None
     trail.keep(trial)

@@ -48,12 +48,18 @@ class Point:
     values: tuple[Values, ...]
 
 
+def delay(values: Values) -> float:
+    """Return by how much the optics show everything late, in s: a growing lag must not move the touch as it is seen."""
+    return values.get("demodulation_lag", {}).get("time_s", 0.0)
+
+
 @dataclass(frozen=True)
 class Hypothesis:
     """Base and ``effects`` (in that order): the map between a search vector and parameters, and what they give.
 
-    The vector holds the base and own parameters of ``Coordinates``, then each effect's shared knobs, then each shot's
-    own knobs of every effect.  ``fixed`` holds what is not searched (a cyclic error's order).
+    The vector holds the base and own parameters of ``Coordinates`` (the touch as it is seen, after the optics' delay),
+    then each effect's shared knobs, then each shot's own knobs of every effect.  ``fixed`` holds what is not searched
+    (a cyclic error's order).
     """
 
     rig: Rig
@@ -92,7 +98,8 @@ class Hypothesis:
     def pack(self, point: Point) -> Floats:
         """Return the search vector of a point."""
         z = np.empty(self.size)
-        z[: self.offset] = self.coordinates.to_search(np.concatenate([point.base, point.own.ravel()]))
+        own = point.own + [[0.0, delay(values), 0.0] for values in point.values]
+        z[: self.offset] = self.coordinates.to_search(np.concatenate([point.base, own.ravel()]))
         for k, (name, knob, shot) in enumerate(self.knobs):
             z[self.offset + k] = knob.to_search(point.values[max(shot, 0)][name][knob.name])
         return z
@@ -107,7 +114,7 @@ class Hypothesis:
             value = knob.to_value(float(z[self.offset + k]))
             for index in range(len(values)) if shot < 0 else (shot,):
                 values[index][name][knob.name] = value
-        own = parameters[self.rig.count :].reshape(-1, 3)
+        own = parameters[self.rig.count :].reshape(-1, 3) - [[0.0, delay(given), 0.0] for given in values]
         return Point(parameters[: self.rig.count], own, tuple(values))
 
     @property

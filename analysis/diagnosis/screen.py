@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import POOL, Hypothesis, Point
+from analysis.diagnosis.hypothesis import POOL, Hypothesis, Point, delay
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.samples import Samples
 from analysis.model.effects import named
@@ -101,7 +101,7 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
     def column(start: Mapping[str, float]) -> list[Floats] | None:
         values = tuple({**v, kind.name: start} for v in point.values)
         try:
-            moved = Point(point.base, point.own, values)
+            moved = Point(point.base, point.own - [0.0, delay({kind.name: start}), 0.0], values)
             x = [_shown(with_it, i, moved, sensor) for i in range(len(shots))]
         except Infeasible:
             return None

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.compare import Fitted
-from analysis.diagnosis.hypothesis import Point
+from analysis.diagnosis.hypothesis import Point, delay
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.screen import Projector, scores
 
@@ -44,7 +44,8 @@ def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
     kind = next(k for k in hypothesis.effects if k.name == name)
     shots = hypothesis.rig.shots
     nothing = tuple({**v, name: _nothing(kind, v[name])} for v in point.values)
-    without = Point(point.base, point.own, nothing)
+    seen_at = point.own + [[0.0, delay({name: v[name]}), 0.0] for v in point.values]
+    without = Point(point.base, seen_at, nothing)
     rows = [(hypothesis.coarse(i, point) - hypothesis.coarse(i, without))[:, None] for i in range(len(shots))]
     done = at.whitened(rows)[:, 0]
     return replace(at, basis=basis, left=done - basis @ (basis.T @ done))

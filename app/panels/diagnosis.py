@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
 
 from analysis.diagnosis.result import Diagnosis, Errors, Verdict
 from analysis.shot import Shot
+from app.clear_layout import clear_layout
 from app.panels.candidates import CandidateBars
 from app.plots.shot_times import time_zero
 from app.plots.time_stack import TimeStack
@@ -163,7 +164,7 @@ class DiagnosisPanel(QWidget):
     ) -> None:
         """Show a diagnosis over these shots; ``model_effects`` are the effects now in the model."""
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
-        self._clear_effects()
+        clear_layout(self._effects)
         self._evidence.setVisible(diagnosis is not None)
         if diagnosis is None:
             self._verdict.setText(
@@ -208,15 +209,11 @@ class DiagnosisPanel(QWidget):
         self._blind.setText("\n".join(lines))
         self._show_residuals()
 
-    def _clear_effects(self) -> None:
-        while (item := self._effects.takeAt(0)) is not None:
-            if (widget := item.widget()) is not None:
-                widget.setParent(None)
-                widget.deleteLater()
-
     def effect_button(self, name: str) -> QPushButton:
         """Return the button that adds an effect, or takes it out."""
-        return next(b for b in self.findChildren(QPushButton) if b.property("effect") == name)
+        rows = [self._effects.itemAt(i).widget() for i in range(self._effects.count())]
+        buttons = [button for row in rows if row is not None for button in row.findChildren(QPushButton)]
+        return next(button for button in buttons if button.property("effect") == name)
 
     def _effect_row(self, name: str, words: str, in_model: bool) -> None:
         row = QWidget(self)

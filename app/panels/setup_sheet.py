@@ -6,6 +6,7 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
+from app.clear_layout import clear_layout
 from app.keyboard import EnterPresses
 from app.theme import MARKS, Colours, Tone, sized
 from instrument.doctor import Check, Grade
@@ -138,10 +139,7 @@ class SetupSheet(QFrame):
     ) -> None:
         """List the bench, what was found and the addresses known; ``problem`` says why nothing could be looked for."""
         self.look.setEnabled(True)
-        while (item := self._devices.takeAt(0)) is not None:
-            if (widget := item.widget()) is not None:
-                widget.hide()
-                widget.deleteLater()
+        clear_layout(self._devices)
         if problem:
             self._found.setText(f"{MARKS[Tone.WARNING]} Devices could not be looked for: {problem}")
         elif found:

@@ -4,6 +4,8 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 
+from app.clear_layout import clear_layout
+
 
 class LineSample(QWidget):
     """A short stretch of a line, or of a band."""
@@ -36,10 +38,7 @@ class Legend(QWidget):
 
     def show_entries(self, entries: list[tuple[str, QPen | str]]) -> None:
         """Show these entries: a pen for a line, a colour name for a band."""
-        while (item := self._row.takeAt(0)) is not None:
-            if (widget := item.widget()) is not None:
-                widget.setParent(None)
-                widget.deleteLater()
+        clear_layout(self._row)
         for name, look in entries:
             sample = LineSample(look if isinstance(look, QPen) else QPen(), None if isinstance(look, QPen) else look)
             self._row.addWidget(sample, 0, Qt.AlignmentFlag.AlignVCenter)

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QPushButton
+from PySide6.QtCore import QEvent, QObject, Qt
+from PySide6.QtGui import QWindow
+from PySide6.QtWidgets import QApplication, QPushButton
 
 from analysis.quantity import NotSeen
 from app.panels.compare import ComparePanel
@@ -34,6 +35,25 @@ def shot_panel(qtbot, shot):
     panel.show()
     panel.show_shot(shot)
     return panel
+
+
+def test_nothing_a_panel_replaces_ever_appears_as_a_window_of_its_own(qtbot, shot_panel, shot):
+    appeared = []
+
+    class Watch(QObject):
+        def eventFilter(self, thing, event):
+            if event.type() == QEvent.Type.Show and isinstance(thing, QWindow):
+                appeared.append(thing.objectName())
+            return False
+
+    watch = Watch()
+    QApplication.instance().installEventFilter(watch)
+    shot_panel.show_shot(shot)
+    shot_panel.show_shot(None)
+    shot_panel.show_shot(shot)
+    qtbot.wait(50)
+    QApplication.instance().removeEventFilter(watch)
+    assert appeared == []
 
 
 def test_numbers_state_value_uncertainty_and_how_they_were_read(qtbot, shot):

@@ -123,8 +123,10 @@ class Rig:
             self._running.capture.trigger_now()
 
     def set_rearm(self, on: bool) -> None:
-        """Arm again by itself after each shot, from the next arming on."""
+        """Arm again by itself after each shot, the one waited for now included."""
         self.rearm = on
+        if self._running is not None:
+            self._running.capture.set_automatic(on)
 
     def options_changed(self) -> None:
         """Take the present options; they hold from the next arming on."""

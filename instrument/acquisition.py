@@ -155,6 +155,11 @@ class Acquisition:
         self.status = Status(state, now, None if limit is None else now + limit, rearm, message, remedy)
         return Transition(before.state, state, action, True)
 
+    def set_automatic(self, on: bool) -> None:
+        """Let the present arming re-arm by itself, or end with its shot; without one, or after its shot, nothing."""
+        if self.status.state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
+            self.status = replace(self.status, automatic=on)
+
     def tick(self) -> Transition | None:
         """Take the event TIMEOUT where the deadline has passed; call often."""
         now = self.clock()

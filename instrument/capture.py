@@ -76,6 +76,10 @@ class Capture:
         """Wait for the light switch; ``automatic``: again after every shot, until aborted."""
         self._orders.put(("arm", automatic))
 
+    def set_automatic(self, on: bool) -> None:
+        """Let the arming under way go on after its shot, or end with it."""
+        self._orders.put(("automatic", on))
+
     def abort(self) -> None:
         """Go back to idle from whatever is going on; samples that came after a trigger are kept."""
         self._orders.put(("abort", None))

@@ -119,6 +119,8 @@ class CaptureThread:
             return
         if kind == "arm":
             self._do(self.machine.handle(Event.ARM, automatic=what))
+        elif kind == "automatic":
+            self.machine.set_automatic(what)
         elif kind == "abort":
             self._do(self.machine.handle(Event.ABORT))
             if self.machine.status.state is State.IDLE and not self.run.running:

@@ -141,6 +141,21 @@ def test_automatic_rearms_until_aborted_or_failed() -> None:
     assert not machine.status.automatic
 
 
+@pytest.mark.parametrize("state", list(State))
+@pytest.mark.parametrize("on", [True, False])
+def test_a_change_of_mind_about_rearming_holds_for_the_arming_under_way(state: State, on: bool) -> None:
+    machine, _ = at(state, automatic=not on and state is not State.ANALYSING)  # a re-arming one never gets there
+    before = machine.status
+    machine.set_automatic(on)
+    if state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
+        assert machine.status.automatic is on
+        for event in (Event.TRIGGER, Event.COMPLETE, Event.SAVED):
+            machine.handle(event)
+        assert machine.status.state is (State.ARMED if on else State.ANALYSING)
+    else:
+        assert machine.status is before
+
+
 def test_the_first_cause_of_a_fault_stays() -> None:
     machine, _ = at(State.ARMED)
     machine.handle(Event.FAIL, "unplugged", "plug it in")

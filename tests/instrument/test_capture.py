@@ -122,6 +122,18 @@ def test_automatic_goes_on_and_no_sample_is_lost_to_a_slow_analysis(tmp_path: Pa
     assert len(firsts) >= 9 and firsts == sorted(firsts)
 
 
+def test_a_rearming_given_up_while_armed_ends_with_the_shot_under_way(tmp_path: Path) -> None:
+    with Rig(tmp_path, live=False) as rig:
+        rig.capture.arm(automatic=True)
+        until(rig.capture, lambda s: s.shots >= 2)
+        rig.capture.set_automatic(False)
+        ended = until(rig.capture, lambda s: s.state is State.IDLE)
+        assert ended.shots >= 2 and not ended.automatic and not ended.message
+        seen = rig.digitizer.at
+        until(rig.capture, lambda s: rig.digitizer.at > seen + 3 * PERIOD)  # steps pass by, and nobody waits for one
+        assert rig.capture.latest().shots == ended.shots
+
+
 def test_lost_samples_become_gaps_and_never_zeros(tmp_path: Path) -> None:
     gaps: dict[int, int | None] = {FIRST - 1_000: 777, FIRST + 5_000: 3_000}
     with Rig(tmp_path, FakeDigitizer(gaps=dict(gaps)), live=False) as rig:

@@ -56,9 +56,17 @@ KEYS: tuple[Key, ...] = (
     Key("Ctrl+Q", "close", "Quit", "The session"),
 )
 
+ON_PLOT = (
+    ("Left, Right", "move along the axis"),
+    ("Up, Down", "closer, farther"),
+    ("Home", "the whole again"),
+    ("Shift+Left, Right", "move cursor A"),
+    ("Ctrl+Left, Right", "move cursor B"),
+)
+
 MOUSE = (
-    ("wheel", "zoom in time; over the left axis, or with Ctrl, in value"),
-    ("drag", "move in time"),
+    ("wheel", "zoom along the axis; over the left one, or with Ctrl, in value"),
+    ("drag", "move along the axis"),
     ("click on a bounce", "zoom to it"),
     ("right click", "the plot's own menu"),
 )

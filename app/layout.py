@@ -22,6 +22,7 @@ from app.panels.signal_line import SignalLine
 from app.panels.spectrum import SpectrumPanel
 from app.panels.tour import Tour
 from app.panels.work_line import WorkLine
+from app.plots.plot_view import PlotView
 from app.theme import Theme
 
 
@@ -125,6 +126,13 @@ class Layout(QWidget):
             self.tour,
         ):
             panel.dress(self._theme.colours)
+
+    def plot_in_front(self) -> PlotView | None:
+        """Return the plot that the keys act on: of the page in front the one in focus, else its first."""
+        page = self.tabs.currentWidget()
+        if isinstance(page, LivePanel | ShotPanel | ComparePanel | SpectrumPanel | DiagnosisPanel):
+            return page.plot_in_front()
+        return None
 
     def place_sheets(self) -> None:
         """Keep the sheets where they belong after a change of size."""

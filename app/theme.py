@@ -221,6 +221,12 @@ def style_sheet(colours: Colours) -> str:
     QPushButton[primary="true"]:focus {{ border: 2px solid {colours.text}; }}
     QPushButton[primary="true"]:disabled {{ background: {colours.window}; color: {colours.marker};
         border-color: {colours.edge}; }}
+    QLineEdit {{ padding: 3px 5px; border: 1px solid {colours.marker}; border-radius: 4px;
+        background: {colours.plot}; }}
+    QLineEdit:focus {{ border: 2px solid {colours.accent}; padding: 2px 4px; }}
+    QTableView QLineEdit, QTreeView QLineEdit {{ padding: 0 2px; border-radius: 0; }}
+    QGraphicsView {{ border: 1px solid {colours.plot}; }}
+    QGraphicsView:focus {{ border: 1px solid {colours.accent}; }}
     QTabBar::tab {{ padding: 7px 18px; border: none; border-bottom: 3px solid transparent; color: {colours.faint};
         background: transparent; font-weight: bold; }}
     QTabBar::tab:selected {{ color: {colours.text}; border-bottom: 3px solid {colours.accent}; }}

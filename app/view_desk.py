@@ -2,14 +2,13 @@
 
 from pathlib import Path
 
-import pyqtgraph as pg
 from PySide6.QtCore import QObject, Signal, Slot
 
 from app.file_question import Want, ask
 from app.layout import Layout
-from app.panels.shot_deflection import DeflectionView
 from app.plots import save
 from app.plots.plain_plot import PlainPlot
+from app.plots.plot_view import PlotView
 from app.plots.time_stack import TimeStack
 from app.theme import Tone
 
@@ -23,14 +22,10 @@ class ViewDesk(QObject):
         super().__init__(parent)
         self._panels = panels
         self._folder = Path.home()
-        self._asked: pg.GraphicsView | None = None
+        self._asked: PlotView | None = None
         p = panels
-        p.shot.export_wanted.connect(self._ask_and_save)
-        p.compare.export_wanted.connect(self._ask_and_save)
-        p.spectrum.export_wanted.connect(self._ask_and_save)
-        p.shot.deflection.export_wanted.connect(self._deflection)
-        p.live.stack.export_wanted.connect(self._live)
-        p.diagnosis.stack.export_wanted.connect(self._residuals)
+        for plot in panels.findChildren(PlotView):
+            plot.export_wanted.connect(self._ask_and_save)
         p.model.details_wanted.connect(self.show_diagnosis)
         p.numbers.budget_wanted.connect(self.show_budget)
         p.work.keys_wanted.connect(self.toggle_keys)
@@ -106,51 +101,42 @@ class ViewDesk(QObject):
         self._panels.shot.set_view(name)
         self._panels.shot.reset()
 
+    def _plot(self) -> PlotView | None:
+        """Return the plot in front; where the page has none, that of SHOT comes to the front."""
+        plot = self._panels.plot_in_front()
+        if plot is None:
+            self.show_shot_page()
+            plot = self._panels.plot_in_front()
+        return plot
+
     @Slot()
     def reset_view(self) -> None:
         """Bring the plot in front back to its whole."""
-        page = self._panels.tabs.currentIndex()
-        if page == Layout.COMPARE:
-            self._panels.compare.show_whole()
-        elif page == Layout.DIAGNOSIS:
-            self._panels.diagnosis.reset()
-        elif page == Layout.SPECTRUM:
-            self._panels.spectrum.reset()
-        else:
-            self._panels.shot.reset()
+        plot = self._plot()
+        if plot is not None:
+            plot.reset()
 
     @Slot()
     def toggle_cursors(self) -> None:
         """Cursors on the plot in front, on or off."""
-        if self._panels.tabs.currentIndex() == Layout.COMPARE:
-            stack = self._panels.compare.stack
-            stack.show_cursors(not stack.cursors.shown)
-        else:
-            self._panels.tabs.setCurrentIndex(Layout.SHOT)
-            self._panels.shot.toggle_cursors()
+        plot = self._plot()
+        if plot is not None:
+            plot.toggle_cursors()
 
     @Slot()
     def copy_cursors(self) -> None:
         """Copy what lies between the cursors in front."""
-        if self._panels.tabs.currentIndex() == Layout.COMPARE:
-            self._panels.compare.copy_cursors()
-        else:
-            self._panels.shot.copy_cursors()
+        plot = self._plot()
+        if plot is not None and plot.cursors.shown:
+            plot.copy_cursors()
+            self.said.emit("What lies between the cursors is on the clipboard", Tone.NEUTRAL)
 
     @Slot()
     def plot_menu(self) -> None:
         """Open the menu of the plot in front."""
-        page = self._panels.tabs.currentIndex()
-        if page == Layout.COMPARE:
-            self._panels.compare.open_menu()
-        elif page == Layout.SPECTRUM:
-            self._panels.spectrum.open_menu()
-        elif page == Layout.DIAGNOSIS:
-            self._panels.diagnosis.stack.open_menu()
-        elif page == Layout.LIVE:
-            self._panels.live.stack.open_menu()
-        else:
-            self._panels.shot.open_menu()
+        plot = self._plot()
+        if plot is not None:
+            plot.open_menu()
 
     @Slot()
     def toggle_keys(self) -> None:
@@ -160,20 +146,8 @@ class ViewDesk(QObject):
         if sheet.isVisible():
             sheet.place()
 
-    @Slot(str)
-    def _deflection(self, kind: str) -> None:
-        self._ask_and_save(self._panels.shot.deflection, kind)
-
-    @Slot(str)
-    def _live(self, kind: str) -> None:
-        self._ask_and_save(self._panels.live.stack, kind)
-
-    @Slot(str)
-    def _residuals(self, kind: str) -> None:
-        self._ask_and_save(self._panels.diagnosis.stack, kind)
-
     @Slot(object, str)
-    def _ask_and_save(self, plot: pg.GraphicsView, kind: str) -> None:
+    def _ask_and_save(self, plot: PlotView, kind: str) -> None:
         start, kinds = self._folder / f"plot.{kind}", f"{kind.upper()} (*.{kind})"
         self._asked = plot
         ask(self._panels, f"Save the plot as {kind.upper()}", Want.NEW_FILE, self._save_asked, start, kinds)
@@ -182,7 +156,7 @@ class ViewDesk(QObject):
         if self._asked is not None:
             self.save(self._asked, paths[0])
 
-    def save(self, plot: pg.GraphicsView, path: Path) -> None:
+    def save(self, plot: PlotView, path: Path) -> None:
         """Save a plot under a name whose ending says how."""
         self._folder = path.parent
         try:
@@ -192,7 +166,7 @@ class ViewDesk(QObject):
                 save.save_png(plot, path)
             elif isinstance(plot, TimeStack):
                 save.save_csv(plot, path)
-            elif isinstance(plot, DeflectionView | PlainPlot):
+            elif isinstance(plot, PlainPlot):
                 save.save_columns(plot.columns, path)
             else:
                 raise OSError(f"{path}: this plot has no samples to save")

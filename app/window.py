@@ -6,17 +6,19 @@ from pathlib import Path
 
 from platformdirs import user_config_path
 from PySide6.QtCore import Qt, QTimer, Slot
-from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import QApplication, QMainWindow
 
 from app import keyboard
 from app.choices import Choices
+from app.diagnosis_desk import DiagnosisDesk
 from app.layout import Layout
 from app.mapping_desk import MappingDesk
 from app.model_desk import ModelDesk
 from app.rig import Open, Rig
 from app.rig_desk import RigDesk
 from app.saver import Saver
+from app.selection_desk import SelectionDesk
 from app.session import Entry, Session
 from app.session_desk import SessionDesk
 from app.setup_desk import SetupDesk
@@ -46,7 +48,9 @@ class MainWindow(QMainWindow):
         self.panels = Layout(theme, self)
         self.setCentralWidget(self.panels)
         self.rig_desk = RigDesk(rig, choices, self.panels, self)
-        self.session_desk = SessionDesk(bench, self.panels, self)
+        self.selection_desk = SelectionDesk(bench, self.panels, self)
+        self.session_desk = SessionDesk(bench, self.panels, self.selection_desk, self)
+        self.diagnosis_desk = DiagnosisDesk(bench, self.panels, self)
         self.view_desk = ViewDesk(self.panels, self)
         self.setup_desk = SetupDesk(rig, choices, bench.errands, self.panels, self)
         self.setup_desk.source_wanted.connect(self.rig_desk.use_source)
@@ -54,8 +58,8 @@ class MainWindow(QMainWindow):
         self.tour_desk = TourDesk(choices, self.panels, self)
         self.mapping_desk = MappingDesk(bench, choices, self.panels, self)
         self.session_desk.mapping_wanted.connect(self.mapping_desk.ask)
-        self.tables_desk = TablesDesk(bench, self.panels, self.session_desk.front, self)
-        self.model_desk = ModelDesk(bench, choices, self.panels, self.session_desk.front, self)
+        self.tables_desk = TablesDesk(bench, self.panels, self.selection_desk.front, self)
+        self.model_desk = ModelDesk(bench, choices, self.panels, self.selection_desk.front, self)
         for desk in (self.rig_desk, self.session_desk, self.view_desk, self.model_desk):
             desk.said.connect(self.say)
         self.rig_desk.shot_finished.connect(self._shot_finished)
@@ -63,8 +67,8 @@ class MainWindow(QMainWindow):
         self.rig_desk.save_elsewhere_wanted.connect(self._save_elsewhere)
         self.rig_desk.appearance_chosen.connect(self._appearance_chosen)
         theme.changed.connect(self._dress)
-        desks = (self.rig_desk, self.session_desk, self.view_desk, self.model_desk, self.setup_desk, self.tour_desk)
-        keyboard.bind(self, (*desks, self))
+        desks = (self.rig_desk, self.session_desk, self.diagnosis_desk, self.view_desk, self.model_desk)
+        keyboard.bind(self, (*desks, self.setup_desk, self.tour_desk, self))
         if bench.session.problem:
             self.say(bench.session.problem, Tone.WARNING)
         for words in choices.warnings:
@@ -85,6 +89,8 @@ class MainWindow(QMainWindow):
         snapshot = self.rig_desk.show()
         self.session_desk.rig_doing, self.session_desk.rig_share = snapshot.doing, snapshot.progress
         self.session_desk.show()
+        self.selection_desk.show()
+        self.diagnosis_desk.show()
         self.tables_desk.show()
         self.model_desk.show()
         self.mapping_desk.show()
@@ -114,6 +120,11 @@ class MainWindow(QMainWindow):
     @Slot()
     def _dress(self) -> None:
         self.panels.dress()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Press the button in focus by Enter."""
+        if not keyboard.pressed_by_enter(self.focusWidget(), event):
+            super().keyPressEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the sheets in place."""

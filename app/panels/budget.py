@@ -11,13 +11,13 @@ from app.panels.tree_table import Line, TreeTable
 from app.wording import DASH, number, value_text
 
 COLUMNS = (
-    "result or source",
-    "value or u(x)",
+    "result / source",
+    "value / u(x)",
     "unit",
-    "type A or type",
-    "type B or sensitivity",
-    "combined or part",
-    "expanded or share",
+    "A / type",
+    "B / sensitivity",
+    "combined / part",
+    "expanded / share",
 )
 
 

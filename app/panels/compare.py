@@ -1,12 +1,13 @@
 """COMPARE: several shots over one another from first touch on, and any number's trend against impact velocity."""
 
-from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSplitter, QVBoxLayout, QWidget
 
 from app.panels.trend import TRENDS, TrendPlot
 from app.plots.cursor_readout import CursorReadout
 from app.plots.curve import SampledCurve
 from app.plots.legend import Legend
+from app.plots.plot_view import PlotView, in_front
 from app.plots.shot_times import contact_span_ms, time_zero
 from app.plots.time_stack import TimeStack
 from app.session import Entry
@@ -17,8 +18,6 @@ MOST = 8
 
 class ComparePanel(QWidget):
     """Overlay to the left, trend to the right."""
-
-    export_wanted = Signal(object, str)
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -40,8 +39,8 @@ class ComparePanel(QWidget):
         bar.addWidget(self._say, 1)
         self._which = QComboBox(self)
         self._which.setAccessibleName("Number whose trend is shown")
-        for words, name in TRENDS:
-            self._which.addItem(words, name)
+        for trend in TRENDS:
+            self._which.addItem(trend.label, trend.name)
         self._which.currentIndexChanged.connect(self._trend_chosen)
         bar.addWidget(self._which)
         column.addLayout(bar)
@@ -66,11 +65,9 @@ class ComparePanel(QWidget):
         split.setSizes([620, 380])
         split.setChildrenCollapsible(False)
         column.addWidget(split, 1)
-        self._readout = CursorReadout(self.stack.cursors, self)
-        column.addWidget(self._readout)
+        for plot in (self.stack, self.trend):
+            column.addWidget(CursorReadout(plot, self))
         self.stack.reset_wanted.connect(self.show_whole)
-        self.stack.export_wanted.connect(self._export)
-        self.trend.export_wanted.connect(self._export_trend)
         self.dress(colours)
         self.show_entries([])
 
@@ -154,24 +151,8 @@ class ComparePanel(QWidget):
     @Slot(int)
     def _trend_chosen(self, _: int) -> None:
         shots = [entry.shot for entry in self._entries if entry.shot is not None]
-        words, name = self._which.currentText(), str(self._which.currentData())
-        self._repeatability.setText(self.trend.show_trend(words, name, shots))
+        self._repeatability.setText(self.trend.show_trend(TRENDS[self._which.currentIndex()], shots))
 
-    @Slot()
-    def copy_cursors(self) -> None:
-        """Copy what lies between the cursors."""
-        if self.stack.cursors.shown:
-            self._readout.copy()
-
-    @Slot(str)
-    def _export(self, kind: str) -> None:
-        self.export_wanted.emit(self.stack, kind)
-
-    @Slot(object, str)
-    def _export_trend(self, plot: object, kind: str) -> None:
-        self.export_wanted.emit(plot, kind)
-
-    @Slot()
-    def open_menu(self) -> None:
-        """Open the menu of the trend where it has the keyboard, else of the overlaid shots."""
-        (self.trend if self.trend.hasFocus() else self.stack).open_menu()
+    def plot_in_front(self) -> PlotView:
+        """Return the trend where it has the keyboard, else the overlaid shots."""
+        return in_front((self.stack, self.trend))

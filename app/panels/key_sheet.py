@@ -3,7 +3,7 @@
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
 
-from app.keys import KEYS, MOUSE
+from app.keys import KEYS, MOUSE, ON_PLOT
 from app.theme import sized
 
 
@@ -26,6 +26,7 @@ class KeySheet(QFrame):
         groups: dict[str, list[tuple[str, str]]] = {}
         for key in KEYS:
             groups.setdefault(key.group, []).append((key.sequence, key.words))
+        groups["A plot in focus (Tab)"] = list(ON_PLOT)
         groups["Mouse on a plot"] = list(MOUSE)
         lines = [0, 0]
         for name, rows in groups.items():

@@ -5,6 +5,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
 
 from analysis.recording import Channel, Role
+from app.plots.cursor_readout import CursorReadout
+from app.plots.plot_view import PlotView, in_front
 from app.plots.time_stack import TimeStack
 from app.theme import Colours, sized, thin
 from app.wording import DASH, local
@@ -44,7 +46,9 @@ class LivePanel(QWidget):
         self._plots["velocity"].minimum_span = 0.01
         self._plots["force"].minimum_span = 0.05
         self.stack.label_time("time before now (ms)")
+        self.stack.show_span(-WINDOW_MS, 0.0)
         grid.addWidget(self.stack, 0, 0, 4, 1)
+        self._readouts: list[CursorReadout] = []
         self._numbers: dict[str, QLabel] = {}
         for line, (name, title, unit, _, _, widest) in enumerate(ROWS):
             grid.addWidget(self._tile(name, title, unit, widest), line, 1)
@@ -56,6 +60,9 @@ class LivePanel(QWidget):
         self.raw.label_time("time (ms), the newest samples")
         self.raw.setMinimumWidth(300)
         grid.addWidget(self.raw, 3, 1)
+        for line, plot in enumerate(self.plots, 4):
+            grid.addWidget(readout := CursorReadout(plot, self), line, 0, 1, 2)
+            self._readouts.append(readout)
         grid.setColumnStretch(0, 1)
         for line in range(3):
             grid.setRowStretch(line, 0)
@@ -84,6 +91,15 @@ class LivePanel(QWidget):
         column.addWidget(value)
         self._numbers[name] = value
         return tile
+
+    @property
+    def plots(self) -> tuple[TimeStack, TimeStack]:
+        """Get what rolls, and the raw signals."""
+        return self.stack, self.raw
+
+    def plot_in_front(self) -> PlotView:
+        """Return the plot that has the keyboard, else the one that rolls."""
+        return in_front(self.plots)
 
     def text(self, name: str) -> str:
         """Return the digits shown for "beat", "velocity" or "force"."""
@@ -121,6 +137,8 @@ class LivePanel(QWidget):
             digits = local(_digits(form, float(seen.mean()))) if len(seen) else DASH
             self._numbers[name].setText(digits)
             self._numbers[name].setAccessibleDescription(digits)
+        for readout in self._readouts:
+            readout.refresh()
 
     def show_raw(self, view: LiveView, channels: tuple[Channel, ...]) -> None:
         """Show the newest raw samples; ``channels`` names the columns."""

@@ -102,6 +102,7 @@ class MappingSheet(QFrame):
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
+        self._problem.setStyleSheet(f"color: {colours.signs[Tone.BAD]}; font-weight: bold")
 
     def ask(self, held: ForeignContents, mass_kg: float, rest_hz: float | None) -> None:
         """Ask for the channels of a file."""

@@ -167,7 +167,7 @@ class NumbersPanel(QScrollArea):
         unit.setProperty("faint", True)
         value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        value.setMinimumWidth(value.fontMetrics().horizontalAdvance("0.987555673 ± 0.000000044"))
+        value.setMinimumWidth(value.fontMetrics().horizontalAdvance("-0.987555673 ± 0.000000044"))
         value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         value.setAccessibleName(f"{row.name} {row.unit}")
         grid.addWidget(name, line, 0)

@@ -56,6 +56,7 @@ class SettingsSheet(QFrame):
         self.setAccessibleName("Settings")
         self._fields: tuple[Field, ...] = ()
         self._editors: dict[str, QWidget] = {}
+        self._tone = Tone.NEUTRAL  # of what is said below the fields
         self._browsed = ""  # the field a folder was last asked for
         column = QVBoxLayout(self)
         column.setContentsMargins(18, 14, 18, 14)
@@ -219,13 +220,16 @@ class SettingsSheet(QFrame):
 
     def refuse(self, problem: str) -> None:
         """Say why the settings were not taken."""
-        self._problem.setText(f"{MARKS[Tone.BAD]} {problem}")
-        self._problem.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}; font-weight: bold")
+        self._say(problem, Tone.BAD)
 
     def accept_words(self, words: str) -> None:
         """Say that they were."""
-        self._problem.setText(f"{MARKS[Tone.GOOD]} {words}")
-        self._problem.setStyleSheet(f"color: {self._colours.signs[Tone.GOOD]}; font-weight: bold")
+        self._say(words, Tone.GOOD)
+
+    def _say(self, words: str, tone: Tone) -> None:
+        self._tone = tone
+        self._problem.setText(f"{MARKS[tone]} {words}")
+        self._problem.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
 
     @property
     def problem(self) -> str:
@@ -235,6 +239,7 @@ class SettingsSheet(QFrame):
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
+        self._problem.setStyleSheet(f"color: {colours.signs[self._tone]}; font-weight: bold")
 
     def place(self) -> None:
         """Stand at the right edge of the window, over its full height."""

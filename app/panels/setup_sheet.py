@@ -7,7 +7,6 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
 from app.clear_layout import clear_layout
-from app.keyboard import EnterPresses
 from app.theme import MARKS, Colours, Tone, sized
 from instrument.doctor import Check, Grade
 from instrument.found_devices import FoundDevice
@@ -29,7 +28,6 @@ class SetupSheet(QFrame):
         super().__init__(parent)
         self._colours = colours
         self._checks: tuple[Check, ...] = ()
-        self._presses = EnterPresses(self)
         self.setProperty("card", True)
         self.setAccessibleName("Set-up")
         column = QVBoxLayout(self)
@@ -162,7 +160,6 @@ class SetupSheet(QFrame):
         button.setAccessibleName(f"Use {name}")
         button.setProperty("source", source)
         button.clicked.connect(self._use)
-        button.installEventFilter(self._presses)
         self._devices.addWidget(label, line, 0)
         self._devices.addWidget(button, line, 1, Qt.AlignmentFlag.AlignTop)
 
@@ -231,6 +228,7 @@ class SetupSheet(QFrame):
         self._colours = colours
         for line in (*self._lines, self._verdict):
             line.setText("")
+        self._refusal.setStyleSheet(f"color: {colours.signs[Tone.BAD]}")
         self.show_checks(self._checks)
 
     def place(self) -> None:

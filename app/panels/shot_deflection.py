@@ -5,59 +5,49 @@ import math
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtCore import QPoint, Qt, Signal, Slot
-from PySide6.QtGui import QContextMenuEvent
-from PySide6.QtWidgets import QMenu, QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QWidget
 
 from analysis.quantity import Quantity
 from analysis.shot import Shot
-from app.plots.time_plot import AXIS_WIDTH
+from app.plots.cursors import CursorAxis
+from app.plots.plain_plot import PlainPlot, XyCurve
 from app.theme import Colours, thin, under
 
 Floats = NDArray[np.float64]
+DEFLECTION = CursorAxis("mm", "m", 1e-3)
+BRANCHES = ("loading", "unloading")
 
 
-class DeflectionView(pg.GraphicsLayoutWidget):
-    """One plot, force in N over deflection in mm; deflection counts from first touch, positive into the plate."""
+class DeflectionView(PlainPlot):
+    """Force in N over deflection in mm, which counts from first touch, positive into the plate.
 
-    export_wanted = Signal(str)
+    Loading and unloading are curves of their own, so that the cursors give each its slope.
+    """
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setAccessibleName("Force against deflection")
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.plot: pg.PlotItem = self.addPlot(enableMenu=False)
-        self.plot.hideButtons()
-        for side in ("left", "bottom"):
-            self.plot.getAxis(side).enableAutoSIPrefix(False)
-        self.plot.getAxis("left").setWidth(AXIS_WIDTH)
-        self.plot.setLabel("left", "force (N)")
-        self.plot.setLabel("bottom", "deflection of the plate from first touch (mm)")
-        self.plot.getViewBox().disableAutoRange()
-        self._measured = pg.PlotCurveItem(connect="finite")
-        self._simulated = pg.PlotCurveItem(connect="finite")
+        words = "deflection of the plate from first touch (mm)"
+        super().__init__("Force against deflection", ("force", "N"), words, DEFLECTION, parent)
+        self._simulated = [self.add_curve(f"simulated, {branch}") for branch in BRANCHES]
+        self._measured = [self.add_curve(f"measured, {branch}") for branch in BRANCHES]
         self._slope = pg.PlotCurveItem()
-        for curve in (self._simulated, self._measured, self._slope):
-            self.plot.addItem(curve)
-        self._bounds = (-0.1, 2.6, -0.1, 0.6)
-        self.columns: dict[str, Floats] = {}
+        self.plot.addItem(self._slope)
         self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
-        self.setBackground(colours.plot)
-        for side in ("left", "bottom"):
-            self.plot.getAxis(side).setPen(pg.mkPen(colours.edge))
-            self.plot.getAxis(side).setTextPen(pg.mkPen(colours.text))
-        self.plot.showGrid(x=True, y=True, alpha=0.18)
-        self._measured.setPen(thin(colours.measured))
-        self._simulated.setPen(under(colours.simulated))
+        super().dress(colours)
+        for curve in self._measured:
+            curve.setPen(thin(colours.measured))
+        for curve in self._simulated:
+            curve.setPen(under(colours.simulated))
         self._slope.setPen(thin(colours.residual, Qt.PenStyle.DashLine))
 
     def show_shot(self, shot: Shot) -> None:
         """Show the contact of this shot."""
-        for curve in (self._measured, self._simulated, self._slope):
-            curve.setData(np.empty(0), np.empty(0))
+        for curve in (*self._measured, *self._simulated):
+            curve.show_points(np.empty(0), np.empty(0))
+        self._slope.setData(np.empty(0), np.empty(0))
         self.columns = {}
         motion, impact = shot.motion, shot.impact
         if motion is None or impact is None or not isinstance(impact.touch_time_s, Quantity):
@@ -70,20 +60,19 @@ class DeflectionView(pg.GraphicsLayoutWidget):
         at_touch = np.interp(touch, motion.time_s, motion.displacement_m)
         deflection = 1e3 * (at_touch - motion.displacement_m[chosen])
         force = motion.force_n[chosen]
-        self._measured.setData(deflection, force)
+        _show_branches(self._measured, deflection, force)
         self.columns = {"deflection_mm": deflection, "force_n": force}
         if shot.fit is not None and shot.fit.shots:
             overlay = shot.fit.shots[0].overlay
             model = 1e3 * (at_touch - overlay.displacement_m[chosen])
-            self._simulated.setData(model, overlay.force_n[chosen])
+            _show_branches(self._simulated, model, overlay.force_n[chosen])
             self.columns |= {"deflection_simulated_mm": model, "force_simulated_n": overlay.force_n[chosen]}
         self._draw_slope(impact.stiffness_slope_n_per_m, deflection, force)
         finite = np.isfinite(deflection) & np.isfinite(force)
         if finite.any():
             x, y = deflection[finite], force[finite]
             spare_x, spare_y = 0.05 * np.ptp(x) + 1e-6, 0.08 * np.ptp(y) + 1e-6
-            self._bounds = (x.min() - spare_x, x.max() + spare_x, y.min() - spare_y, y.max() + spare_y)
-        self.reset()
+            self.show_range((x.min() - spare_x, x.max() + spare_x), (y.min() - spare_y, y.max() + spare_y))
 
     def _draw_slope(self, slope: object, deflection: Floats, force: Floats) -> None:
         if not isinstance(slope, Quantity) or not math.isfinite(slope.value):
@@ -93,40 +82,11 @@ class DeflectionView(pg.GraphicsLayoutWidget):
         ends = np.array([0.0, float(np.nanmax(deflection))])
         self._slope.setData(ends, middle_y + 1e-3 * slope.value * (ends - middle_x))
 
-    @Slot()
-    def reset(self) -> None:
-        """Show the whole contact."""
-        left, right, low, high = self._bounds
-        self.plot.getViewBox().setRange(xRange=(left, right), yRange=(low, high), padding=0)
 
-    def menu(self) -> QMenu:
-        """Return a fresh menu."""
-        menu = QMenu(self)
-        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        menu.addAction("Reset the view", self.reset)
-        menu.addSeparator()
-        menu.addAction("Save as PNG …", self._png)
-        menu.addAction("Save as SVG …", self._svg)
-        menu.addAction("Save the curves as CSV …", self._csv)
-        return menu
-
-    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
-        """Open the plot's own menu."""
-        self.menu().popup(event.globalPos())
-        event.accept()
-
-    def open_menu(self) -> None:
-        """Open the menu by key."""
-        self.menu().popup(self.mapToGlobal(QPoint(20, 20)))
-
-    @Slot()
-    def _png(self) -> None:
-        self.export_wanted.emit("png")
-
-    @Slot()
-    def _svg(self) -> None:
-        self.export_wanted.emit("svg")
-
-    @Slot()
-    def _csv(self) -> None:
-        self.export_wanted.emit("csv")
+def _show_branches(curves: list[XyCurve], deflection: Floats, force: Floats) -> None:
+    """Part the contact where the plate is pushed in deepest; the two curves meet there."""
+    if not np.isfinite(deflection).any():
+        return
+    turn = int(np.nanargmax(deflection))
+    curves[0].show_points(deflection[: turn + 1], force[: turn + 1])
+    curves[1].show_points(deflection[turn:], force[turn:])

@@ -4,7 +4,7 @@ import numpy as np
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot import Shot
-from app.plots.shot_times import contact_span_ms
+from app.plots.shot_times import contact_span_ms, time_zero
 from app.plots.time_stack import TimeStack
 from app.theme import Colours, thin, under
 
@@ -29,9 +29,10 @@ class GapView:
         self._measured.setPen(thin(colours.measured))
         self._simulated.setPen(under(colours.simulated))
 
-    def show_shot(self, shot: Shot, start: float, step: float) -> None:
-        """Show this shot from ``start`` on, ``step`` a sample, in ms."""
+    def show_shot(self, shot: Shot) -> None:
+        """Show an analysed shot."""
         assert shot.motion is not None
+        start, step = 1e3 * (float(shot.motion.time_s[0]) - time_zero(shot)[0]), 1e3 / shot.motion.sample_rate_hz
         self._measured.show_samples(start, step, shot.motion.force_n)
         fit = shot.fit
         if fit is None or not fit.shots:

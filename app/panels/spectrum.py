@@ -2,20 +2,23 @@
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QRectF, Qt, Signal, Slot
-from PySide6.QtWidgets import QLabel, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtCore import QRectF, Qt, Slot
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QVBoxLayout, QWidget
 
 from analysis.recording import Role
+from app.plots.cursor_readout import CursorReadout
+from app.plots.cursors import TIME, CursorAxis
 from app.plots.legend import Legend
 from app.plots.plain_plot import PlainPlot
+from app.plots.plot_view import PlotView, in_front
 from app.spectra import NAMES, Spectra
 from app.theme import Colours, thin, under
+
+FREQUENCY = CursorAxis("MHz", "MHz")
 
 
 class SpectrumPanel(QWidget):
     """Spectrum above, spectrogram of PD1 below."""
-
-    export_wanted = Signal(object, str)
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -24,23 +27,25 @@ class SpectrumPanel(QWidget):
         column.setContentsMargins(6, 6, 6, 2)
         self._say = QLabel(self)
         self._say.setProperty("faint", True)
-        column.addWidget(self._say)
         self._legend = Legend(self)
-        column.addWidget(self._legend)
+        line = QHBoxLayout()
+        line.addWidget(self._legend)
+        line.addWidget(self._say, 1)
+        column.addLayout(line)
         split = QSplitter(Qt.Orientation.Vertical, self)
-        self._spectrum = PlainPlot("Spectrum of the beats", "power (dB above 1 V²/Hz)", "frequency (MHz)", split)
-        self._image = PlainPlot(
-            "Spectrogram of PD1", "frequency of PD1 (MHz)", "time from first touch (ms)", split, samples=False
+        self._spectrum = PlainPlot(
+            "Spectrum of the beats", ("power", "dB above 1 V²/Hz"), "frequency (MHz)", FREQUENCY, split
         )
-        for plot in (self._spectrum, self._image):
-            plot.export_wanted.connect(self._export)
-        self._curves = {Role.REFERENCE: pg.PlotCurveItem(), Role.MEASUREMENT: pg.PlotCurveItem()}
-        for curve in self._curves.values():
-            self._spectrum.addItem(curve)
+        self._image = PlainPlot(
+            "Spectrogram of PD1", ("frequency of PD1", "MHz"), "time from first touch (ms)", TIME, split, False
+        )
+        self._curves = {role: self._spectrum.add_curve(NAMES[role]) for role in (Role.REFERENCE, Role.MEASUREMENT)}
         self._picture = pg.ImageItem()
         self._picture.setColorMap(pg.colormap.get("viridis"))
-        self._image.addItem(self._picture)
+        self._image.plot.addItem(self._picture)
         column.addWidget(split, 1)
+        for plot in self.plots:
+            column.addWidget(CursorReadout(plot, self))
         self.dress(colours)
         self.show_spectra(None)
 
@@ -50,7 +55,7 @@ class SpectrumPanel(QWidget):
         pens = {Role.REFERENCE: under(colours.simulated), Role.MEASUREMENT: thin(colours.measured)}
         for role, curve in self._curves.items():
             curve.setPen(pens[role])
-        for plot in (self._spectrum, self._image):
+        for plot in self.plots:
             plot.dress(colours)
         self._legend.show_entries([("PD0, at rest", pens[Role.REFERENCE]), ("PD1, moving", pens[Role.MEASUREMENT])])
 
@@ -67,13 +72,13 @@ class SpectrumPanel(QWidget):
         if spectra is None or not spectra.power_db:
             self._say.setText("Select a shot whose raw recording is at hand.")
             for curve in self._curves.values():
-                curve.setData(np.empty(0), np.empty(0))
+                curve.show_points(np.empty(0), np.empty(0))
             self._picture.clear()
             return
         self._say.setText("")
         for role, curve in self._curves.items():
             power = spectra.power_db.get(role, np.empty(0))
-            curve.setData(1e-6 * spectra.frequency_hz[: len(power)], power)
+            curve.show_points(1e-6 * spectra.frequency_hz[: len(power)], power)
         low, high = 1e-6 * spectra.image_span_hz[0], 1e-6 * spectra.image_span_hz[1]
         left, right = 1e3 * spectra.image_span_s[0], 1e3 * spectra.image_span_s[1]
         self._spectrum.show_range((low, high), spectra.power_span_db)
@@ -84,14 +89,14 @@ class SpectrumPanel(QWidget):
             self._picture.setRect(QRectF(left, low, right - left, high - low))
             self._image.show_range((left, right), (low, high))
 
-    @Slot(object, str)
-    def _export(self, plot: PlainPlot, kind: str) -> None:
-        self.export_wanted.emit(plot, kind)
+    @property
+    def plots(self) -> tuple[PlainPlot, PlainPlot]:
+        """Get spectrum and spectrogram."""
+        return self._spectrum, self._image
 
-    @Slot()
-    def open_menu(self) -> None:
-        """Open the menu of the plot that has the keyboard, else of the spectrum."""
-        (self._image if self._image.hasFocus() else self._spectrum).open_menu()
+    def plot_in_front(self) -> PlotView:
+        """Return the plot that has the keyboard, else the spectrum."""
+        return in_front(self.plots)
 
     @Slot()
     def reset(self) -> None:

@@ -1,6 +1,7 @@
 """Any number of a shot against impact speed, and how well it repeats."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pyqtgraph as pg
@@ -8,30 +9,49 @@ from PySide6.QtWidgets import QWidget
 
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
+from app.plots.cursors import CursorAxis
 from app.plots.plain_plot import PlainPlot
 from app.plots.time_plot import AXIS_WIDTH
 from app.theme import Colours
 from app.wording import local, number
 
-TRENDS: tuple[tuple[str, str], ...] = (
-    ("COR quasi-static", "cor_quasi_static"),
-    ("COR impulse ratio", "cor_impulse"),
-    ("COR kinetic (force peaks)", "force_peaks"),
-    ("COR of the fitted contact", "contact"),
-    ("k_p (N/m)", "plate_stiffness_n_per_m"),
-    ("m_p* (kg)", "plate_mass_kg"),
-    ("k_N (N/m)", "contact_stiffness_n_per_m"),
-    ("γ_N (N s/m)", "contact_damping_n_s_per_m"),
-    ("peak force (N)", "force_peak_n"),
-    ("contact time (s)", "contact_time_s"),
-    ("pulse width (s)", "force_fwhm_s"),
-    ("deflection (m)", "deflection_max_m"),
-    ("slope of F (N/m)", "stiffness_slope_n_per_m"),
+SPEED = CursorAxis("m/s", "m/s")
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """A number that can be followed: its words, its name in the shot, its unit on the screen."""
+
+    words: str
+    name: str
+    unit: str = ""
+    scale: float = 1.0  # of the stored number
+
+    @property
+    def label(self) -> str:
+        """Get words and unit."""
+        return f"{self.words} ({self.unit})" if self.unit else self.words
+
+
+TRENDS: tuple[Trend, ...] = (
+    Trend("COR quasi-static", "cor_quasi_static"),
+    Trend("COR impulse ratio", "cor_impulse"),
+    Trend("COR kinetic, force peaks", "force_peaks"),
+    Trend("COR of the fitted contact", "contact"),
+    Trend("k_p", "plate_stiffness_n_per_m", "N/m"),
+    Trend("m_p*", "plate_mass_kg", "g", 1e3),
+    Trend("k_N", "contact_stiffness_n_per_m", "N/m"),
+    Trend("γ_N", "contact_damping_n_s_per_m", "N s/m"),
+    Trend("peak force", "force_peak_n", "N"),
+    Trend("contact time", "contact_time_s", "ms", 1e3),
+    Trend("pulse width", "force_fwhm_s", "ms", 1e3),
+    Trend("deflection", "deflection_max_m", "mm", 1e3),
+    Trend("slope of F", "stiffness_slope_n_per_m", "N/m"),
 )
 
 
 def trend_reading(shot: Shot, name: str) -> Reading | None:
-    """Return a shot's number by its name in ``TRENDS``."""
+    """Return a shot's number by its name in ``TRENDS``, in SI units."""
     if shot.impact is not None:
         if hasattr(shot.impact, name):
             return getattr(shot.impact, name)
@@ -46,13 +66,13 @@ class TrendPlot(PlainPlot):
     """A number of each shot against its impact speed, with standard uncertainties."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
-        super().__init__("Trend against impact velocity", "", "impact speed |v in| (m/s)", parent)
-        item = self.getPlotItem()
-        item.getAxis("left").setWidth(AXIS_WIDTH + 8)
+        super().__init__("Trend against impact velocity", ("", ""), "impact speed |v in| (m/s)", SPEED, parent)
+        self.plot.getAxis("left").setWidth(AXIS_WIDTH + 8)
         self._bars = pg.ErrorBarItem(x=np.zeros(0), y=np.zeros(0), beam=0.0)
         self._points = pg.ScatterPlotItem(size=9)
-        item.addItem(self._bars)
-        item.addItem(self._points)
+        self.plot.addItem(self._bars)
+        self.plot.addItem(self._points)
+        self._told = self.add_curve("shots")
         self.points: list[tuple[float, float]] = []
         self.dress(colours)
 
@@ -63,22 +83,23 @@ class TrendPlot(PlainPlot):
         self._points.setBrush(pg.mkBrush(colours.measured))
         self._points.setPen(pg.mkPen(colours.plot))
 
-    def show_trend(self, words: str, name: str, shots: list[Shot]) -> str:
+    def show_trend(self, trend: Trend, shots: list[Shot]) -> str:
         """Show the trend and return its repeatability in words."""
         x, y, half = [], [], []
         for shot in shots:
-            reading = trend_reading(shot, name)
+            reading = trend_reading(shot, trend.name)
             speed = shot.impact.velocity_in_m_per_s if shot.impact is not None else None
             if isinstance(reading, Quantity) and isinstance(speed, Quantity) and math.isfinite(reading.value):
                 x.append(abs(speed.value))
-                y.append(reading.value)
-                half.append(reading.std if math.isfinite(reading.std) else 0.0)
+                y.append(trend.scale * reading.value)
+                half.append(trend.scale * reading.std if math.isfinite(reading.std) else 0.0)
         self.points = list(zip(x, y, strict=True))
         self._points.setData(x, y)
         xs, ys, halves = np.array(x), np.array(y), np.array(half)
         self._bars.setData(x=xs, y=ys, height=2 * halves, pen=pg.mkPen(self._colours.marker))
-        self.getPlotItem().setLabel("left", words)
-        self.columns = {"impact speed (m/s)": xs, words: ys, "standard uncertainty": halves}
+        self._told.show_points(xs, ys)
+        self.label_value(trend.words, trend.unit)
+        self.columns = {"impact speed (m/s)": xs, trend.label: ys, "standard uncertainty": halves}
         if not x:
             return "No selected shot has this number."
         reach_x = 0.08 * max(np.ptp(xs), 0.02 * xs.max(), 1e-6)
@@ -88,7 +109,8 @@ class TrendPlot(PlainPlot):
         if len(y) < 2:
             return "One shot: select several for their spread."
         spread, mean = float(ys.std(ddof=1)), float(ys.mean())
+        unit = f" {trend.unit}" if trend.unit else ""
         return (
-            f"{len(y)} shots: mean {number(mean, 6)}, spread {number(spread, 3)} "
+            f"{len(y)} shots: mean {number(mean, 6)}{unit}, spread {number(spread, 3)} "
             f"({local(f'{100 * spread / abs(mean):.2g}')} %), mean stated uncertainty {number(float(halves.mean()), 2)}"
         )

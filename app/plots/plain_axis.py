@@ -5,6 +5,8 @@ from typing import Any
 import pyqtgraph as pg
 from PySide6.QtGui import QPainter
 
+from app.wording import local
+
 BEHIND = -1000
 
 
@@ -32,3 +34,7 @@ class PlainAxis(pg.AxisItem):
         strongest = max(pen.color().alpha() for pen, _, _ in ticks)
         kept = [(self._grid_pen, a, b) for pen, a, b in ticks if pen.color().alpha() >= strongest]
         return axis, kept, texts
+
+    def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
+        """Return the ticks in the system's decimal format."""
+        return [local(text) for text in super().tickStrings(values, scale, spacing)]

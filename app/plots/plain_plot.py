@@ -1,45 +1,109 @@
-"""A plot that is not over time: fixed range, its own menu, saved as picture, drawing or table like every other."""
+"""A plot that is not over time: fixed range, cursors and menu as every other has."""
 
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtCore import QPoint, Qt, Signal, Slot
-from PySide6.QtGui import QContextMenuEvent
-from PySide6.QtWidgets import QMenu, QWidget
+from PySide6.QtCore import Slot
+from PySide6.QtGui import QPen
+from PySide6.QtWidgets import QWidget
 
+from app.plots.cursors import CursorAxis
 from app.plots.plain_axis import PlainAxis
-from app.plots.time_plot import AXIS_WIDTH
+from app.plots.plot_view import PlotView, Span
+from app.plots.time_plot import AXIS_WIDTH, QuietView
 from app.theme import Colours
 
-Span = tuple[float, float]
+Floats = NDArray[np.float64]
 
 
-class PlainPlot(pg.PlotWidget):
-    """One plot; ``columns`` are what its CSV holds, and ``samples`` says whether it has any."""
+class XyCurve(pg.PlotCurveItem):
+    """Points in any order of x, told to the cursors under a label; without a pen only they know of it."""
 
-    export_wanted = Signal(object, str)
+    def __init__(self, label: str, pen: QPen | None = None) -> None:
+        super().__init__(pen=pen, connect="finite")
+        if pen is None:
+            self.setPen(pg.mkPen(None))
+        self.label = label
+        self._x: Floats = np.empty(0)
+        self._y: Floats = np.empty(0)
 
-    def __init__(self, name: str, left: str, bottom: str, parent: QWidget | None = None, samples: bool = True) -> None:
+    def show_points(self, x: Floats, y: Floats) -> None:
+        """Show points (n,) by (n,)."""
+        self._x, self._y = x, y
+        self.setData(x, y)
+
+    @property
+    def samples(self) -> Floats:
+        """Get the values, shape (n,)."""
+        return self._y
+
+    def between(self, left: float, right: float) -> tuple[Floats, Floats]:
+        """Return the points between two x, in their own order."""
+        inside = (self._x >= left) & (self._x <= right)
+        return self._x[inside], self._y[inside]
+
+    def value_at(self, x: float) -> float:
+        """Return the value of the point nearest in x; NaN outside."""
+        seen = np.isfinite(self._x) & np.isfinite(self._y)
+        if not seen.any() or not self._x[seen].min() <= x <= self._x[seen].max():
+            return float("nan")
+        return float(self._y[seen][int(np.argmin(np.abs(self._x[seen] - x)))])
+
+
+class NamedPlot(pg.PlotItem):
+    """A plot as the cursors know it: a title, a unit, the curves they measure."""
+
+    def __init__(self, title: str, unit: str, axes: dict[str, PlainAxis]) -> None:
+        super().__init__(viewBox=QuietView(), axisItems=axes, enableMenu=False)
+        self.title, self.unit = title, unit
+        self.sampled: list[XyCurve] = []
+
+
+class PlainPlot(PlotView):
+    """One plot; ``columns`` are what its CSV holds, and ``tabulated`` says whether it has any."""
+
+    def __init__(
+        self,
+        name: str,
+        value: tuple[str, str],
+        bottom: str,
+        axis: CursorAxis,
+        parent: QWidget | None = None,
+        tabulated: bool = True,
+    ) -> None:
+        """``value``: what is shown and in which unit; ``bottom``: the words below the plot."""
+        super().__init__(name, axis, parent)
+        self.table_words = "Save the values as CSV …" if tabulated else ""
         axes = {side: PlainAxis(side) for side in ("left", "bottom")}
-        super().__init__(parent, enableMenu=False, axisItems=axes)
-        self.setAccessibleName(name)
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        item = self.getPlotItem()
-        item.hideButtons()
-        for side, words in (("left", left), ("bottom", bottom)):
-            item.getAxis(side).enableAutoSIPrefix(False)
-            item.setLabel(side, words)
-        item.getAxis("left").setWidth(AXIS_WIDTH)
-        item.getViewBox().disableAutoRange()
-        self.columns: dict[str, NDArray[np.float64]] = {}
-        self._samples = samples
+        self.plot = NamedPlot(*value, axes)
+        self.addItem(self.plot)
+        self.plot.hideButtons()
+        for axis_item in axes.values():
+            axis_item.enableAutoSIPrefix(False)
+        self.label_value(*value)
+        self.plot.setLabel("bottom", bottom)
+        self.plot.getAxis("left").setWidth(AXIS_WIDTH)
+        self.cursors.join(self.plot)
+        self.columns: dict[str, Floats] = {}
         self._whole: tuple[Span, Span] | None = None
+
+    def label_value(self, title: str, unit: str) -> None:
+        """Say what is shown, and in which unit."""
+        self.plot.title, self.plot.unit = title, unit
+        self.plot.setLabel("left", f"{title} ({unit})" if unit else title)
+
+    def add_curve(self, label: str, pen: QPen | None = None) -> XyCurve:
+        """Add an empty curve that the cursors measure."""
+        curve = XyCurve(label, pen)
+        self.plot.addItem(curve)
+        self.plot.sampled.append(curve)
+        return curve
 
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
-        self.setBackground(colours.plot)
         for side in ("left", "bottom"):
-            self.getPlotItem().getAxis(side).dress(colours.edge, colours.text, colours.grid)
+            self.plot.getAxis(side).dress(colours.edge, colours.text, colours.grid)
+        super().dress(colours)
 
     def show_range(self, x: Span, y: Span) -> None:
         """Show this range, and come back to it by ``reset``."""
@@ -51,37 +115,14 @@ class PlainPlot(pg.PlotWidget):
         """Show the whole again."""
         if self._whole is not None:
             x, y = self._whole
-            self.getPlotItem().getViewBox().setRange(xRange=x, yRange=y, padding=0)
+            self.plot.getViewBox().setRange(xRange=x, yRange=y, padding=0)
 
-    def menu(self) -> QMenu:
-        """Return a fresh menu."""
-        menu = QMenu(self)
-        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        menu.addAction("Reset the view", self.reset)
-        menu.addSeparator()
-        menu.addAction("Save as PNG …", self._png)
-        menu.addAction("Save as SVG …", self._svg)
-        if self._samples:
-            menu.addAction("Save the values as CSV …", self._csv)
-        return menu
+    @property
+    def span(self) -> Span:
+        """Get the stretch of x in view."""
+        (left, right), _ = self.plot.getViewBox().viewRange()
+        return float(left), float(right)
 
-    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
-        """Open the plot's own menu."""
-        self.menu().popup(event.globalPos())
-        event.accept()
-
-    def open_menu(self) -> None:
-        """Open the menu by key."""
-        self.menu().popup(self.mapToGlobal(QPoint(20, 20)))
-
-    @Slot()
-    def _png(self) -> None:
-        self.export_wanted.emit(self, "png")
-
-    @Slot()
-    def _svg(self) -> None:
-        self.export_wanted.emit(self, "svg")
-
-    @Slot()
-    def _csv(self) -> None:
-        self.export_wanted.emit(self, "csv")
+    def show_span(self, left: float, right: float) -> None:
+        """Show this stretch of x."""
+        self.plot.getViewBox().setXRange(left, right, padding=0)

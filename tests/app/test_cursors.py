@@ -8,8 +8,8 @@ from app.plots.cursors import between
 
 def test_measures_of_a_ramp():
     x_ms = np.linspace(0, 10, 1001)
-    found = between("velocity", "m/s", x_ms, 3.0 + 200.0 * x_ms * 1e-3, 3.0, 5.0)
-    assert found.slope_per_s == pytest.approx(200.0)
+    found = between("velocity", "m/s", 1e-3 * x_ms, 3.0 + 200.0 * x_ms * 1e-3, 3.0, 5.0)
+    assert found.slope == pytest.approx(200.0)
     assert found.mean == pytest.approx(4.0)
     assert found.difference == 2.0
     assert found.rms == pytest.approx(np.sqrt(16 + 4 / 12), rel=1e-3)
@@ -25,4 +25,4 @@ def test_lost_samples_do_not_count():
 
 def test_nothing_between_is_nan_and_not_zero():
     found = between("force", "N", np.empty(0), np.empty(0), float("nan"), float("nan"))
-    assert np.isnan([found.mean, found.rms, found.slope_per_s]).all()
+    assert np.isnan([found.mean, found.rms, found.slope]).all()

@@ -9,6 +9,7 @@ from analysis.recording import Role
 from app.choices import Choices
 from app.layout import Layout
 from app.mapping_desk import MappingDesk
+from app.selection_desk import SelectionDesk
 from app.session import Session
 from app.session_desk import SessionDesk, is_unmapped
 from app.theme import Theme
@@ -31,7 +32,7 @@ def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_pa
     bench.open_paths = lambda paths: opened.extend(paths) or len(paths)  # type: ignore[method-assign,func-returns-value]
     try:
         desk = MappingDesk(bench, choices, panels)
-        session = SessionDesk(bench, panels, panels)
+        session = SessionDesk(bench, panels, SelectionDesk(bench, panels, panels), panels)
         session.mapping_wanted.connect(desk.ask)
         sheet = panels.mapping
         session.open_paths([path])

@@ -60,6 +60,8 @@ def test_the_set_up_finds_devices_says_the_remedy_and_judges_the_signals(qtbot: 
     assert "look at light switch" in sheet.verdict  # nobody passed through it yet
     here, there = sheet.use_buttons()
     assert not here.isEnabled() and there.isEnabled()
+    qtbot.waitUntil(there.isVisible, timeout=WAIT_MS)
+    there.setFocus()
     qtbot.keyClick(there, Qt.Key.Key_Return)
     qtbot.waitUntil(lambda: window.rig.source == "hantek6022", timeout=WAIT_MS)
     assert window.panels.controls.source.currentData() == "hantek6022"

@@ -215,7 +215,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     assert [named.name for named in found.effects] == ["quadratic_drag"]
     assert "quadratic drag" in window.bench.session.entries[0].verdict
     before = window.bench.session.entries[0].shot.fit.reduced_chi2
-    window.panels.diagnosis.effect_button("quadratic_drag").click()
+    window.panels.diagnosis.effects.button("quadratic_drag").click()
     assert window.bench.effects == ("quadratic_drag",)
     after = window.bench.session.entries[0].shot.fit
     assert after.effects == ("quadratic_drag",)

@@ -37,7 +37,7 @@ def virtual_screen(scale: int = 1) -> Iterator[str]:
             server.terminate()
 
 
-def play(pictures: Path, *words: str, scale: int = 1, timeout_s: float = 1800.0) -> subprocess.CompletedProcess[str]:
+def play(pictures: Path, *words: str, scale: int = 1, timeout_s: float = 3600.0) -> subprocess.CompletedProcess[str]:
     """Play the whole session with a home of its own; kernels are taken from this user's cache."""
     from platformdirs import user_cache_path
 

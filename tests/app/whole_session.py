@@ -18,7 +18,7 @@ from PySide6.QtGui import QGuiApplication
 from tests.app.person import Person, Role
 
 SHOTS = 5
-LONG_S = 600.0  # a diagnosis on a busy machine
+LONG_S = 1500.0  # a joint diagnosis on a busy machine
 
 
 class Story(QObject):

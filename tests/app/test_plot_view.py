@@ -1,0 +1,109 @@
+"""What every plot of the window can do, pressed by keys: cursors with their readout, moving, zooming, the menu."""
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QLocale, Qt
+from PySide6.QtGui import QGuiApplication
+
+from app.layout import Layout
+from app.plots.cursor_readout import CursorReadout
+from app.plots.plot_view import PlotView
+from app.session import Session
+from app.theme import Theme
+from tests.app import synthetic
+
+SHIFT, CTRL = Qt.KeyboardModifier.ShiftModifier, Qt.KeyboardModifier.ControlModifier
+
+
+@pytest.fixture
+def panels(qtbot):
+    layout = Layout(Theme("light"))
+    qtbot.addWidget(layout)
+    layout.resize(1400, 900)
+    layout.show()
+    session = Session()
+    for index, speed in enumerate((0.2, 0.25, 0.3), 1):
+        session.add(synthetic.shot(f"shot-{index}", speed, index))
+    layout.shot.show_shot(session.entries[0].shot)
+    layout.compare.show_entries(list(session.entries))
+    layout.diagnosis.show_diagnosis(synthetic.diagnosis(session.entries[0].shot), [session.entries[0].shot])
+    return layout
+
+
+def _readout(panels, plot):
+    (found,) = [r for r in panels.findChildren(CursorReadout) if r._plot is plot]
+    return found
+
+
+def _bring(panels, plot):
+    for page in range(panels.tabs.count()):
+        for view in ("whole", "deflection", "gap", "raw"):
+            panels.shot.set_view(view)
+            panels.tabs.setCurrentIndex(page)
+            if plot.isVisible():
+                return
+    panels.shot.raw.has_samples = True  # as if a recording were at hand
+    panels.tabs.setCurrentIndex(Layout.SHOT)
+    panels.shot.set_view("raw")
+
+
+def test_every_plot_has_cursors_whose_readout_comes_and_goes_with_it(panels, qtbot):
+    plots = panels.findChildren(PlotView)
+    assert len(plots) == 11
+    for plot in plots:
+        _bring(panels, plot)
+        assert plot.isVisible() and panels.plot_in_front() is not None
+        readout = _readout(panels, plot)
+        assert readout.isHidden()
+        qtbot.keyClick(plot, Qt.Key.Key_Right, SHIFT)  # the cursors come with the first step
+        assert plot.cursors.shown and readout.isVisible() and "<b>A</b>" in readout.words
+        panels.tabs.setCurrentIndex(Layout.BUDGET)
+        assert not readout.isVisible()
+
+
+def test_arrows_move_zoom_and_step_the_cursors(panels, qtbot):
+    plot = panels.compare.stack
+    panels.tabs.setCurrentIndex(Layout.COMPARE)
+    left, right = plot.span
+    qtbot.keyClick(plot, Qt.Key.Key_Up)
+    assert np.ptp(plot.span) == pytest.approx(0.8 * (right - left))
+    qtbot.keyClick(plot, Qt.Key.Key_Right)
+    assert np.mean(plot.span) > 0.5 * (left + right)
+    qtbot.keyClick(plot, Qt.Key.Key_Home)
+    assert plot.span == pytest.approx((left, right))
+    plot.show_cursors(True)
+    a, b = plot.cursors.places
+    qtbot.keyClick(plot, Qt.Key.Key_Left, SHIFT)
+    qtbot.keyClick(plot, Qt.Key.Key_Right, CTRL)
+    assert plot.cursors.places == pytest.approx((a - 0.01 * (right - left), b + 0.01 * (right - left)))
+
+
+def test_the_cursors_give_the_stiffness_as_the_slope_of_each_branch(panels):
+    plot = panels.shot.deflection
+    panels.tabs.setCurrentIndex(Layout.SHOT)
+    panels.shot.set_view("deflection")
+    deepest = float(np.nanmax(plot.columns["deflection_mm"]))
+    plot.show_cursors(True)
+    plot.cursors.place(0.7 * deepest, 0.95 * deepest)
+    found = {m.name: m for m in plot.cursors.measures()}
+    branches = [f"{who}, {which}" for who in ("simulated", "measured") for which in ("loading", "unloading")]
+    assert list(found) == [f"force, {branch}" for branch in branches]
+    for measured in found.values():
+        assert measured.slope == pytest.approx(214.0, rel=0.1)  # N/m
+
+
+def test_the_screen_follows_the_locale_and_what_is_copied_does_not(panels):
+    plot = panels.compare.stack
+    panels.tabs.setCurrentIndex(Layout.COMPARE)
+    before = QLocale()
+    QLocale.setDefault(QLocale("de_DE"))
+    try:
+        plot.show_cursors(True)
+        plot.cursors.place(1.25, 2.5)
+        words = _readout(panels, plot).words
+        assert "1,2500 ms" in words and "." not in words.replace("shot.", "").partition("<tr>")[2].replace("0 9px", "")
+        assert plot.plots[0].getAxis("left").tickStrings([0.25], 1.0, 0.05) == ["0,25"]
+        plot.copy_cursors()
+        assert "A\t1.250000 ms" in QGuiApplication.clipboard().text()
+    finally:
+        QLocale.setDefault(before)

@@ -45,6 +45,8 @@ class LivePanel(QWidget):
         self._plots["beat"].minimum_span = 0.02
         self._plots["velocity"].minimum_span = 0.01
         self._plots["force"].minimum_span = 0.05
+        for plot in self._plots.values():
+            plot.steady = True
         self.stack.label_time("time before now (ms)")
         self.stack.show_span(-WINDOW_MS, 0.0)
         grid.addWidget(self.stack, 0, 0, 4, 1)
@@ -57,6 +59,7 @@ class LivePanel(QWidget):
         self._raw_curves = [plot.add_curve("samples", thin(colours.measured)) for plot in self._raw_plots]
         for plot in self._raw_plots:
             plot.minimum_span = 0.1
+            plot.steady = True
         self.raw.label_time("time (ms), the newest samples")
         self.raw.setMinimumWidth(300)
         grid.addWidget(self.raw, 3, 1)

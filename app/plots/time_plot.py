@@ -10,6 +10,8 @@ from app.plots.curve import Band, PointCurve, SampledCurve
 from app.plots.plain_axis import PlainAxis
 from app.theme import Colours
 
+_ROOM = 1.5  # of a steady axis: that many times the values' span, so that noise does not move it
+_LOOSEST = 4.0  # a steady axis wider than this against its values is fitted again
 AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
 
 
@@ -60,6 +62,7 @@ class TimePlot(pg.PlotItem):
         self.bands: list[Band] = []
         self.marks: list[pg.InfiniteLine] = []
         self.minimum_span = 0.0
+        self.steady = False  # for curves that run: the value axis moves only when it has to
         self._y_by_hand = False
         self.hideButtons()
         left = self.getAxis("left")
@@ -161,4 +164,9 @@ class TimePlot(pg.PlotItem):
             return
         span = max(high - low, self.minimum_span, 1e-12 * max(abs(low), abs(high)), 1e-30)
         middle = 0.5 * (low + high)
+        if self.steady:
+            bottom, top = self.view.viewRange()[1]
+            if bottom <= low and high <= top and top - bottom <= _LOOSEST * span:
+                return
+            span *= _ROOM
         self.view.setYRange(middle - 0.58 * span, middle + 0.58 * span, padding=0)

@@ -149,7 +149,7 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, news: Connectio
     """Analyse what comes until the parent is gone; the whole life of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C reaches the whole group: the parent ends in good order
     if hasattr(os, "nice"):
-        os.nice(5)  # samples and screen come first
+        os.nice(10)  # samples and screen come first
     waiting: queue.SimpleQueue[_Task] = queue.SimpleQueue()
     dropped: set[int] = set()
 

@@ -51,12 +51,30 @@ GAUSS = _gauss_table()  # the sum of two independent draws has variance one
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cos_turns(turns: float) -> float:
     """Return cos(2 pi turns): Taylor about the nearer half turn, below 2e-8 off, and it vectorises."""
-    half = math.floor(2.0 * turns + 0.5)
-    sign = 1.0 - 4.0 * (0.5 * half - math.floor(0.5 * half))
+    half = np.floor(2.0 * turns + 0.5)  # math.floor gives an integer, whose conversions do not vectorise
+    sign = 1.0 - 4.0 * (0.5 * half - np.floor(0.5 * half))
     a = 2.0 * math.pi * (turns - 0.5 * half)
     s = a * a
     poly = 1.0 - s / 2 * (1.0 - s / 12 * (1.0 - s / 30 * (1.0 - s / 56 * (1.0 - s / 90 * (1.0 - s / 132)))))
     return float(sign * poly)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _to_counts(  # type: ignore[no-untyped-def]
+    level, sigma, drawn, shift, gauss, lowest, highest, out
+) -> int:
+    """Round ``level`` plus noise into ``out`` (m,), no sample beyond the rails; return how many were.
+
+    ``shift`` chooses the bits of ``drawn`` the noise is drawn from.  Cost: about 1.5 ns a sample.
+    """
+    beyond = 0
+    for i in range(out.shape[0]):
+        z = drawn[i] >> shift
+        value = level[i] + sigma * (gauss[z & _MASK] + gauss[(z >> np.uint64(12)) & _MASK])
+        within = min(max(value, lowest), highest)
+        beyond += int(within != value)  # no branch, so that it vectorises
+        out[i] = np.int16(np.int32(np.floor(within + np.float32(0.5))))
+    return beyond
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -84,12 +102,13 @@ def fill_counts(
     ``path_turns`` is 2 x / lambda, taken off the rest beat (block inward: beat above rest); ``rest_turns`` is what
     the laser adds to a steady rest beat; ``light`` scales the measurement beat; ``reference``, ``measurement``,
     ``switch`` are columns of ``out``, -1 when not recorded.  ``clipped`` (channels,) is added to.
-    Cost: about 12 ns a sample of three channels.
+    Cost: about 8 ns a sample of three channels.
     """
     n = out.shape[0]
     ref = np.empty(per_segment, np.float32)
     mea = np.empty(per_segment, np.float32)
     swi = np.empty(per_segment, np.float32)
+    drawn = np.empty(per_segment, np.uint64)
     lowest, highest = np.float32(p[LOWEST]), np.float32(p[HIGHEST])
     s_ref, s_mea = np.float32(p[REFERENCE_SIGMA]), np.float32(p[MEASUREMENT_SIGMA])
     s_swi = np.float32(p[SWITCH_SIGMA] * math.sqrt(2.0))
@@ -145,21 +164,17 @@ def fill_counts(
             z = np.uint64(seed) + np.uint64(first_sample + begin + i) * np.uint64(0x9E3779B97F4A7C15)
             z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
             z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-            z ^= z >> np.uint64(31)
-            if reference >= 0:
-                noise = gauss[z & _MASK] + gauss[(z >> np.uint64(12)) & _MASK]
-                value = ref[i] + s_ref * noise
-                if value < lowest or value > highest:
-                    clipped[reference] += 1
-                    value = min(max(value, lowest), highest)
-                out[begin + i, reference] = np.int16(math.floor(value + np.float32(0.5)))
-            noise = gauss[(z >> np.uint64(24)) & _MASK] + gauss[(z >> np.uint64(36)) & _MASK]
-            value = mea[i] + s_mea * noise
-            if value < lowest or value > highest:
-                clipped[measurement] += 1
+            drawn[i] = z ^ (z >> np.uint64(31))
+        end = begin + m
+        if reference >= 0:
+            clipped[reference] += _to_counts(
+                ref, s_ref, drawn, np.uint64(0), gauss, lowest, highest, out[begin:end, reference]
+            )
+        clipped[measurement] += _to_counts(
+            mea, s_mea, drawn, np.uint64(24), gauss, lowest, highest, out[begin:end, measurement]
+        )
+        if switch >= 0:
+            for i in range(m):
+                value = swi[i] + s_swi * gauss[(drawn[i] >> np.uint64(48)) & _MASK]
                 value = min(max(value, lowest), highest)
-            out[begin + i, measurement] = np.int16(math.floor(value + np.float32(0.5)))
-            if switch >= 0:
-                value = swi[i] + s_swi * gauss[(z >> np.uint64(48)) & _MASK]
-                value = min(max(value, lowest), highest)
-                out[begin + i, switch] = np.int16(math.floor(value + np.float32(0.5)))
+                out[begin + i, switch] = np.int16(np.int32(np.floor(value + np.float32(0.5))))

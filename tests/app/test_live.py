@@ -1,0 +1,49 @@
+"""LIVE: its value axes stand still while noise runs through them, and go along when the block moves."""
+
+import numpy as np
+import pytest
+
+from analysis.signal.stream import LiveChunk
+from app.panels.live import LivePanel
+from app.theme import LIGHT
+from instrument.live_window import LiveWindow
+from instrument.snapshot import LiveView
+
+RATE_HZ, PER_FRAME = 1e4, 350
+
+
+@pytest.fixture
+def panel(qtbot):
+    live = LivePanel(LIGHT)
+    qtbot.addWidget(live)
+    live.resize(1000, 700)
+    live.show()
+    return live
+
+
+def views(frames: int, moving: range, speed: float) -> list[LiveView]:
+    """Return what the frames of a stream show, the block moving in some of them."""
+    window, random, shown = LiveWindow(20_000), np.random.default_rng(1), []
+    for frame in range(frames):
+        time_s = (frame * PER_FRAME + np.arange(PER_FRAME)) / RATE_HZ
+        velocity = 1e-3 * random.standard_normal(PER_FRAME) + (speed if frame in moving else 0.0)
+        window.add(LiveChunk(time_s, 2.7e6 - 3e6 * velocity, velocity, 20 * velocity, velocity, 2.7e6, None))
+        shown.append(window.view(np.empty(0), np.empty((0, 0), np.float32), 2.7e6, None, 0))
+    return shown
+
+
+def test_the_value_axis_stands_still_in_noise_and_follows_a_push(panel):
+    plot = panel.stack.plots[1]
+    ranges = []
+    for view in views(200, range(60, 70), -0.3):
+        panel.show_live(view)
+        bottom, top = plot.view.viewRange()[1]
+        seen = view.velocity_m_per_s
+        assert bottom <= seen.min() and seen.max() <= top  # nothing is ever cut off
+        ranges.append((bottom, top))
+    assert len(set(ranges[10:60])) == 1
+    assert ranges[65][0] < -0.3 < ranges[55][0]
+    assert len(set(ranges[70:])) <= 3  # wide while the push is in view, close again when it has run out
+    assert ranges[-1][1] - ranges[-1][0] < 0.05
+    shown = panel.text("velocity")
+    assert abs(float(shown)) < 1e-3

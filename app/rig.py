@@ -252,7 +252,7 @@ class Rig:
     def _close_running(self) -> None:
         running, self._running = self._running, None
         self._since_s = self._clock()
-        if running is not None and not running.capture.close():
+        if running is not None and not running.capture.close() and running.capture.digitizer_held:
             self._problems.append(f"{running.source} did not end in time; re-plug it before it is used again")
 
     def _open_source(self, source: str) -> None:

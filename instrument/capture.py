@@ -61,6 +61,7 @@ class Capture:
         self._capture = CaptureThread(
             digitizer, options, self._recorder, self._finished, self._orders, deadlines or Deadlines(), clock, say, warm
         )
+        self.digitizer_held = False  # after ``close``: a call of the digitizer has not returned
         capture = self._capture
         self._live = LiveWatch(lambda: capture.run.stream, lambda: capture.options.folder) if live else None
 
@@ -104,7 +105,8 @@ class Capture:
         capture, live = self._capture, self._live
         status, stream, folder = capture.machine.status, capture.run.stream, capture.options.folder
         state, message, remedy = status.state, status.message, status.remedy
-        limit_s = _ANSWERS_S if stream is not None and stream.ring.total > stream.start else _BEGINS_S
+        streaming = stream is not None and stream.ring.total > stream.start and not capture.run.starting
+        limit_s = _ANSWERS_S if streaming else _BEGINS_S
         if capture.thread.is_alive() and self._clock() - (capture.alive_s or self._clock()) > limit_s:
             state, message, remedy = State.FAULT, "the digitizer does not answer", "re-plug it, then choose it again"
         doing, progress = self._progress(state)
@@ -144,6 +146,7 @@ class Capture:
         if capture.thread.is_alive():
             capture.thread.join(timeout_s)
         ended = not capture.thread.is_alive()
+        self.digitizer_held = capture.prepared and not ended
         if not ended and capture.shot is not None and not capture.shot.complete:
             capture.shot.finish("the digitizer did not answer")
         ended &= self._recorder.close(timeout_s)
@@ -152,6 +155,7 @@ class Capture:
         if not capture.thread.is_alive():
             capture.take_orders()  # what the recorder reported last
             capture.release_folder()
+        if not (capture.thread.is_alive() and capture.touched):
             self._digitizer.close()
         return ended
 

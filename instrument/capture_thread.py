@@ -50,6 +50,8 @@ class CaptureThread:
         self.folder_problem: str | None = None
         self.alive_s: float | None = None
         self.closing = False
+        self.touched = False  # the digitizer is this thread's alone from here on
+        self.prepared = False  # and every call of it returns soon
         self._digitizer = digitizer
         self._recorder = recorder
         self._finished = finished
@@ -81,8 +83,13 @@ class CaptureThread:
 
     def _main(self) -> None:
         self._guarded(self._warm)
+        self.touched = True  # before closing is looked at: whoever closes looks the other way round
+        if self.closing:
+            return
         self._guarded(self._digitizer.prepare)
-        self._guarded(self._watch)
+        self.prepared = True
+        if not self.closing:
+            self._guarded(self._watch)
         while not self.closing:
             self.alive_s = self._clock()
             self._guarded(self._turn)

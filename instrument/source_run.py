@@ -49,6 +49,7 @@ class SourceRun:
         self._reading: tuple[object, ...] = ()
         self.stream: Stream | None = None
         self.running = False
+        self.starting = False  # which may take a while
         self.hardware_trigger = False
         self.endless = False  # streams on after a shot
 
@@ -94,7 +95,11 @@ class SourceRun:
                     raise DigitizerError(str(error), "correct the trigger settings") from None
                 self._switch, self._motion = LightSwitch(how, column, able.bits), None
         self._reading = _reading(options)
-        self._digitizer.arm(settings)
+        self.starting = True
+        try:
+            self._digitizer.arm(settings)
+        finally:
+            self.starting = False
         setup = _with_bits(options.setup or own, able.bits)
         self.stream = Stream(self._ring, self._ring.total, settings, able.channels, setup, able.name)
         self.hardware_trigger = able.hardware_trigger

@@ -24,6 +24,7 @@ from instrument.recording_error import RecordingError, one_line
 _LOOK_S = 0.02
 _TOLD_EVERY_S = 0.05
 _ENDS_S = 5.0
+HEEDS_S = 5.0  # a child that looks at a cancellation later than this is ended: it may still be loading, or starved
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +110,15 @@ class AnalysisApart:
         if tasks is None or news is None:
             raise EOFError
         tasks.send(task)
-        told = False
+        told_s: float | None = None
         while True:
-            if not told and cancelled():
-                told = True
+            if told_s is None and cancelled():
+                told_s = time.monotonic()
                 tasks.send(task.number)
             if not news.poll(_LOOK_S):
+                if told_s is not None and time.monotonic() - told_s > HEEDS_S:
+                    self._end(0.0)
+                    raise Cancelled
                 continue
             new: _News = news.recv()
             if new.number != task.number:

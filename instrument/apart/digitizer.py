@@ -27,6 +27,7 @@ HELD_S = 1.5  # of the stream, for a parent that stands still
 MOST_RING_BYTES = 320 * 2**20
 MOST_TRANSFER_BYTES = 32 * 2**20  # where the device keeps the shot and waits
 ANSWERS_S = 5.0  # a driver that keeps the child longer than this does not answer
+SIMULATES_S = 60.0  # what is simulated waits for the processor and for nothing else: it is late, it does not hang
 OPENS_S = ARMS_S = 60.0  # firmware may have to be loaded
 PREPARES_S = 300.0  # kernels may have to be compiled
 _LOOK_S = 0.1
@@ -40,18 +41,21 @@ def open_apart(source: str, *, setup: Setup | None = None) -> Digitizer:
     """
     if source.strip().lower().startswith("replay"):
         return open_source(source, setup=setup)
-    return DigitizerApart(partial(open_source, source, setup=setup))
+    opener = partial(open_source, source, setup=setup)
+    return DigitizerApart(opener, answers_s=SIMULATES_S if source.strip().lower().startswith("bench") else None)
 
 
 class DigitizerApart(Digitizer):
     """The parent's end.  ``opener`` opens the digitizer in the child and must be picklable (a function, a partial).
 
-    A child that dies or hangs is told as a DigitizerError; the next ``arm`` starts another one.
+    A child that dies, or is silent for ``answers_s``, is told as a DigitizerError; the next ``arm`` starts another one.
     """
 
-    def __init__(self, opener: Opener) -> None:
+    def __init__(self, opener: Opener, *, answers_s: float | None = None) -> None:
         """Start the child and open the digitizer in it.  Raises DigitizerError."""
         self._opener = opener
+        self._answers_s = ANSWERS_S if answers_s is None else answers_s
+        self._arming = False
         self._talk = threading.RLock()  # one conversation at a time
         self._sending = threading.Lock()
         self._process: SpawnProcess | None = None
@@ -108,12 +112,16 @@ class DigitizerApart(Digitizer):
             raise DigitizerError("the digitizer was closed", "select the source again")
         with self._talk:
             self._forget_stream()
-            if self._process is None:
-                self._start()
-                self._ask("prepare", PREPARES_S)
-            ring = self._fitting_ring(settings)
             self._stopped.clear()
-            answer = self._ask("arm", ARMS_S, settings, ring)
+            self._arming = True
+            try:
+                if self._process is None:
+                    self._start()
+                    self._ask("prepare", PREPARES_S)
+                ring = self._fitting_ring(settings)
+                answer = self._ask("arm", ARMS_S, settings, ring)
+            finally:
+                self._arming = False
             assert answer is not None and self._ring is not None
             if ring is not None:
                 self._ring.unlink()  # both have it: it goes with them, however they end
@@ -200,7 +208,11 @@ class DigitizerApart(Digitizer):
 
     def _hangs(self) -> DigitizerError:
         self._end(0.0)
-        return DigitizerError("the digitizer does not answer", "re-plug it, then arm again")
+        return DigitizerError("the digitizer does not answer", "arm again; if it stays silent, re-plug it first")
+
+    def _given_up(self) -> DigitizerError:
+        self._end(0.0)
+        return DigitizerError("the arming was given up", "arm again: the digitizer's process is started anew")
 
     def _fitting_ring(self, settings: CaptureSettings) -> tuple[str, int, int] | None:
         """Return what the child attaches to, None where the present memory will do."""
@@ -249,14 +261,17 @@ class DigitizerApart(Digitizer):
 
     def _wait_for(self, serial: int, limit_s: float, *, until_stopped: bool = False) -> Answer | None:
         end = time.monotonic() + limit_s
+        given_up = False
         while not (until_stopped and self._stopped.is_set()):
             message = self._hear(min(_LOOK_S, limit_s))
+            if self._arming and self._stopped.is_set() and not given_up:
+                given_up, end = True, min(end, time.monotonic() + ANSWERS_S)  # whoever closes does not wait for it
             if isinstance(message, Answer):
                 self._about = message.about or self._about
                 if message.serial == serial:
                     return message
             elif time.monotonic() > end:
-                raise self._hangs()
+                raise self._given_up() if given_up else self._hangs()
         return None
 
     def _hear(self, timeout_s: float) -> Answer | Came | None:
@@ -305,7 +320,7 @@ class DigitizerApart(Digitizer):
         assert ring is not None
         if ring.turns != self._turns:
             self._turns, self._turned_s = ring.turns, now
-        elif now - self._turned_s > ANSWERS_S:
+        elif now - self._turned_s > self._answers_s:
             raise self._hangs()
 
     def _part(self, came: Came, ring: SharedRing, buffer: NDArray[np.int16]) -> Block:

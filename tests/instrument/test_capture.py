@@ -518,3 +518,34 @@ def test_closing_in_the_middle_of_a_shot_keeps_it(tmp_path: Path) -> None:
         until(rig.capture, lambda s: s.state is State.TRIGGERED)
     recording = read_recording(tmp_path / "shot-0001")
     assert "cut_short" in recording.flags and recording.extra["global"]["lmm:ended_early"] == "the program was closed"
+
+
+def test_kernels_still_being_compiled_are_not_the_digitizer_s_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled = threading.Event()
+    monkeypatch.setattr("instrument.capture.warm", lambda: compiled.wait(20))
+    digitizer = FakeDigitizer()
+    capture = Capture(digitizer, CaptureOptions(tmp_path, SETTINGS), live=False)
+    capture.start()
+    assert not capture.close(timeout_s=0.1)
+    assert not capture.digitizer_held and digitizer.closed
+    compiled.set()
+    capture._capture.thread.join(10)
+    assert not capture._capture.thread.is_alive()
+    assert digitizer.armed == 0  # nobody touches it after its closing
+
+
+def test_a_digitizer_that_does_not_return_is_held(tmp_path: Path) -> None:
+    returns = threading.Event()
+
+    def hang(fake: FakeDigitizer, at: int) -> Block | None:
+        returns.wait(20)
+        return None
+
+    capture = Capture(FakeDigitizer(before_block=hang), CaptureOptions(tmp_path, SETTINGS), live=False)
+    capture.start()
+    until(capture, lambda s: s.source != "")
+    assert not capture.close(timeout_s=0.1) and capture.digitizer_held
+    returns.set()
+    assert capture.close() and not capture.digitizer_held

@@ -101,3 +101,10 @@ def slow_to_prepare() -> FakeDigitizer:
     digitizer = FakeDigitizer()
     digitizer.prepare = lambda: time.sleep(30.0)  # type: ignore[method-assign]
     return digitizer
+
+
+def slow_to_arm() -> FakeDigitizer:
+    """Return a digitizer whose arming takes half a minute."""
+    digitizer = FakeDigitizer()
+    digitizer.arm = lambda settings: time.sleep(30.0)  # type: ignore[method-assign]
+    return digitizer

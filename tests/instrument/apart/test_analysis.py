@@ -13,6 +13,7 @@ from analysis.motion import ARRAYS
 from analysis.pipeline import analyse
 from analysis.recording import Recording
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
+from instrument.apart import analysis
 from instrument.apart.analysis import AnalysisApart
 from instrument.bench.simulate import simulate
 from instrument.open_recording import open_recording
@@ -94,3 +95,17 @@ def test_a_child_that_dies_costs_a_shot_and_the_next_has_another(
     with pytest.raises(AnalysisError, match="process ended by itself"):
         apart.analyse(saved, PLAIN, quiet, never)
     assert apart.analyse(saved, PLAIN, quiet, never).problem == analyse(saved, PLAIN).problem
+
+
+def test_a_child_that_heeds_no_cancelling_is_ended_and_the_next_shot_has_another(
+    apart: AnalysisApart, simulated: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(analysis, "HEEDS_S", 0.2)
+    apart.start()
+    child = apart.child_id
+    assert child is not None
+    os.kill(child, signal.SIGSTOP)  # as good as starved by other programs
+    with pytest.raises(Cancelled):
+        apart.analyse(simulated, PLAIN, quiet, lambda: True)
+    assert apart.child_id is None
+    assert apart.analyse(simulated, PLAIN, quiet, never).motion is not None

@@ -207,6 +207,25 @@ def test_closing_does_not_wait_for_a_preparation(opened):
         digitizer.arm(ONE)
 
 
+def test_closing_does_not_wait_for_an_arming(opened, monkeypatch):
+    monkeypatch.setattr(apart, "ANSWERS_S", 0.2)
+    digitizer = opened(devices.slow_to_arm)
+    threading.Timer(0.2, digitizer.stop).start()
+    begun = time.monotonic()
+    with pytest.raises(DigitizerError, match="given up: arm again"):
+        digitizer.arm(ONE)
+    assert time.monotonic() - begun < 10.0
+
+
+def test_what_is_simulated_may_be_late(opened):
+    bench = open_apart("bench")
+    real = opened(FakeDigitizer)
+    try:
+        assert bench._answers_s > 5 * real._answers_s  # only other programs can hold it up: it is not to be re-plugged
+    finally:
+        bench.close()
+
+
 def test_no_memory_is_one_line(opened, monkeypatch):
     def none_left(name: str, size: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

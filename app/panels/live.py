@@ -149,7 +149,7 @@ class LivePanel(QWidget):
             return
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
         length = step * min(RAW_SHOWN, len(view.raw_time_s))
-        if self.raw.span != (0.0, length):
+        if abs(self.raw.span[1] - length) > 1e-3 * length:  # the times' own rounding is no reason to draw the axes anew
             self.raw.plots[0].view.setXRange(0.0, length, padding=0)
         for index, (plot, curve) in enumerate(zip(self._raw_plots, self._raw_curves, strict=True)):
             present = index < len(channels)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.recording import Channel, Role
 from analysis.signal.stream import LiveChunk
 from app.panels.live import LivePanel
 from app.theme import LIGHT
@@ -47,3 +48,14 @@ def test_the_value_axis_stands_still_in_noise_and_follows_a_push(panel):
     assert ranges[-1][1] - ranges[-1][0] < 0.05
     shown = panel.text("velocity")
     assert abs(float(shown)) < 1e-3
+
+
+def test_a_time_that_is_only_rounded_otherwise_draws_no_axis_anew(panel):
+    channels = tuple(Channel(role, 1e-3) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
+    moved = []
+    panel.raw.plots[0].view.sigXRangeChanged.connect(lambda *_: moved.append(1))
+    window = LiveWindow(20_000)
+    for frame in range(20):
+        time_s = (31_234_567 * frame + np.arange(2000)) / 30e6  # a step that floats cannot all tell alike
+        panel.show_raw(window.view(time_s, np.zeros((2000, 3), np.float32), 2.7e6, None, 0), channels)
+    assert len(moved) == 1

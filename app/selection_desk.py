@@ -10,7 +10,7 @@ from app.panels.shot_raw import RawCurves, curves_of
 from app.plots.shot_times import time_zero
 from app.session import Entry
 from app.spectra import Spectra, spectra_of
-from app.verdict import tone_of
+from app.verdict import told
 from app.workbench import Workbench, raw_of
 
 
@@ -74,7 +74,8 @@ class SelectionDesk(QObject):
             p.numbers.show_shot(shot, f"Shot {entry.number}   {entry.name}" if entry is not None else "")
             p.model.show_shot(shot)
         verdict = entry.verdict if entry is not None else ""
-        p.model.show_verdict(verdict, tone_of(verdict))
+        fit = shot.fit if shot is not None else None
+        p.model.show_verdict(*told(verdict, fit.effects if fit is not None else ()))
         self._undrawn.add(Layout.COMPARE)
         self._page_changed(p.tabs.currentIndex())
 

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-import pyqtgraph as pg
 from PySide6.QtCore import QObject, Qt, Signal, Slot
-from PySide6.QtGui import QColor, QFont, QGuiApplication, QPalette, QPen
+from PySide6.QtGui import QColor, QFont, QGuiApplication, QPalette
 from PySide6.QtWidgets import QApplication
 
 
@@ -131,29 +130,6 @@ MARKS = {
     Tone.WARNING: "!",
     Tone.BAD: "✗",
 }
-
-DASHES = (
-    Qt.PenStyle.SolidLine,
-    Qt.PenStyle.DashLine,
-    Qt.PenStyle.DotLine,
-    Qt.PenStyle.DashDotLine,
-)
-
-
-def thin(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
-    """Return the only pen curves may use: one device pixel wide, opaque (a wider zigzag costs seconds a frame)."""
-    return pg.mkPen(QColor(colour), width=1, style=dash)
-
-
-def under(colour: str) -> QPen:
-    """Return the pen of a smooth curve that lies under another, wide enough that both are seen where they agree."""
-    return pg.mkPen(QColor(colour), width=3)
-
-
-def series_pen(colours: Colours, index: int) -> QPen:
-    """Return the pen of the index-th overlaid shot: its own colour, and its own dash each time the colours repeat."""
-    turn, place = divmod(index, len(colours.series))
-    return thin(colours.series[place], DASHES[turn % len(DASHES)])
 
 
 def sized(font: QFont, factor: float, bold: bool = False) -> QFont:

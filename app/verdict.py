@@ -1,5 +1,7 @@
 """A verdict as short as a table cell wants it, and the tone it is shown in."""
 
+from collections.abc import Iterable
+
 from analysis.diagnosis.result import Diagnosis, Verdict
 from app.theme import Tone
 from app.wording import effect_words
@@ -12,9 +14,12 @@ def verdict_words(diagnosis: Diagnosis) -> str:
     return str(diagnosis.verdict)
 
 
-def tone_of(words: str) -> Tone:
-    """Return the tone of a verdict's words; nothing said is neutral."""
+def told(words: str, effects: Iterable[str] = ()) -> tuple[str, Tone]:
+    """Return what is said of a verdict, and its tone, beside a fit with these effects; nothing said is neutral."""
     if not words:
-        return Tone.NEUTRAL
+        return "", Tone.NEUTRAL
+    in_model = {effect_words(effect) for effect in effects}
+    if in_model and in_model.issuperset(words.split(" + ")):
+        return f"{words}: in the model", Tone.GOOD
     tones = {str(Verdict.ADEQUATE): Tone.GOOD, str(Verdict.UNEXPLAINED): Tone.BAD}
-    return tones.get(words, Tone.WARNING)
+    return words, tones.get(words, Tone.WARNING)

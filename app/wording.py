@@ -1,6 +1,7 @@
 """Numbers and names as the screen states them: value ± uncertainty in the system's decimal format."""
 
 import math
+import re
 
 from PySide6.QtCore import QLocale
 
@@ -18,6 +19,13 @@ def local(text: str) -> str:
     """Return a number written with "." in the system's decimal format."""
     point = QLocale().decimalPoint()
     return text if point == "." else text.replace(".", point)
+
+
+def local_words(text: str) -> str:
+    """Return a sentence with its numbers in the system's decimal format, exponents without needless signs and zeros."""
+    plain = re.sub(r"(?<=\d)e([+-])0?(\d+)", lambda found: f"e{found[1].replace('+', '')}{found[2]}", text)
+    point = QLocale().decimalPoint()
+    return plain if point == "." else re.sub(r"(?<=\d)\.(?=\d)", point, plain)
 
 
 def number(value: float | None, digits: int = 4) -> str:

@@ -48,7 +48,8 @@ class CandidateBars(QScrollArea):
         grid.setVerticalSpacing(3)
         grid.setColumnStretch(1, 1)
         most = max((abs(candidate.score) for candidate in candidates), default=1.0) or 1.0
-        for line, candidate in enumerate(candidates[:SHOWN_CANDIDATES]):
+        ranked = sorted(candidates, key=lambda c: (c.name not in named, -abs(c.score)))
+        for line, candidate in enumerate(ranked[:SHOWN_CANDIDATES]):
             chosen = candidate.name in named
             mark = f"{MARKS[Tone.GOOD]} " if chosen else ""
             name = QLabel(mark + effect_words(candidate.name), inner)

@@ -4,6 +4,7 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSplitter, QVBoxLayout, QWidget
 
 from app.panels.trend import TRENDS, TrendPlot
+from app.pens import series_pen
 from app.plots.cursor_readout import CursorReadout
 from app.plots.curve import SampledCurve
 from app.plots.legend import Legend
@@ -11,7 +12,7 @@ from app.plots.plot_view import PlotView, in_front
 from app.plots.shot_times import contact_span_ms, time_zero
 from app.plots.time_stack import TimeStack
 from app.session import Entry
-from app.theme import Colours, series_pen
+from app.theme import Colours
 
 MOST = 8
 

@@ -18,6 +18,7 @@ from app.panels.effect_rows import EffectRows
 from app.panels.residuals import Residuals
 from app.plots.plot_view import PlotView
 from app.theme import MARKS, Colours, Tone, sized
+from app.wording import local_words
 
 TONES = {Verdict.ADEQUATE: Tone.GOOD, Verdict.EFFECT_FOUND: Tone.WARNING, Verdict.UNEXPLAINED: Tone.BAD}
 WORDS = {
@@ -163,15 +164,18 @@ class DiagnosisPanel(QWidget):
             self.residuals.clear()
             return
         tone = TONES[diagnosis.verdict]
-        self._verdict.setText(f"{MARKS[tone]} {WORDS[diagnosis.verdict]}")
+        words = WORDS[diagnosis.verdict]
+        if diagnosis.effects and all(effect.name in model_effects for effect in diagnosis.effects):
+            tone, words = Tone.GOOD, f"{words}, IN THE MODEL"
+        self._verdict.setText(f"{MARKS[tone]} {words}")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
-        self._sentence.setText(diagnosis.sentence)
+        self._sentence.setText(local_words(diagnosis.sentence))
         self.bars.show_candidates(diagnosis.candidates, {effect.name for effect in diagnosis.effects})
         blind = list(diagnosis.blind_spots)
         lines = [f"Remainder: {diagnosis.remainder}"] if diagnosis.remainder else []
         lines += [f"What would separate these: {diagnosis.separating_shot}"] if diagnosis.separating_shot else []
         lines += [f"What this data could not show: {'; '.join(blind)}"] if blind else []
-        self._blind.setText("\n".join(lines))
+        self._blind.setText(local_words("\n".join(lines)))
         self.residuals.show_diagnosis(diagnosis, shots)
 
     def plot_in_front(self) -> PlotView:

@@ -5,10 +5,11 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
 
 from analysis.recording import Channel, Role
+from app.pens import thin
 from app.plots.cursor_readout import CursorReadout
 from app.plots.plot_view import PlotView, in_front
 from app.plots.time_stack import TimeStack
-from app.theme import Colours, sized, thin
+from app.theme import Colours, sized
 from app.wording import DASH, local
 from instrument.snapshot import LiveView
 

@@ -6,10 +6,11 @@ from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.shot import Shot
+from app.pens import thin
 from app.plots.cursor_readout import CursorReadout
 from app.plots.shot_times import time_zero
 from app.plots.time_stack import TimeStack
-from app.theme import Colours, thin
+from app.theme import Colours
 from app.wording import DASH, number
 
 CELL = "<td align='right' style='padding: 0 6px'>"

@@ -17,8 +17,8 @@ COLUMNS = (
     ("COR quasi-static", 17),
     ("COR kinetic", 13),
     ("F max (N)", 13),
-    ("k_p (N/m)", 14),
-    ("verdict", 20),
+    ("k_p (N/m)", 17),
+    ("verdict", 24),
     ("flags", 11),
     ("note", 14),
 )

@@ -10,12 +10,13 @@ from app.panels.shot_deflection import DeflectionView
 from app.panels.shot_gap import GapView
 from app.panels.shot_motion import MotionView
 from app.panels.shot_raw import RawCurves, RawView
+from app.pens import thin, under
 from app.plots.cursor_readout import CursorReadout
 from app.plots.legend import Legend
 from app.plots.plot_view import PlotView
 from app.plots.shot_times import time_zero
 from app.plots.time_stack import TimeStack
-from app.theme import Colours, thin, under
+from app.theme import Colours
 
 VIEWS = (
     ("whole", "Whole shot", "1", "Velocity, force and residual of the whole shot"),

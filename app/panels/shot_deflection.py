@@ -3,16 +3,17 @@
 import math
 
 import numpy as np
-import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
 from analysis.quantity import Quantity
 from analysis.shot import Shot
+from app.pens import thin, under
+from app.plots.crisp import CrispCurve
 from app.plots.cursors import CursorAxis
 from app.plots.plain_plot import PlainPlot, XyCurve
-from app.theme import Colours, thin, under
+from app.theme import Colours
 
 Floats = NDArray[np.float64]
 DEFLECTION = CursorAxis("mm", "m", 1e-3)
@@ -30,7 +31,7 @@ class DeflectionView(PlainPlot):
         super().__init__("Force against deflection", ("force", "N"), words, DEFLECTION, parent)
         self._simulated = [self.add_curve(f"simulated, {branch}") for branch in BRANCHES]
         self._measured = [self.add_curve(f"measured, {branch}") for branch in BRANCHES]
-        self._slope = pg.PlotCurveItem()
+        self._slope = CrispCurve()
         self.plot.addItem(self._slope)
         self.dress(colours)
 

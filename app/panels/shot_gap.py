@@ -4,9 +4,10 @@ import numpy as np
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot import Shot
+from app.pens import thin, under
 from app.plots.shot_times import contact_span_ms, time_zero
 from app.plots.time_stack import TimeStack
-from app.theme import Colours, thin, under
+from app.theme import Colours
 
 
 class GapView:

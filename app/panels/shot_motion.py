@@ -7,9 +7,10 @@ from PySide6.QtWidgets import QComboBox, QWidget
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 from analysis.shot import Shot
+from app.pens import thin, under
 from app.plots.shot_times import contact_span_ms, time_zero
 from app.plots.time_stack import TimeStack
-from app.theme import Colours, thin, under
+from app.theme import Colours
 
 RESIDUALS = (
     ("force", "Residual of force", "mN", 1e3),

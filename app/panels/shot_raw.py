@@ -6,9 +6,10 @@ import numpy as np
 from PySide6.QtWidgets import QWidget
 
 from analysis.recording import Recording, Role
+from app.pens import thin
 from app.plots.pyramid import Pyramid
 from app.plots.time_stack import TimeStack
-from app.theme import Colours, thin
+from app.theme import Colours
 
 NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 

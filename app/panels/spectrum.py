@@ -6,13 +6,14 @@ from PySide6.QtCore import QRectF, Qt, Slot
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QVBoxLayout, QWidget
 
 from analysis.recording import Role
+from app.pens import thin, under
 from app.plots.cursor_readout import CursorReadout
 from app.plots.cursors import TIME, CursorAxis
 from app.plots.legend import Legend
 from app.plots.plain_plot import PlainPlot
 from app.plots.plot_view import PlotView, in_front
 from app.spectra import NAMES, Spectra
-from app.theme import Colours, thin, under
+from app.theme import Colours
 
 FREQUENCY = CursorAxis("MHz", "MHz")
 

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QWidget
 
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
+from app.pens import straight
 from app.plots.cursors import CursorAxis
 from app.plots.plain_plot import PlainPlot
 from app.plots.time_plot import AXIS_WIDTH
@@ -96,7 +97,7 @@ class TrendPlot(PlainPlot):
         self.points = list(zip(x, y, strict=True))
         self._points.setData(x, y)
         xs, ys, halves = np.array(x), np.array(y), np.array(half)
-        self._bars.setData(x=xs, y=ys, height=2 * halves, pen=pg.mkPen(self._colours.marker))
+        self._bars.setData(x=xs, y=ys, height=2 * halves, pen=straight(self._colours.marker))
         self._told.show_points(xs, ys)
         self.label_value(trend.words, trend.unit)
         self.columns = {"impact speed (m/s)": xs, trend.label: ys, "standard uncertainty": halves}

@@ -7,8 +7,9 @@ from typing import Any, Protocol
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtCore import QObject, Qt, Signal, Slot
 
+from app.pens import straight
 from app.theme import Colours
 
 Floats = NDArray[np.float64]
@@ -131,11 +132,11 @@ class Cursors(QObject):
 
     def dress(self, colours: Colours) -> None:
         """Set the colours; A is drawn full, B dashed, so that they differ without colour."""
-        for name, colour, dash in (("A", colours.cursor_a, None), ("B", colours.cursor_b, [6, 4])):
-            pen = pg.mkPen(colour, width=1, dash=dash)
+        full, dashed = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
+        for name, colour, dash in (("A", colours.cursor_a, full), ("B", colours.cursor_b, dashed)):
             for line in self._lines[name]:
-                line.setPen(pen)
-                line.setHoverPen(pg.mkPen(colour, width=3, dash=dash))
+                line.setPen(straight(colour, dash))
+                line.setHoverPen(straight(colour, dash, 3))
                 if getattr(line, "label", None) is not None:
                     line.label.setColor(colour)
 

@@ -6,10 +6,11 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QPen
 
-from app.plots.pyramid import Array, Pyramid
+from app.plots.crisp import ColumnCurve, CrispCurve
+from app.plots.pyramid import Array, Pyramid, is_whole
 
 
-class SampledCurve(pg.PlotCurveItem):
+class SampledCurve(ColumnCurve):
     """Uniform samples in a plot whose x axis counts in ``x_scale`` of the samples' own unit (1e3: s shown as ms).
 
     The samples are never copied or thinned; what is drawn is asked from their pyramid at each change of the view.
@@ -22,7 +23,6 @@ class SampledCurve(pg.PlotCurveItem):
         self._pyramid = Pyramid()
         self._start = 0.0
         self._step = 1.0
-        self._pixels = 0
 
     @property
     def samples(self) -> Array:
@@ -77,18 +77,14 @@ class SampledCurve(pg.PlotCurveItem):
         """Ask the pyramid for what the present view can show."""
         view = self.getViewBox()
         if view is None or len(self._pyramid) == 0:
-            self.setData(np.empty(0), np.empty(0))
+            self.show_line(np.empty(0), np.empty(0))
             return
         (left, right), _ = view.viewRange()
-        pixels = max(64, int(view.width() * self._density()))
+        pixels = max(64, int(view.width()))
         first, last = self.index_range(left, right)
         positions, values = self._pyramid.view(first - 1, last + 1, pixels)
-        self.setData(self._start + self._step * positions, values)
-
-    def _density(self) -> float:
-        """Return the screen's own pixels a logical one: fewer points than those leave a noise half unlit."""
-        widget = self.getViewWidget()
-        return float(widget.devicePixelRatioF()) if widget is not None else 1.0
+        show = self.show_line if is_whole(positions) else self.show_columns
+        show(self._start + self._step * positions, values)
 
 
 class PointCurve(SampledCurve):
@@ -144,8 +140,8 @@ class Band(pg.FillBetweenItem):
     """A noise band of half width ``half`` about zero, opaque, of at most 600 points; its edges lie over the curves."""
 
     def __init__(self, colour: str, edge: str) -> None:
-        self._upper = pg.PlotCurveItem()
-        self._lower = pg.PlotCurveItem()
+        self._upper = CrispCurve()
+        self._lower = CrispCurve()
         super().__init__(self._upper, self._lower, brush=pg.mkBrush(colour), pen=pg.mkPen(None))
         self.setZValue(-10)
         self.edges = (self._upper, self._lower)

@@ -7,6 +7,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 
 from app.clear_layout import clear_layout
+from app.pens import density
 
 Look = QPen | tuple[str, str]
 
@@ -18,8 +19,8 @@ class LineSample(QWidget):
         super().__init__(parent)
         self._band = None if isinstance(look, QPen) else QColor(look[0])
         self._pen = QPen(look) if isinstance(look, QPen) else QPen(QColor(look[1]), 1, Qt.PenStyle.DashLine)
-        if self._band is None:
-            self._pen.setWidth(max(2, self._pen.width()))
+        if self._band is None:  # in logical pixels, unlike a plot's
+            self._pen.setWidthF(max(2.0, self._pen.widthF() / density()))
         self.setFixedSize(QSize(26, 14))
 
     def paintEvent(self, _: QPaintEvent) -> None:

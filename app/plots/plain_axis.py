@@ -5,6 +5,7 @@ from typing import Any
 import pyqtgraph as pg
 from PySide6.QtGui import QPainter
 
+from app.pens import straight
 from app.wording import local
 
 BEHIND = -1000
@@ -19,8 +20,8 @@ class PlainAxis(pg.AxisItem):
 
     def dress(self, line: str, text: str, grid: str) -> None:
         """Set the colours."""
-        self._grid_pen = pg.mkPen(grid)
-        self.setPen(pg.mkPen(line))
+        self._grid_pen = straight(grid)
+        self.setPen(straight(line))
         self.setTextPen(pg.mkPen(text))
         self.setGrid(255)
         self.setZValue(BEHIND)

@@ -7,6 +7,7 @@ from PySide6.QtCore import Slot
 from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
+from app.plots.crisp import CrispCurve
 from app.plots.cursors import CursorAxis
 from app.plots.plain_axis import PlainAxis
 from app.plots.plot_view import PlotView, Span
@@ -16,7 +17,7 @@ from app.theme import Colours
 Floats = NDArray[np.float64]
 
 
-class XyCurve(pg.PlotCurveItem):
+class XyCurve(CrispCurve):
     """Points in any order of x, told to the cursors under a label; without a pen only they know of it."""
 
     def __init__(self, label: str, pen: QPen | None = None) -> None:

@@ -103,3 +103,8 @@ class Pyramid:
         y = np.empty(2 * pixels)
         y[0::2], y[1::2] = low, high
         return np.repeat(middle, 2), y
+
+
+def is_whole(positions: NDArray[np.float64]) -> bool:
+    """Return whether what ``Pyramid.view`` gave are the samples themselves, not extremes in pairs."""
+    return len(positions) < 2 or positions[0] != positions[1]

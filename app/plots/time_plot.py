@@ -6,6 +6,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Signal, Slot
 from PySide6.QtGui import QPen
 
+from app.pens import straight
 from app.plots.curve import Band, PointCurve, SampledCurve
 from app.plots.plain_axis import PlainAxis
 from app.theme import Colours
@@ -81,7 +82,7 @@ class TimePlot(pg.PlotItem):
         for band in self.bands:
             band.dress(colours.band, colours.band_edge)
         for mark in self.marks:
-            mark.setPen(pg.mkPen(colours.marker, style=Qt.PenStyle.DotLine))
+            mark.setPen(straight(colours.marker, Qt.PenStyle.DotLine))
 
     def add_curve(self, name: str, pen: QPen) -> SampledCurve:
         """Add an empty curve."""
@@ -109,7 +110,7 @@ class TimePlot(pg.PlotItem):
     def mark(self, times: list[float], colour: str) -> None:
         """Show vertical dotted lines at these x, in place of those before."""
         while len(self.marks) < len(times):
-            line = pg.InfiniteLine(angle=90, pen=pg.mkPen(colour, style=Qt.PenStyle.DotLine))
+            line = pg.InfiniteLine(angle=90, pen=straight(colour, Qt.PenStyle.DotLine))
             line.setZValue(-5)
             self.addItem(line, ignoreBounds=True)
             self.marks.append(line)
@@ -123,7 +124,7 @@ class TimePlot(pg.PlotItem):
         line = pg.InfiniteLine(
             level, angle=0, label=words, labelOpts={"position": 0.97, "anchors": [(1, 0), (1, 0)], "color": "#888888"}
         )
-        line.setPen(pg.mkPen("#888888", style=Qt.PenStyle.DotLine))
+        line.setPen(straight("#888888", Qt.PenStyle.DotLine))
         line.setZValue(-5)
         self.addItem(line, ignoreBounds=True)
 

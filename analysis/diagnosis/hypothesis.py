@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.derivatives import has_tangents, linearised_shot
+from analysis.diagnosis.first_order import Shot
 from analysis.diagnosis.knobs import Kind, Knob
 from analysis.diagnosis.quick_shot import COARSE, FINE, Optics, Run, Values, respond
 from analysis.diagnosis.samples import Samples
@@ -153,6 +154,13 @@ class Hypothesis:
             Optics(shot.wavelength_m, shot.factor / shot.spacing_s),
             COARSE if coarse else FINE,
         )
+
+    def seen_at(self, index: int, point: Point) -> Shot:
+        """Return one shot at the averaged samples' centres, for what small effects do to it."""
+        shot = self.rig.shots[index]
+        base = point.base if not self.rig.base.one_body else np.array([0.0, np.inf, *point.base])
+        optics = Optics(shot.wavelength_m, shot.factor / shot.spacing_s)
+        return Shot(shot.centre_s, base, point.own[index], point.values[index], shot.moving_mass_kg, optics)
 
     def displacement(self, z: Floats) -> list[Floats]:
         """Return every shot's averaged displacement at a vector."""

@@ -26,13 +26,13 @@ from analysis.model.rates import (
     tight,
 )
 
-_MOST_SWITCHES = 400
+MOST_SWITCHES = 400
 _BISECTIONS = 46
-_OVERLAP, _VELOCITY, _REACH_0 = 0, 1, 2  # what is watched; _REACH_0 + slot
+OVERLAP, VELOCITY, REACH_0 = 0, 1, 2  # what is watched; REACH_0 + slot
 
 
 @tight
-def _step(z, h, p, slots, flags, functions, k, work, out, s, values, effect, told):  # type: ignore[no-untyped-def]
+def step(z, h, p, slots, flags, functions, k, work, out, s, values, effect, told):  # type: ignore[no-untyped-def]
     """Write the state one step of ``h`` ahead; four evaluations of the rates."""
     size = z.shape[1]
     state_rates(z, k[0], p, slots, flags, functions, s, values, effect, told)
@@ -67,24 +67,24 @@ def _reach(slot, p, slots):  # type: ignore[no-untyped-def]
 @inlined
 def _watched(z, p, slots, which):  # type: ignore[no-untyped-def]
     """Return what is positive while a switch is on: overlap, velocity, how far inside an attraction's reach."""
-    if which == _VELOCITY:
+    if which == VELOCITY:
         return z[0, 1]
     overlap = _point(z, slots) - z[0, 0]
-    return overlap if which == _OVERLAP else overlap + _reach(which - _REACH_0, p, slots)
+    return overlap if which == OVERLAP else overlap + _reach(which - REACH_0, p, slots)
 
 
 @inlined
-def _set(on, slots, flags):  # type: ignore[no-untyped-def]
+def set_flags(on, slots, flags):  # type: ignore[no-untyped-def]
     """Write the flags that go with the switches; what attracts does so while the bodies are apart."""
-    touching = 1.0 if on[_OVERLAP] else 0.0
+    touching = 1.0 if on[OVERLAP] else 0.0
     flags[SPRING], flags[DASH] = touching, touching
-    flags[SIGN] = 1.0 if on[_VELOCITY] else -1.0
+    flags[SIGN] = 1.0 if on[VELOCITY] else -1.0
     for slot in range(slots.shape[0]):
-        flags[NEAR_0 + slot] = 1.0 if on[_REACH_0 + slot] and not on[_OVERLAP] else 0.0
+        flags[NEAR_0 + slot] = 1.0 if on[REACH_0 + slot] and not on[OVERLAP] else 0.0
 
 
 @tight
-def _first_switch(z, new, h, p, slots, flags, functions, on, used, k, work, s, values, effect, told):  # type: ignore[no-untyped-def]
+def first_switch(z, new, h, p, slots, flags, functions, on, used, k, work, s, values, effect, told):  # type: ignore[no-untyped-def]
     """Return (time, which) of the first switch within a step that ended in ``new``, or (h, -1)."""
     best, found = h, -1
     for which in range(on.size):
@@ -93,15 +93,42 @@ def _first_switch(z, new, h, p, slots, flags, functions, on, used, k, work, s, v
         low, high = 0.0, h
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            _step(z, middle, p, slots, flags, functions, k, work, new, s, values, effect, told)
+            step(z, middle, p, slots, flags, functions, k, work, new, s, values, effect, told)
             if (_watched(new, p, slots, which) > 0.0) == on[which]:
                 low = middle
             else:
                 high = middle
         if found < 0 or high < best:
             best, found = high, which
-        _step(z, h, p, slots, flags, functions, k, work, new, s, values, effect, told)
+        step(z, h, p, slots, flags, functions, k, work, new, s, values, effect, told)
     return best, found
+
+
+@inlined
+def entry(p, slots, used):  # type: ignore[no-untyped-def]
+    """Return where the block is at time zero and whether something attracts; marks the reaches as watched."""
+    start, attracts = p[5], False
+    for slot in range(slots.shape[0]):
+        if slots[slot, RANGE_AT] >= 0.0:
+            used[REACH_0 + slot] = attracts = True
+            start = max(start, _reach(slot, p, slots))
+    return start, attracts
+
+
+@inlined
+def meet(z, start, attracts, p, slots, flags, on, used):  # type: ignore[no-untyped-def]
+    """Write the state at time zero, from which plate and hidden parts take part, and its switches and flags."""
+    flags[PLATE] = flags[INSIDE] = 1.0
+    z[0, 0], z[0, 1], z[0, 2], z[0, 3] = start, p[4], p[5], p[6]
+    for i in range(4, z.shape[1]):
+        z[0, i] = 0.0
+    on[OVERLAP] = not attracts
+    used[OVERLAP], used[VELOCITY] = True, slots.shape[0] > 0
+    for slot in range(slots.shape[0]):
+        if slots[slot, RIDES] > 0.5 and slots[slot, HIDDEN] > 0.5:
+            z[0, 4 + 2 * slot], z[0, 5 + 2 * slot] = start, p[4]
+        on[REACH_0 + slot] = used[REACH_0 + slot] and _reach(slot, p, slots) >= start
+    set_flags(on, slots, flags)
 
 
 _VECTOR, _MATRIX = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
@@ -129,53 +156,39 @@ def integrate(time_s, p, slots, functions, size, pieces, apart, x, v, plate, cha
     count = slots.shape[0]
     flags = np.zeros(NEAR_0 + count)
     on, used = np.zeros(2 + count, dtype=np.bool_), np.zeros(2 + count, dtype=np.bool_)
-    start, attracts = p[5], False
-    for slot in range(count):
-        if slots[slot, RANGE_AT] >= 0.0:
-            used[_REACH_0 + slot] = attracts = True
-            start = max(start, _reach(slot, p, slots))
+    start, attracts = entry(p, slots, used)
     first = 0
     while first < time_s.size and time_s[first] < 0.0:
         first += 1
-    _set(on, slots, flags)
+    set_flags(on, slots, flags)
     z[0, 0], z[0, 1] = start, p[4]
     t = 0.0
     for i in range(first - 1, -1, -1):
-        _step(z, time_s[i] - t, p, slots, flags, functions, k, work, new, s, values, effect, told)
+        step(z, time_s[i] - t, p, slots, flags, functions, k, work, new, s, values, effect, told)
         z[0, 0], z[0, 1] = new[0, 0], new[0, 1]
         t = time_s[i]
         x[i], v[i], plate[i] = z[0, 0], z[0, 1], 0.0
-    flags[PLATE] = flags[INSIDE] = 1.0
-    z[0, 0], z[0, 1], z[0, 2], z[0, 3] = start, p[4], p[5], p[6]
-    for i in range(4, size):
-        z[0, i] = 0.0
-    on[_OVERLAP] = not attracts
-    used[_OVERLAP], used[_VELOCITY] = True, count > 0
-    for slot in range(count):
-        if slots[slot, RIDES] > 0.5 and slots[slot, HIDDEN] > 0.5:
-            z[0, 4 + 2 * slot], z[0, 5 + 2 * slot] = start, p[4]
-        on[_REACH_0 + slot] = used[_REACH_0 + slot] and _reach(slot, p, slots) >= start
-    _set(on, slots, flags)
+    meet(z, start, attracts, p, slots, flags, on, used)
     if not state_rates(z, k[0], p, slots, flags, functions, s, values, effect, told) > 0.0:
         return -2
     t = 0.0
     switches, changed = 0, 0
     for i in range(first, time_s.size):
         end = time_s[i]
-        piece = (end - t) / (pieces if on[_OVERLAP] else apart)
+        piece = (end - t) / (pieces if on[OVERLAP] else apart)
         while t < end - 1e-15:
             h = min(piece, end - t)
-            _step(z, h, p, slots, flags, functions, k, work, new, s, values, effect, told)
-            at, which = _first_switch(z, new, h, p, slots, flags, functions, on, used, k, work, s, values, effect, told)
+            step(z, h, p, slots, flags, functions, k, work, new, s, values, effect, told)
+            at, which = first_switch(z, new, h, p, slots, flags, functions, on, used, k, work, s, values, effect, told)
             if which >= 0:
-                _step(z, at, p, slots, flags, functions, k, work, new, s, values, effect, told)
+                step(z, at, p, slots, flags, functions, k, work, new, s, values, effect, told)
                 on[which] = not on[which]
-                _set(on, slots, flags)
+                set_flags(on, slots, flags)
                 switches += 1
-                if which == _OVERLAP and changed < changes.size:
+                if which == OVERLAP and changed < changes.size:
                     changes[changed] = t + at
                     changed += 1
-                if switches > _MOST_SWITCHES:
+                if switches > MOST_SWITCHES:
                     return -1
             for j in range(size):
                 z[0, j] = new[0, j]

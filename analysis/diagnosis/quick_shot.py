@@ -51,14 +51,7 @@ def respond(
 
     Raises Infeasible where the parameters give no trajectory.
     """
-    start = values.get("plate_motion", _AT_REST)
-    try:
-        k_p, m_p, k_n, gamma_n = (float(value) for value in base)
-        y_0, u_0 = start["displacement_m"], start["velocity_m_per_s"]
-        collision = Collision(mass_kg, float(own[0]), k_p, m_p, k_n, gamma_n, y_0, u_0)
-    except ValueError as why:
-        raise Infeasible(str(why)) from why
-    active = _mechanical(values)
+    collision, active, ahead = situation(base, own, values, mass_kg)
     spacing = float(time_s[1] - time_s[0])
     rates = swings(collision, active)
     pieces = math.ceil(max(rates.contact, rates.every) * spacing / step)
@@ -68,9 +61,6 @@ def respond(
     laid = lay_out(collision, active)
     n = time_s.size
     x, v, plate, changes = np.empty(n), np.empty(n), np.empty(n), np.zeros(64)
-    # Where something attracts, the motion is followed from the edge of its reach, which lies before the touch.
-    reach = max((a.values[a.effect.range_at] for a in active if a.effect.range_at >= 0), default=0.0)
-    ahead = reach / abs(float(own[0]))
     count = quick.integrate(
         time_s - own[1] + ahead, laid.p, laid.slots, laid.functions, 4 + laid.hidden, max(1, pieces), max(1, apart),
         x, v, plate, changes,
@@ -84,27 +74,43 @@ def respond(
     return Run(shown, v, plate, x - plate, touches)
 
 
-def _mechanical(values: Values) -> list[Active]:
-    """Return the effects that act on the motion, those with hidden states first: they lengthen the state."""
+def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tuple[Collision, list[Active], float]:
+    """Return a shot's collision, what acts on its motion, and how long before the touch it is followed from, in s.
+
+    The effects with hidden states come first: they lengthen the state.  Where something attracts, the motion is
+    followed from the edge of its reach.
+    """
+    start = values.get("plate_motion", _AT_REST)
+    try:
+        k_p, m_p, k_n, gamma_n = (float(value) for value in base)
+        y_0, u_0 = start["displacement_m"], start["velocity_m_per_s"]
+        collision = Collision(mass_kg, float(own[0]), k_p, m_p, k_n, gamma_n, y_0, u_0)
+    except ValueError as why:
+        raise Infeasible(str(why)) from why
     rows = [CATALOGUE[name] for name in values]
     active = [
         Active(row, tuple(values[row.name][p.name] for p in row.parameters)) for row in rows if row.kernel is not None
     ]
     if any(math.isnan(value) for one in active for value in one.values):
         raise Infeasible("a parameter is not a number")
-    return sorted(active, key=lambda one: one.effect.hidden == 0)
+    reach = max((a.values[a.effect.range_at] for a in active if a.effect.range_at >= 0), default=0.0)
+    return collision, sorted(active, key=lambda one: one.effect.hidden == 0), reach / abs(float(own[0]))
 
 
 def seen(x: Floats, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Floats:
-    """Return what the optics show of a motion (the sensor's effects)."""
+    """Return what the optics show of motions ``x``, shape (n,) or (n, k), about one of velocity ``v``, shape (n,).
+
+    These are the sensor's effects.  ``x`` may be complex, its imaginary part carrying a derivative.
+    """
     wavelength = optics.wavelength_m
     sensed = Sensed(time_s, v, math.nan if wavelength is None else wavelength, optics.sample_rate_hz)
-    out = x[:, None]
+    out = x.reshape(x.shape[0], -1)
     for name, given in values.items():
         row = CATALOGUE[name]
         if row.sensor is None or (row.optical and wavelength is None) or given[row.amplitude] == 0.0:
             continue
-        p = np.zeros((3, 1))
-        p[: len(row.parameters), 0] = [given[parameter.name] for parameter in row.parameters]
+        p = np.zeros((3, out.shape[1]), dtype=out.dtype)
+        for place, parameter in enumerate(row.parameters):
+            p[place] = given[parameter.name]
         out = row.sensor(sensed, out, p)
-    return np.asarray(out[:, 0])
+    return np.asarray(out).reshape(x.shape)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis import first_order
 from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import POOL, Hypothesis, Point, delay
@@ -17,6 +18,7 @@ from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
 
 Floats = NDArray[np.float64]
+MANY_STARTS = 8  # from here on a path with propagators costs less than a trajectory a start
 WORTH_REFINING = 12.0  # of gain on the grid, for a line to be looked at between its points
 
 
@@ -110,12 +112,12 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
     if kind.own:
         return _own_amplitudes(at, kind, column, freedom)
     if kind.name not in at.done:
-        at.done[kind.name] = _columns(at, kind.starts, column)
+        at.done[kind.name] = _columns(at, kind, kind.starts, column)
     starts, bare = at.done[kind.name]
     out = _linear(at, kind, starts, bare, freedom)
     if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > WORTH_REFINING:
         finer = _between(out, kind)
-        out += _linear(at, kind, *_columns(at, finer, column), freedom)
+        out += _linear(at, kind, *_columns(at, kind, finer, column), freedom)
     out.sort(key=lambda score: -score.gain)
     return out
 
@@ -128,17 +130,50 @@ def _shown(hypothesis: Hypothesis, index: int, point: Point, sensor: bool) -> Fl
 
 def _columns(
     at: Projector,
+    kind: Kind,
     starts: Sequence[Mapping[str, float]],
     column: Callable[[Mapping[str, float]], list[Floats] | None],
 ) -> tuple[list[Mapping[str, float]], Floats]:
     """Return the starts that have a trajectory and their whitened columns, shape (rows, starts)."""
     shots = at.fitted.hypothesis.rig.shots
-    found = list(POOL.map(lambda start: column(start) if within(start, shots) else None, starts))
-    good = [(start, c) for start, c in zip(starts, found, strict=True) if c is not None]
+    inside = [start for start in starts if within(start, shots)]
+    if len(inside) > MANY_STARTS:
+        found = _first_order(at, kind, inside)
+        if found is not None:
+            return inside, found
+    each = list(POOL.map(column, inside))
+    good = [(start, c) for start, c in zip(inside, each, strict=True) if c is not None]
     if not good:
         return [], np.empty((at.left.size, 0))
     joined = [np.concatenate([c[s] for _, c in good], axis=1) for s in range(len(shots))]
     return [start for start, _ in good], at.whitened(joined)
+
+
+def _first_order(at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]]) -> Floats | None:
+    """Return the whitened columns of starts to first order, or None where that does not serve this effect."""
+    effect = named(kind.name)
+    shots = [at.fitted.hypothesis.seen_at(i, at.fitted.point) for i in range(len(at.fitted.hypothesis.rig.shots))]
+    steps = np.array([first_order.steps_for(shots[0], effect, start) for start in starts])
+
+    def of_shot(index: int) -> Floats | None:
+        out = np.empty((shots[index].time_s.size, len(starts)))
+        for some in np.unique(steps):
+            key = f"path {index} {some}"
+            if key not in at.done:
+                at.done[key] = first_order.path_of(shots[index], int(some))
+            which = np.flatnonzero(steps == some)
+            part = first_order.responses(shots[index], at.done[key], effect, [starts[int(k)] for k in which])
+            if part is None:
+                return None
+            out[:, which] = part
+        return out
+
+    try:
+        found = list(POOL.map(of_shot, range(len(shots))))
+    except Infeasible:
+        return None
+    every = [columns for columns in found if columns is not None and np.all(np.isfinite(columns))]
+    return at.whitened(every) if len(every) == len(shots) else None
 
 
 def _between(listed: Sequence[Score], kind: Kind) -> list[Mapping[str, float]]:

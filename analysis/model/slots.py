@@ -45,7 +45,7 @@ def lay_out(collision: Collision, effects: Sequence[Active], *, carrying: bool =
     p[:SLOT_PARAMETERS] = collision.vector
     for slot, active in enumerate(effects):
         row = active.effect
-        function, acts = _function(row, collision)
+        function, acts = function_of(row, collision)
         functions[slot] = address(function)
         if carrying:
             complex_ones[slot] = complex_address(function)
@@ -57,7 +57,8 @@ def lay_out(collision: Collision, effects: Sequence[Active], *, carrying: bool =
     return Laid(p, slots, functions, complex_ones, hidden)
 
 
-def _function(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:
+def function_of(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:
+    """Return the function by which an effect acts on a collision, and where; ValueError where it does not."""
     if row.kernel is None:
         raise ValueError(f"{row.name} does not act on the motion")
     if row.locked is not None and math.isinf(collision.plate_mass_kg):

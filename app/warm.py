@@ -5,6 +5,7 @@ only loads it.
 """
 
 import gc
+import hashlib
 import os
 import subprocess
 import sys
@@ -13,6 +14,9 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import llvmlite
+import numba
+from llvmlite.binding import get_host_cpu_name
 from numba import config
 
 from analysis.diagnosis import diagnose
@@ -47,7 +51,7 @@ class Kernels:
     def work(self, report: Report, cancelled: Asked) -> None:
         """Make them ready; a job.  Where the other process fails they are compiled here, when they are needed."""
         try:
-            if not _mark().exists():
+            if not _on_disk():
                 report("compiling, at the first start only", 0.2)
                 _in_another_process(cancelled)
             if self._then is not None:
@@ -67,8 +71,32 @@ class Kernels:
                 raise Cancelled
 
 
-def _mark() -> Path:
-    return Path(str(config.CACHE_DIR or ".")) / "complete"
+def _on_disk() -> bool:
+    """Return whether the kernels were all compiled by just this program, Python, numba and processor."""
+    mark = _mark()
+    try:
+        return mark is not None and mark.read_text(encoding="utf-8") == _made_by()
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _mark() -> Path | None:
+    return Path(str(config.CACHE_DIR)) / "complete" if config.CACHE_DIR else None
+
+
+def _made_by() -> str:
+    """Return what numba's own cache goes by, so that the mark never outlives what it tells of.
+
+    A kernel is compiled anew where its file's date or size changed, though its text did not (a reinstallation).
+    """
+    dates = hashlib.sha256()
+    house = Path(__file__).resolve().parent.parent
+    for package in ("analysis", "instrument"):
+        for source in sorted((house / package).rglob("*.py")):
+            state = source.stat()
+            dates.update(f"{source}:{state.st_mtime_ns}:{state.st_size};".encode())
+    parts = (sys.version, numba.__version__, llvmlite.__version__, get_host_cpu_name(), dates.hexdigest())
+    return "\n".join(parts)
 
 
 def _in_another_process(cancelled: Asked) -> None:
@@ -95,8 +123,8 @@ def main() -> int:
         os.nice(5)
     run_once(with_diagnosis=True)
     mark = _mark()
-    if mark.parent.is_dir():
-        mark.touch()
+    if mark is not None and mark.parent.is_dir():
+        mark.write_text(_made_by(), encoding="utf-8")
     return 0
 
 

@@ -40,6 +40,7 @@ class ComparePanel(QWidget):
         bar.addWidget(self._say, 1)
         self._which = QComboBox(self)
         self._which.setAccessibleName("Number whose trend is shown")
+        self._which.setToolTip("Which number is shown against impact speed: a slope means that it is no constant")
         for trend in TRENDS:
             self._which.addItem(trend.label, trend.name)
         self._which.currentIndexChanged.connect(self._trend_chosen)

@@ -7,7 +7,6 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QFormLayout,
-    QFrame,
     QHBoxLayout,
     QLabel,
     QLineEdit,
@@ -17,6 +16,7 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.recording import Role, Setup
+from app.panels.side_sheet import SideSheet
 from app.theme import MARKS, Colours, Tone, sized
 from app.wording import local
 from instrument.foreign.contents import ForeignContents
@@ -39,18 +39,28 @@ class Answer:
     mapping: ForeignMapping
     for_folder: bool
 
+HOVERS = {
+    Role.MEASUREMENT: "The beat of the block that moves; without it there is nothing to measure",
+    Role.REFERENCE: "The beat of the fixed mirror; taken off the moving one, so that the laser's drift is not motion",
+    Role.SWITCH: "Its step says when the block passed; without it the impact is looked for",
+}
+NUMBER_HOVERS = {
+    "mass_kg": "Block with corner cube and extension; force and impulse scale with it",
+    "rest_hz": "The beat of the block at rest: velocity counts from it",
+    "rate_hz": "Samples a second; every time and velocity scales with it",
+    "bits": "Of the digitizer, for the noise of rounding",
+}
 
-class MappingSheet(QFrame):
+
+class MappingSheet(SideSheet):
     """One file's channels, and the few numbers that no file states."""
 
     applied = Signal(object)
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__("Channels of a file from another program", parent)
         self._colours = colours
         self._held: ForeignContents | None = None
-        self.setProperty("card", True)
-        self.setAccessibleName("Channels of a file from another program")
         column = QVBoxLayout(self)
         column.setContentsMargins(18, 14, 18, 14)
         top = QHBoxLayout()
@@ -71,17 +81,20 @@ class MappingSheet(QFrame):
         for role, words in ROLES.items():
             self.boxes[role] = box = QComboBox(self)
             box.setAccessibleName(words)
+            box.setToolTip(HOVERS[role])
             form.addRow(words, box)
         self.edits: dict[str, QLineEdit] = {}
         for key, (words, _) in NUMBERS.items():
             self.edits[key] = edit = QLineEdit(self)
             edit.setAccessibleName(words)
+            edit.setToolTip(NUMBER_HOVERS[key])
             edit.returnPressed.connect(self.apply)
             form.addRow(words, edit)
         self.edits["rest_hz"].setPlaceholderText("only without PD0")
         self.edits["rate_hz"].setPlaceholderText("as the file says")
         column.addLayout(form)
         self.for_folder = QCheckBox("for every file of this format in its folder", self)
+        self.for_folder.setToolTip("The other files there have the same channels: do not ask again")
         column.addWidget(self.for_folder)
         self._problem = QLabel(self)
         self._problem.setWordWrap(True)
@@ -89,10 +102,10 @@ class MappingSheet(QFrame):
         column.addWidget(self._problem)
         apply = QPushButton("Remember and open", self)
         apply.setProperty("primary", True)
+        apply.setToolTip("Keep the answer beside the file, and open the file  (Enter in a field)")
         apply.clicked.connect(self.apply)
         column.addWidget(apply)
         column.addStretch(1)
-        self.hide()
 
     @property
     def problem(self) -> str:
@@ -122,10 +135,7 @@ class MappingSheet(QFrame):
         self.edits["rest_hz"].setText("" if rest_hz is None else local(f"{1e-6 * rest_hz:.10g}"))
         self.edits["rate_hz"].setText("")
         self.edits["bits"].setText("16")
-        self.place()
-        self.show()
-        self.raise_()
-        self.boxes[Role.MEASUREMENT].setFocus()
+        self.open_at(self.boxes[Role.MEASUREMENT])
 
     def refuse(self, problem: str) -> None:
         """Say why the file cannot be read so."""
@@ -170,10 +180,3 @@ class MappingSheet(QFrame):
         if not ok or not 0.0 < value < 1e9:
             raise ValueError(f"{words.partition(' (')[0]}: {text} is not a number above zero")
         return value * scale
-
-    def place(self) -> None:
-        """Stand at the right edge of the window, over its full height."""
-        parent = self.parentWidget()
-        if parent is not None:
-            width = min(parent.width() - 40, self.fontMetrics().horizontalAdvance("M") * 42)
-            self.setGeometry(parent.width() - width - 4, 4, width, parent.height() - 8)

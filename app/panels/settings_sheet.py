@@ -9,7 +9,6 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QFormLayout,
-    QFrame,
     QHBoxLayout,
     QLabel,
     QLineEdit,
@@ -21,6 +20,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.file_question import Want, ask
+from app.panels.side_sheet import SideSheet
 from app.theme import MARKS, Colours, Tone, sized
 from app.wording import local
 
@@ -44,16 +44,14 @@ class Field:
     optional: bool = False  # an empty field means: not given
 
 
-class SettingsSheet(QFrame):
+class SettingsSheet(SideSheet):
     """Fields by group over the right side of the window."""
 
     applied = Signal(dict)
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__("Settings", parent)
         self._colours = colours
-        self.setProperty("card", True)
-        self.setAccessibleName("Settings")
         self._fields: tuple[Field, ...] = ()
         self._editors: dict[str, QWidget] = {}
         self._tone = Tone.NEUTRAL  # of what is said below the fields
@@ -75,6 +73,7 @@ class SettingsSheet(QFrame):
         hint.setWordWrap(True)
         column.addWidget(hint)
         self._scroll = QScrollArea(self)
+        self._scroll.setAccessibleName("Fields of the settings")
         self._scroll.setWidgetResizable(True)
         self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column.addWidget(self._scroll, 1)
@@ -84,9 +83,9 @@ class SettingsSheet(QFrame):
         column.addWidget(self._problem)
         self._apply = QPushButton("Apply", self)
         self._apply.setProperty("primary", True)
+        self._apply.setToolTip("Use these from the next shot on  (Enter in a field)")
         self._apply.clicked.connect(self.apply)
         column.addWidget(self._apply)
-        self.hide()
 
     def offer(self, fields: tuple[Field, ...]) -> None:
         """Build the form."""
@@ -144,6 +143,7 @@ class SettingsSheet(QFrame):
         line.setContentsMargins(0, 0, 0, 0)
         browse = QPushButton("…", row)
         browse.setAccessibleName("Choose a folder")
+        browse.setToolTip("Choose a folder")
         browse.setProperty("key", next(key for key, value in self._editors.items() if value is editor))
         browse.clicked.connect(self._browse)
         line.addWidget(editor, 1)
@@ -241,18 +241,6 @@ class SettingsSheet(QFrame):
         self._colours = colours
         self._problem.setStyleSheet(f"color: {colours.signs[self._tone]}; font-weight: bold")
 
-    def place(self) -> None:
-        """Stand at the right edge of the window, over its full height."""
-        parent = self.parentWidget()
-        if parent is not None:
-            width = min(parent.width() - 40, self.fontMetrics().horizontalAdvance("M") * 42)
-            self.setGeometry(parent.width() - width - 4, 4, width, parent.height() - 8)
-
     def open(self) -> None:
         """Show the sheet, its first field in focus."""
-        self.place()
-        self.show()
-        self.raise_()
-        first = next(iter(self._editors.values()), None)
-        if first is not None:
-            first.setFocus()
+        self.open_at(next(iter(self._editors.values()), None))

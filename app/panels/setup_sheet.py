@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
 from app.clear_layout import clear_layout
+from app.panels.side_sheet import SideSheet
 from app.theme import MARKS, Colours, Tone, sized
 from instrument.doctor import Check, Grade
 from instrument.found_devices import FoundDevice
@@ -16,7 +17,7 @@ MOST_CHECKS = 5
 TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "Light switch"}
 
 
-class SetupSheet(QFrame):
+class SetupSheet(SideSheet):
     """Three steps from top to bottom; says what is wanted, does nothing itself."""
 
     look_wanted = Signal()
@@ -25,18 +26,16 @@ class SetupSheet(QFrame):
     arm_wanted = Signal()
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__("Set-up", parent)
         self._colours = colours
         self._checks: tuple[Check, ...] = ()
-        self.setProperty("card", True)
-        self.setAccessibleName("Set-up")
         column = QVBoxLayout(self)
         column.setContentsMargins(18, 14, 18, 14)
         column.setSpacing(6)
         top = QHBoxLayout()
         title = QLabel("Set-up", self)
         title.setFont(sized(self.font(), 1.5, bold=True))
-        close = QPushButton("Close", self)
+        self._close = close = QPushButton("Close", self)
         close.setToolTip("Close the set-up  (F3 or Esc)")
         close.clicked.connect(self.hide)
         top.addWidget(title, 1)
@@ -65,6 +64,7 @@ class SetupSheet(QFrame):
         self.address.returnPressed.connect(self._address)
         self.use_address = QPushButton("Use", self)
         self.use_address.setAccessibleName("Use the oscilloscope at this address")
+        self.use_address.setToolTip("Open the oscilloscope at this address  (Enter in the field)")
         self.use_address.clicked.connect(self._address)
         row.addWidget(self.address, 1)
         row.addWidget(self.use_address)
@@ -118,7 +118,6 @@ class SetupSheet(QFrame):
         column.addStretch(1)
         self.show_looking()
         self.show_checks((), "no samples yet")
-        self.hide()
 
     def _heading(self, words: str) -> QLabel:
         label = QLabel(words, self)
@@ -158,6 +157,7 @@ class SetupSheet(QFrame):
         button = QPushButton("In use" if source == present else "Use", self)
         button.setEnabled(source != present)
         button.setAccessibleName(f"Use {name}")
+        button.setToolTip(f"Take the samples from {name}")
         button.setProperty("source", source)
         button.clicked.connect(self._use)
         self._devices.addWidget(label, line, 0)
@@ -231,19 +231,9 @@ class SetupSheet(QFrame):
         self._refusal.setStyleSheet(f"color: {colours.signs[Tone.BAD]}")
         self.show_checks(self._checks)
 
-    def place(self) -> None:
-        """Stand at the right edge of the window, over its full height."""
-        parent = self.parentWidget()
-        if parent is not None:
-            width = min(parent.width() - 40, self.fontMetrics().horizontalAdvance("M") * 42)
-            self.setGeometry(parent.width() - width - 4, 4, width, parent.height() - 8)
-
     def open(self) -> None:
         """Show the sheet."""
-        self.place()
-        self.show()
-        self.raise_()
-        self.look.setFocus()
+        self.open_at(self.look if self.look.isEnabled() else self._close)
 
     @Slot()
     def _look(self) -> None:

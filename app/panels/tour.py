@@ -32,6 +32,7 @@ class Tour(QFrame):
         self.setAccessibleName("Short tour")
         self._steps: tuple[Step, ...] = ()
         self._place = 0
+        self._before: QWidget | None = None  # what had the keyboard
         self._ring = QFrame(parent)
         self._ring.setObjectName("ring")
         self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
@@ -75,6 +76,7 @@ class Tour(QFrame):
     def begin(self, steps: Sequence[Step]) -> None:
         """Show the first callout; Enter goes on, Esc ends, everything else works as always."""
         self._steps, self._place = tuple(steps), 0
+        self._before = self.window().focusWidget()
         self._show()
         self.onward.setFocus()
 
@@ -96,6 +98,8 @@ class Tour(QFrame):
         """Take the ring away too, and say once that the tour ended."""
         super().hideEvent(event)
         self._ring.hide()
+        if self.window().focusWidget() in (self.onward, self._skip) and self._before is not None:
+            self._before.setFocus()
         if self._steps and not event.spontaneous():
             self._steps = ()
             self.ended.emit()

@@ -1,0 +1,169 @@
+"""The window without a mouse and without eyes: names, tooltips, the order of Tab, keys wherever the focus is."""
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QAccessible, QKeySequence
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QAbstractItemView,
+    QApplication,
+    QCheckBox,
+    QComboBox,
+    QHeaderView,
+    QLineEdit,
+    QMainWindow,
+    QProgressBar,
+    QScrollArea,
+    QTabBar,
+    QWidget,
+)
+
+from app import keyboard
+from app.keys import KEYS
+from app.layout import Layout
+from app.plots.plot_view import PlotView
+from app.session import Session
+from app.settings import FIELDS
+from app.theme import Theme
+from tests.app import synthetic
+
+INTERACTIVE = (QAbstractButton, QAbstractItemView, QComboBox, QLineEdit, QProgressBar, QScrollArea, PlotView)
+
+
+class Pressed:
+    """A desk that does nothing but count."""
+
+    def __init__(self):
+        self.actions = []
+
+    def __getattr__(self, name):
+        return lambda: self.actions.append(name)
+
+
+@pytest.fixture
+def window(qtbot):
+    main = QMainWindow()
+    qtbot.addWidget(main)
+    main.panels = Layout(Theme("light"), main)
+    main.setCentralWidget(main.panels)
+    main.panels.settings.offer(FIELDS)
+    main.pressed = Pressed()
+    keyboard.bind(main, (main.pressed,))
+    session = Session()
+    for index, speed in enumerate((0.2, 0.25), 1):
+        session.add(synthetic.shot(f"shot-{index}", speed, index))
+    entries = list(session.entries)
+    main.panels.table.show_session(session)
+    main.panels.shot.show_shot(entries[0].shot)
+    main.panels.compare.show_entries(entries)
+    main.panels.diagnosis.show_diagnosis(synthetic.diagnosis(entries[0].shot), [entries[0].shot])
+    main.panels.budget.show_shot(entries[0].shot)
+    main.resize(1480, 920)
+    main.show()
+    main.activateWindow()
+    qtbot.waitUntil(main.isActiveWindow)
+    return main
+
+
+def _used(window):
+    """Return what a person uses: not Qt's own parts inside of a table, a box or a scroll area."""
+    for widget in window.findChildren(QWidget):
+        inside = isinstance(widget.parent(), QAbstractItemView | QComboBox) or isinstance(widget, QHeaderView)
+        listed = any(isinstance(parent, QComboBox) for parent in _parents(widget))
+        if isinstance(widget, INTERACTIVE) and not inside and not listed and not isinstance(widget.parent(), QTabBar):
+            yield widget
+
+
+def _parents(widget):
+    while (widget := widget.parentWidget()) is not None:
+        yield widget
+
+
+def _reachable(window):
+    return [w for w in _used(window) if w.isVisible() and w.isEnabled() and w.focusPolicy() & Qt.FocusPolicy.TabFocus]
+
+
+def test_everything_that_is_used_has_a_name_for_a_screen_reader(window):
+    nameless = []
+    for widget in _used(window):
+        told = QAccessible.queryAccessibleInterface(widget)
+        if not told.text(QAccessible.Text.Name).strip(" …"):
+            nameless.append(widget)
+    assert nameless == []
+
+
+def test_every_button_and_field_says_in_a_line_what_it_is_for(window):
+    kinds = QAbstractButton | QComboBox | QLineEdit
+    silent = [w for w in _used(window) if isinstance(w, kinds) and not w.toolTip()]
+    assert [w.accessibleName() or getattr(w, "text", str)() for w in silent] == []
+
+
+@pytest.mark.parametrize("page", range(7))
+def test_tab_reaches_everything_on_a_page_and_comes_round(window, qtbot, page):
+    window.panels.tabs.setCurrentIndex(page)
+    qtbot.wait(20)
+    wanted = set(_reachable(window))
+    window.panels.controls.source.setFocus()
+    seen = []
+    for _ in range(200):
+        here = QApplication.focusWidget()
+        if here in seen:
+            break
+        seen.append(here)
+        qtbot.keyClick(here, Qt.Key.Key_Tab)
+    # of several of which one is chosen Tab stops at that one, and arrows go to the others
+    wanted -= {w for w in wanted if isinstance(w, QAbstractButton) and w.group() is not None and not w.isChecked()}
+    missed = [w.accessibleName() or getattr(w, "text", str)() or type(w).__name__ for w in wanted - set(seen)]
+    assert missed == []
+
+
+@pytest.mark.parametrize("page", range(7))
+def test_keys_work_wherever_the_focus_is_but_never_steal_what_is_typed(window, qtbot, page):
+    window.panels.tabs.setCurrentIndex(page)
+    qtbot.wait(20)
+    tab_bar = window.panels.tabs.tabBar()
+    for widget in [*_reachable(window), tab_bar]:
+        for key in KEYS:
+            (stroke,) = QKeySequence(key.sequence)
+            widget.setFocus()
+            window.pressed.actions.clear()
+            qtbot.keyClick(widget, stroke.key(), stroke.keyboardModifiers())
+            assert window.pressed.actions == [key.action], f"{key.sequence} in {widget}"
+
+
+def test_letters_and_space_typed_into_a_field_stay_there(window, qtbot):
+    sheet = window.panels.settings
+    sheet.open()
+    for field in sheet.findChildren(QLineEdit):
+        if field.validator() is None:
+            field.clear()
+            field.setFocus()
+            qtbot.keyClicks(field, "T 1 rd")
+            assert field.text() == "T 1 rd"
+    assert window.pressed.actions == []
+
+
+def test_enter_presses_buttons_made_later_too(window, qtbot):
+    main = window
+    main.keyPressEvent = lambda event: keyboard.pressed_by_enter(main.focusWidget(), event)
+    main.panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
+    qtbot.wait(20)
+    button = main.panels.diagnosis.effects.button("quadratic_drag")
+    button.setFocus()
+    with qtbot.waitSignal(main.panels.diagnosis.add_wanted):
+        qtbot.keyClick(button, Qt.Key.Key_Return)
+    box = main.panels.controls.rearm
+    assert isinstance(box, QCheckBox)
+    box.setFocus()
+    qtbot.keyClick(box, Qt.Key.Key_Return)
+    assert box.isChecked()
+
+
+def test_a_sheet_gives_the_keyboard_back_when_it_goes(window, qtbot):
+    table = window.panels.table.table
+    for sheet in (window.panels.settings, window.panels.setup):
+        table.setFocus()
+        sheet.open()
+        assert sheet.isAncestorOf(QApplication.focusWidget())
+        sheet.close()
+        assert QApplication.focusWidget() is table

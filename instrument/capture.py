@@ -106,7 +106,7 @@ class Capture:
         status, stream, folder = capture.machine.status, capture.run.stream, capture.options.folder
         state, message, remedy = status.state, status.message, status.remedy
         streaming = stream is not None and stream.ring.total > stream.start and not capture.run.starting
-        limit_s = _ANSWERS_S if streaming else _BEGINS_S
+        limit_s = _ANSWERS_S if streaming and not capture.run.simulated else _BEGINS_S
         if capture.thread.is_alive() and self._clock() - (capture.alive_s or self._clock()) > limit_s:
             state, message, remedy = State.FAULT, "the digitizer does not answer", "re-plug it, then choose it again"
         doing, progress = self._progress(state)

@@ -29,6 +29,7 @@ class Capabilities:
     max_samples: int | None  # a shot; None: unlimited stream
     hardware_trigger: bool  # True: the stream is one shot, already triggered
     real_time: bool  # True: samples are lost when they are not fetched in time
+    simulated: bool = False  # True: it waits for the processor alone; late it may be, but it neither hangs nor stalls
 
 
 @dataclass(frozen=True, slots=True)

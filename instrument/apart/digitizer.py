@@ -27,7 +27,7 @@ HELD_S = 1.5  # of the stream, for a parent that stands still
 MOST_RING_BYTES = 320 * 2**20
 MOST_TRANSFER_BYTES = 32 * 2**20  # where the device keeps the shot and waits
 ANSWERS_S = 5.0  # a driver that keeps the child longer than this does not answer
-SIMULATES_S = 60.0  # what is simulated waits for the processor and for nothing else: it is late, it does not hang
+SIMULATES_S = 60.0  # and one that is simulated: longer than any computer is that busy
 OPENS_S = ARMS_S = 60.0  # firmware may have to be loaded
 PREPARES_S = 300.0  # kernels may have to be compiled
 _LOOK_S = 0.1
@@ -41,20 +41,18 @@ def open_apart(source: str, *, setup: Setup | None = None) -> Digitizer:
     """
     if source.strip().lower().startswith("replay"):
         return open_source(source, setup=setup)
-    opener = partial(open_source, source, setup=setup)
-    return DigitizerApart(opener, answers_s=SIMULATES_S if source.strip().lower().startswith("bench") else None)
+    return DigitizerApart(partial(open_source, source, setup=setup))
 
 
 class DigitizerApart(Digitizer):
     """The parent's end.  ``opener`` opens the digitizer in the child and must be picklable (a function, a partial).
 
-    A child that dies, or is silent for ``answers_s``, is told as a DigitizerError; the next ``arm`` starts another one.
+    A child that dies or hangs is told as a DigitizerError; the next ``arm`` starts another one.
     """
 
-    def __init__(self, opener: Opener, *, answers_s: float | None = None) -> None:
+    def __init__(self, opener: Opener) -> None:
         """Start the child and open the digitizer in it.  Raises DigitizerError."""
         self._opener = opener
-        self._answers_s = ANSWERS_S if answers_s is None else answers_s
         self._arming = False
         self._talk = threading.RLock()  # one conversation at a time
         self._sending = threading.Lock()
@@ -320,7 +318,7 @@ class DigitizerApart(Digitizer):
         assert ring is not None
         if ring.turns != self._turns:
             self._turns, self._turned_s = ring.turns, now
-        elif now - self._turned_s > self._answers_s:
+        elif now - self._turned_s > (SIMULATES_S if self.capabilities.simulated else ANSWERS_S):
             raise self._hangs()
 
     def _part(self, came: Came, ring: SharedRing, buffer: NDArray[np.int16]) -> Block:

@@ -72,6 +72,7 @@ class BenchDigitizer(Digitizer):
             max_samples=None,
             hardware_trigger=False,
             real_time=self._real_time,
+            simulated=True,
         )
 
     @property

@@ -40,6 +40,7 @@ class FakeDigitizer(Digitizer):
         max_samples: int | None = None,
         hardware_trigger: bool = False,
         pace_s: float = 0.0,
+        simulated: bool = False,
     ) -> None:
         self.before_block = before_block
         self.gaps = gaps or {}  # at this sample, so many are lost
@@ -47,6 +48,7 @@ class FakeDigitizer(Digitizer):
         self._max = max_samples
         self._hardware = hardware_trigger
         self._pace_s = pace_s
+        self._simulated = simulated
         self.at = 0
         self.armed = 0
         self.closed = False
@@ -56,7 +58,7 @@ class FakeDigitizer(Digitizer):
 
     @property
     def capabilities(self) -> Capabilities:
-        return Capabilities("fake", self._channels, 12, (RATE_HZ,), self._max, self._hardware, True)
+        return Capabilities("fake", self._channels, 12, (RATE_HZ,), self._max, self._hardware, True, self._simulated)
 
     @property
     def setup(self) -> Setup:

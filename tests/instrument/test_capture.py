@@ -549,3 +549,19 @@ def test_a_digitizer_that_does_not_return_is_held(tmp_path: Path) -> None:
     assert not capture.close(timeout_s=0.1) and capture.digitizer_held
     returns.set()
     assert capture.close() and not capture.digitizer_held
+
+
+def test_a_simulated_device_that_is_late_is_no_fault(tmp_path: Path) -> None:
+    now = [0.0]
+
+    def late(fake: FakeDigitizer, at: int) -> Block | None:
+        if at >= 10_000 and now[0] < 30.0:
+            now[0] += 0.5
+            return Block(0)
+        return None
+
+    digitizer = FakeDigitizer(before_block=late, simulated=True)
+    with Rig(tmp_path, digitizer, live=False, clock=lambda: now[0]) as rig:
+        rig.capture.arm()
+        until(rig.capture, lambda s: s.shots == 1)
+        assert now[0] == 30.0 and not rig.said

@@ -6,6 +6,9 @@ from typing import Generic, TypeVar
 from analysis.recording import Recording
 from app.jobs import Asked, Job, Jobs, Report
 from app.session import Entry
+from instrument.open_recording import open_recording
+from instrument.recording_error import RecordingError
+from instrument.recording_search import is_motion_record
 
 Result = TypeVar("Result")
 Work = Callable[[Entry, Recording, Report, Asked], Result]
@@ -46,3 +49,13 @@ class AskedWork(Generic[Result]):
             self._number = None
             return None
         return job.result
+
+
+def raw_of(entry: Entry) -> Recording | None:
+    """Return an entry's raw recording, memory-mapped, or None where there is none to be read."""
+    if entry.path is None or is_motion_record(entry.path):
+        return None
+    try:
+        return open_recording(entry.path)
+    except (RecordingError, OSError):
+        return None

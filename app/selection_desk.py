@@ -3,7 +3,7 @@
 from PySide6.QtCore import QObject, Slot
 
 from analysis.recording import Recording
-from app.asked_work import AskedWork
+from app.asked_work import AskedWork, raw_of
 from app.jobs import Asked, Report
 from app.layout import Layout
 from app.panels.shot_raw import RawCurves, curves_of
@@ -11,7 +11,7 @@ from app.plots.shot_times import time_zero
 from app.session import Entry
 from app.spectra import Spectra, spectra_of
 from app.verdict import told
-from app.workbench import Workbench, raw_of
+from app.workbench import Workbench
 
 
 def _spectra_of(entry: Entry, recording: Recording, report: Report, cancelled: Asked) -> Spectra:

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import llvmlite
@@ -24,6 +24,7 @@ from analysis.shot import Cancelled
 from app.jobs import Asked, Report
 from app.load import load_and_analyse
 from instrument.bench.simulate import simulate
+from instrument.live import warm
 
 _LOOK_S = 0.05
 
@@ -43,8 +44,11 @@ def run_once(with_diagnosis: bool = False) -> None:
 class Kernels:
     """Whether the kernels are ready, for whoever is about to need them."""
 
-    def __init__(self, then: Callable[[], None] | None = None) -> None:
-        """``then`` is called once they are on disk: what loads them elsewhere need not compile them."""
+    def __init__(self, then: Sequence[Callable[[], None]] = ()) -> None:
+        """``then`` are called once they are on disk: what loads them elsewhere need not compile them.
+
+        With any, the shots' analysis is done elsewhere: what the running stream needs is all that is loaded here.
+        """
         self._ready = threading.Event()
         self._then = then
 
@@ -54,11 +58,11 @@ class Kernels:
             if not _on_disk():
                 report("compiling, at the first start only", 0.2)
                 _in_another_process(cancelled)
-            if self._then is not None:
-                self._then()
+            for begin in self._then:
+                begin()
             report("loading", 0.8)
             if not cancelled():
-                run_once()
+                warm() if self._then else run_once()
         finally:
             # what is loaded by now stays to the end; looking through it for garbage stopped every thread for 0.1 s
             gc.freeze()

@@ -30,6 +30,7 @@ from app.warm import Kernels, run_once
 from app.workbench import Workbench
 from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import open_apart
+from instrument.apart.work import WorkApart
 from instrument.snapshot import FinishedShot
 
 PULL_MS = 35
@@ -37,7 +38,7 @@ SWITCH_S = 5e-4  # a busy thread gives way this soon; Python's own 5 ms, at each
 
 
 class MainWindow(QMainWindow):
-    """The one window.  Whatever takes longer than a frame runs in the rig's threads or in the jobs' thread."""
+    """The one window.  Whatever takes longer than a frame runs in the rig's threads, the jobs' or a child."""
 
     def __init__(self, rig: Rig, bench: Workbench, theme: Theme, choices: Choices, kernels: Kernels) -> None:
         super().__init__()
@@ -160,13 +161,13 @@ class MainWindow(QMainWindow):
 def open_window(folder: Path, open_digitizer: Open = open_apart, *, apart: bool = True) -> MainWindow:
     """Return the window, not shown yet, with settings and session kept in ``folder``.
 
-    ``apart``: shots are analysed in a process of their own.
+    ``apart``: the rig's shots are analysed in a process of their own, what is asked for beside it in another.
     """
     sys.setswitchinterval(SWITCH_S)
     choices = Choices(folder / "settings.json")
     theme = Theme(choices.settings.appearance)
-    analyst = AnalysisApart(run_once) if apart else None
-    kernels = Kernels(then=analyst.start if analyst is not None else None)
+    analyst, helper = (AnalysisApart(run_once), WorkApart(run_once)) if apart else (None, None)
+    kernels = Kernels([child.start for child in (analyst, helper) if child is not None])
     rig = Rig(
         choices.options,
         choices.analysis,
@@ -175,7 +176,7 @@ def open_window(folder: Path, open_digitizer: Open = open_apart, *, apart: bool 
         open_digitizer=open_digitizer,
         analyst=analyst,
     )
-    bench = Workbench(Session.reopen(folder / "session.json"), choices.analysis, Saver())
+    bench = Workbench(Session.reopen(folder / "session.json"), choices.analysis, Saver(), helper)
     window = MainWindow(rig, bench, theme, choices, kernels)
     theme.setParent(window)
     room = window.screen().availableSize()

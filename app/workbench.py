@@ -1,39 +1,44 @@
 """What the window does with shots away from the rig: open, re-analyse, export, diagnose, change the model.
 
-Plain Python: every piece of work runs in the jobs' thread and comes back as a Happening that the screen polls.
+Plain Python: every piece of work is a job, done in a process of its own where there is one, and comes back as a
+Happening that the screen polls.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from analysis.diagnosis import diagnose
 from analysis.diagnosis.model_file import SavedModel
-from analysis.recording import Recording
 from analysis.shot import AnalysisSettings, Shot
-from app.export import export
 from app.happening import Diagnosed, Filled, Happening, Kind, Loaded, Opened, SavedElsewhere
 from app.jobs import Asked, Job, Jobs, Report
-from app.load import load_and_analyse
-from app.model_in_use import load_model, model_words, refit, save_model
-from app.report_page import report_of
+from app.model_in_use import load_model, model_words
 from app.saver import Saver
 from app.session import Entry, Session
+from app.shot_work import open_shot, refit_shot, write_csv, write_model, write_report
 from app.verdict import verdict_words
-from instrument.open_recording import open_recording
-from instrument.recording_error import PartlySaved, RecordingError
+from instrument.apart.work import WorkApart
+from instrument.recording_error import PartlySaved
 from instrument.recording_file import find_recordings, rewrite_note
-from instrument.recording_search import is_motion_record
-from instrument.recording_writer import write_text_beside
 
 
 class Workbench:
     """Session, jobs and the effects now in the model."""
 
-    def __init__(self, session: Session, settings: Callable[[], AnalysisSettings], saver: Saver | None = None) -> None:
-        """``saver``: the session is saved by it, in its thread."""
+    def __init__(
+        self,
+        session: Session,
+        settings: Callable[[], AnalysisSettings],
+        saver: Saver | None = None,
+        apart: WorkApart | None = None,
+    ) -> None:
+        """``saver``: the session is saved by it, in its thread; ``apart`` does the long work, else the jobs' thread."""
         self.session = session
         self._saver = saver
+        self._apart = apart
         if saver is not None:
             session.save_by = saver.submit
         self.jobs = Jobs()
@@ -52,6 +57,8 @@ class Workbench:
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
         ended = self.jobs.close() & self.errands.close()
+        if self._apart is not None:
+            self._apart.close()
         return ended & (self._saver is None or self._saver.close())
 
     # what is asked for ------------------------------------------------------------------------------------------
@@ -94,12 +101,7 @@ class Workbench:
             if entry.shot is not None
         ]
 
-        def work(report: Report, _: Asked) -> Happening:
-            report("writing CSV", 0.1)
-            written = export(shots, folder)
-            return Happening(Kind.EXPORTED, f"{len(shots)} shots exported to {folder} ({len(written)} files)")
-
-        self.jobs.submit("export", work, "export")
+        self._submit_export("export", partial(write_csv, shots, folder))
 
     def save_elsewhere(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
         """Queue the saving of shots that are only in memory; ``save`` does it and returns each one's path by name."""
@@ -123,11 +125,10 @@ class Workbench:
         motions = [entry.shot.motion for entry in chosen if entry.shot is not None]
         ids = tuple(entry.number for entry in chosen)
         (model,) = models
-        accepted = self.effects
+        judging = partial(diagnose, motions, model=model, accepted=self.effects)
 
         def work(report: Report, cancelled: Asked) -> Diagnosed:
-            found = diagnose(motions, model=model, accepted=accepted, progress=report, cancelled=cancelled)
-            return Diagnosed(found, ids)
+            return Diagnosed(self._do(judging, report, cancelled), ids)
 
         self.jobs.submit("diagnosis", work, "diagnosis")
         return None
@@ -167,11 +168,7 @@ class Workbench:
         same = found is not None and {e.number for e in entries} == set(found.numbers)
         diagnosis = found.diagnosis if found is not None and same else None
 
-        def work(report: Report, cancelled: Asked) -> Happening:
-            report("fitting the shots jointly", 0.2)
-            return Happening(Kind.EXPORTED, save_model(path, shots, effects, diagnosis, cancelled))
-
-        self.jobs.submit("model file", work, "export")
+        self._submit_export("model file", partial(write_model, path, shots, effects, diagnosis))
 
     def load_model(self, path: Path) -> None:
         """Queue the reading of a model file; its effects then are the model's, and every shot is fitted again."""
@@ -199,12 +196,7 @@ class Workbench:
         same = found is not None and set(found.numbers) <= {entry.number for entry in entries}
         diagnosis = found.diagnosis if found is not None and same else None
 
-        def work(report: Report, _: Asked) -> Happening:
-            report("drawing the report", 0.2)
-            write_text_beside(path, report_of(shots, diagnosis), sync=True)
-            return Happening(Kind.EXPORTED, f"Report of {len(shots)} shots saved as {path}")
-
-        self.jobs.submit("report", work, "export")
+        self._submit_export("report", partial(write_report, path, shots, diagnosis))
 
     # what ended -------------------------------------------------------------------------------------------------
 
@@ -261,21 +253,31 @@ class Workbench:
     def _entries(self, numbers: Sequence[int]) -> list[Entry]:
         return [entry for entry in self.session.entries if entry.number in numbers]
 
+    def _do(self, work: Callable[..., Any], report: Report, cancelled: Asked) -> Any:
+        """Do the long part of a job where the screen does not feel it; called in the jobs' thread."""
+        if self._apart is not None:
+            return self._apart.run(work, report, cancelled)
+        return work(progress=report, cancelled=cancelled)
+
+    def _submit_export(self, name: str, write: Callable[..., str]) -> None:
+        def work(report: Report, cancelled: Asked) -> Happening:
+            return Happening(Kind.EXPORTED, self._do(write, report, cancelled))
+
+        self.jobs.submit(name, work, "export")
+
     def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
-        effects = self.effects
+        opening = partial(open_shot, path, settings, self.effects)
 
         def work(report: Report, cancelled: Asked) -> Opened:
-            shot = load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled)
-            return Opened(_with_effects(shot, effects, cancelled), copy_of)
+            return Opened(self._do(opening, report, cancelled), copy_of)
 
         self.jobs.submit(f"{path.name}", work, "open")
 
     def _submit_fill(self, entry: Entry) -> None:
-        path, number, settings, effects = Path(entry.path or ""), entry.number, entry.settings, self.effects
+        number, opening = entry.number, partial(open_shot, Path(entry.path or ""), entry.settings, self.effects)
 
         def work(report: Report, cancelled: Asked) -> Filled:
-            shot = load_and_analyse(path, settings=settings, progress=report, cancelled=cancelled)
-            return Filled(((number, _with_effects(shot, effects, cancelled)),))
+            return Filled(((number, self._do(opening, report, cancelled)),))
 
         self.jobs.submit(entry.name, work, "open")
 
@@ -289,25 +291,9 @@ class Workbench:
                 if shot is None or shot.motion is None or shot.fit is None:
                     continue
                 report(f"fitting {entry.name}", place / len(entries))
-                fit = refit(shot, effects, cancelled)
+                fit = self._do(partial(refit_shot, shot, effects), report, cancelled)
                 if fit is not None:
                     done.append((entry.number, replace(shot, fit=fit)))
             return Filled(tuple(done))
 
         self.jobs.submit("fit with the new model", work, "refit")
-
-
-def _with_effects(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Shot:
-    """Return a shot just analysed, fitted with the effects now in the model where there are any."""
-    fit = refit(shot, effects, cancelled) if effects and shot.fit is not None else None
-    return shot if fit is None else replace(shot, fit=fit)
-
-
-def raw_of(entry: Entry) -> Recording | None:
-    """Return an entry's raw recording, memory-mapped, or None where there is none to be read."""
-    if entry.path is None or is_motion_record(entry.path):
-        return None
-    try:
-        return open_recording(entry.path)
-    except (RecordingError, OSError):
-        return None

@@ -2,7 +2,9 @@
 
 import csv
 import json
+import pickle
 import threading
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 
 import pytest
@@ -211,6 +213,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     assert window.panels.tabs.currentIndex() == Layout.DIAGNOSIS
     qtbot.waitUntil(lambda: window.bench.diagnosed is not None, timeout=3 * WAIT_MS)
     found = window.bench.diagnosed.diagnosis
+    assert pickle.loads(ForkingPickler.dumps(found)).sentence == found.sentence  # it may come from another process
     qtbot.waitUntil(lambda: window.panels.diagnosis.sentence == found.sentence, timeout=WAIT_MS)
     assert [named.name for named in found.effects] == ["quadratic_drag"]
     assert "quadratic drag" in window.bench.session.entries[0].verdict

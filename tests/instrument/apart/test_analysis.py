@@ -13,7 +13,7 @@ from analysis.motion import ARRAYS
 from analysis.pipeline import analyse
 from analysis.recording import Recording
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
-from instrument.apart import analysis
+from instrument.apart import work
 from instrument.apart.analysis import AnalysisApart
 from instrument.bench.simulate import simulate
 from instrument.open_recording import open_recording
@@ -100,7 +100,7 @@ def test_a_child_that_dies_costs_a_shot_and_the_next_has_another(
 def test_a_child_that_heeds_no_cancelling_is_ended_and_the_next_shot_has_another(
     apart: AnalysisApart, simulated: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(analysis, "HEEDS_S", 0.2)
+    monkeypatch.setattr(work, "HEEDS_S", 0.2)
     apart.start()
     child = apart.child_id
     assert child is not None

@@ -1,0 +1,86 @@
+"""The workbench's long work in a process of its own: the same shots, fits and diagnosis, with progress and cancel."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from analysis.motion import ARRAYS
+from analysis.shot import AnalysisSettings
+from app.happening import Happening, Kind
+from app.session import Session
+from app.workbench import Workbench
+from instrument.apart.work import WorkApart
+from instrument.bench.simulate import simulate
+
+LONGEST_S = 120.0
+
+
+@pytest.fixture(scope="module")
+def child():
+    apart = WorkApart()
+    apart.start()
+    yield apart
+    apart.close()
+    assert apart.child_id is None
+
+
+@pytest.fixture(scope="module")
+def recordings_of_bench(tmp_path_factory):
+    return simulate(tmp_path_factory.mktemp("shots"), 1, duration_s=0.05)
+
+
+def until(bench: Workbench, true: Callable[[Happening], bool]) -> Happening:
+    """Return the first happening of which ``true`` holds."""
+    end = time.monotonic() + LONGEST_S
+    while time.monotonic() < end:
+        for happening in bench.poll():
+            if true(happening):
+                return happening
+        time.sleep(0.01)
+    raise AssertionError("it never happened")
+
+
+def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench, tmp_path, warm_kernels):
+    here, there = Workbench(Session(), AnalysisSettings), Workbench(Session(), AnalysisSettings, apart=child)
+    try:
+        for bench in (here, there):
+            assert bench.open_paths(recordings_of_bench) == 1
+            until(bench, lambda h: h.kind is Kind.SHOT)
+            bench.set_effect("quadratic_drag", True)
+            until(bench, lambda h: h.kind is Kind.CHANGED and h.numbers == (1,))
+        ours, theirs = here.session.entries[0].shot, there.session.entries[0].shot
+        for name in ARRAYS:
+            assert np.array_equal(getattr(theirs.motion, name), getattr(ours.motion, name), equal_nan=True)
+            assert not getattr(theirs.motion, name).flags.writeable
+        assert theirs.fit.effects == ours.fit.effects == ("quadratic_drag",)
+        assert theirs.fit.reduced_chi2 == ours.fit.reduced_chi2
+
+        there.report([1], tmp_path / "report.html")
+        done = until(there, lambda h: h.kind in (Kind.EXPORTED, Kind.PROBLEM))
+        assert done.kind is Kind.EXPORTED and (tmp_path / "report.html").stat().st_size > 10_000
+        there.export([1], tmp_path / "missing" / "\0")
+        assert until(there, lambda h: h.kind in (Kind.EXPORTED, Kind.PROBLEM)).kind is Kind.PROBLEM
+    finally:
+        assert here.jobs.close() and here.errands.close()
+        assert there.jobs.close() and there.errands.close()
+
+
+def test_a_diagnosis_there_tells_how_far_it_is_and_is_cancelled(child, recordings_of_bench, warm_kernels):
+    bench = Workbench(Session(), AnalysisSettings, apart=child)
+    try:
+        bench.open_paths(recordings_of_bench)
+        until(bench, lambda h: h.kind is Kind.SHOT)
+        bench.diagnose([1])
+        job = bench.jobs.current
+        while job is None or job.kind != "diagnosis" or not job.what:
+            time.sleep(0.005)
+            job = bench.jobs.current
+        alive = child.child_id
+        job.cancel()
+        assert job.done.wait(LONGEST_S) and job.result is None and job.problem is None
+        assert child.child_id == alive  # it heeded; it was not ended
+        assert bench.diagnosed is None
+    finally:
+        assert bench.jobs.close() and bench.errands.close()

@@ -92,6 +92,7 @@ def test_an_oscilloscope_in_the_network_is_typed_used_and_remembered(
     window.setup_desk._find = lambda: ()
     rig._open = open_source
     qtbot.keyClick(window, Qt.Key.Key_F3)
+    sheet.address.setFocus()
     qtbot.keyClicks(sheet.address, "no address")  # a blank is typed here and arms nothing
     qtbot.keyClick(sheet.address, Qt.Key.Key_Return)
     assert "'no address' is no address: type HOST" in sheet.refusal and rig.source == "bench"

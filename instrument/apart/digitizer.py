@@ -6,19 +6,17 @@ fills, and the device reports what it lost, which is recorded as a gap as anywhe
 """
 
 import contextlib
-import multiprocessing
 import threading
 import time
 from functools import partial
-from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Setup
-from instrument.apart.child import OPENED, Opener, block_samples, serve
-from instrument.apart.messages import About, Answer, Came, Fault, Order
+from instrument.apart.child import Opener, block_samples
+from instrument.apart.conversation import Conversation, error_of
+from instrument.apart.messages import Came
 from instrument.apart.shared_ring import SharedRing
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.sources import open_source
@@ -28,10 +26,8 @@ MOST_RING_BYTES = 320 * 2**20
 MOST_TRANSFER_BYTES = 32 * 2**20  # where the device keeps the shot and waits
 ANSWERS_S = 5.0  # a driver that keeps the child longer than this does not answer
 SIMULATES_S = 60.0  # and one that is simulated: longer than any computer is that busy
-OPENS_S = ARMS_S = 60.0  # firmware may have to be loaded
+ARMS_S = 60.0  # firmware may have to be loaded
 PREPARES_S = 300.0  # kernels may have to be compiled
-_LOOK_S = 0.1
-_ENDS_S = 8.0
 
 
 def open_apart(source: str, *, setup: Setup | None = None) -> Digitizer:
@@ -53,55 +49,48 @@ class DigitizerApart(Digitizer):
     def __init__(self, opener: Opener) -> None:
         """Start the child and open the digitizer in it.  Raises DigitizerError."""
         self._opener = opener
-        self._arming = False
-        self._talk = threading.RLock()  # one conversation at a time
-        self._sending = threading.Lock()
-        self._process: SpawnProcess | None = None
-        self._orders: Connection | None = None
-        self._answers: Connection | None = None
-        self._about: About | None = None
+        self._talk = threading.RLock()  # one talk at a time
         self._ring: SharedRing | None = None
-        self._serial = OPENED
         self._run: int | None = None
         self._came: Came | None = None  # begun and not yet taken whole
         self._taken = 0  # samples of it
-        self._at = self._blocks = 0
+        self._blocks = 0
         self._turns = 0
         self._turned_s = 0.0
         self._stopped = threading.Event()
         self._closed = False
-        self._start()
+        self._child = Conversation(opener, lambda: False)
 
     @property
     def capabilities(self) -> Capabilities:
         """Get what the device can do, as it said last."""
-        about = self._known()
-        assert about.capabilities is not None
-        return about.capabilities
+        able = self._child.about.capabilities
+        assert able is not None
+        return able
 
     @property
     def setup(self) -> Setup:
         """Get what the device knows of the rig, as it said last."""
-        about = self._known()
-        assert about.setup is not None
-        return about.setup
+        setup = self._child.about.setup
+        assert setup is not None
+        return setup
 
     @property
     def child_id(self) -> int | None:
         """Get the child's process number, None where there is none."""
-        return self._process.pid if self._process is not None else None
+        return None if self._child.over else self._child.child_id
 
     def prepare(self) -> None:
         """Let the child do what takes long; a ``stop`` ends the waiting."""
         with self._talk:
-            self._ask("prepare", PREPARES_S, until_stopped=True)
+            self._child.ask("prepare", PREPARES_S, give_up=self._stopped.is_set)
 
     def default_settings(self) -> CaptureSettings | None:
         """Return what the device is best given next."""
         with self._talk:
-            if self._process is None:
-                self._start()
-            answer = self._ask("defaults", ARMS_S)
+            if self._child.over:
+                self._child = Conversation(self._opener, lambda: False)
+            answer = self._child.ask("defaults", ARMS_S)
         return answer.settings if answer is not None else None
 
     def arm(self, settings: CaptureSettings) -> None:
@@ -111,38 +100,44 @@ class DigitizerApart(Digitizer):
         with self._talk:
             self._forget_stream()
             self._stopped.clear()
-            self._arming = True
+            give_up = self._stopped.is_set
+            if self._child.over:
+                self._forget_ring()
+                self._child = Conversation(self._opener, give_up)
+                self._child.ask("prepare", PREPARES_S, give_up=give_up, patience_s=ANSWERS_S)
+            ring = self._fitting_ring(settings)
             try:
-                if self._process is None:
-                    self._start()
-                    self._ask("prepare", PREPARES_S)
-                ring = self._fitting_ring(settings)
-                answer = self._ask("arm", ARMS_S, settings, ring)
+                answer = self._child.ask("arm", ARMS_S, settings, ring, give_up=give_up, patience_s=ANSWERS_S)
             finally:
-                self._arming = False
-            assert answer is not None and self._ring is not None
-            if ring is not None:
-                self._ring.unlink()  # both have it: it goes with them, however they end
-            self._run, self._at, self._blocks = answer.serial, answer.first, answer.blocks
+                if ring is not None and self._ring is not None:
+                    self._ring.unlink()  # both have it, or neither will: it goes with them, however they end
+            assert answer is not None
+            self._run, self._blocks = answer.serial, answer.blocks
             self._turns, self._turned_s = -1, time.monotonic()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
         """Fill ``buffer`` with what the child has brought."""
         with self._talk:
-            if self._came is None and not self._next(timeout_s):
-                return Block(0, ended=self._run is None)
+            try:
+                if self._came is None and not self._next(timeout_s):
+                    return Block(0, ended=self._run is None)
+            except DigitizerError:
+                self._forget_stream()
+                if self._child.over:
+                    self._forget_ring()
+                raise
             came, ring = self._came, self._ring
             assert came is not None and ring is not None
             if came.fault is not None:
                 self._forget_stream()
-                raise _error(came.fault)
+                raise error_of(came.fault)
             return self._part(came, ring, buffer)
 
     def stop(self) -> None:
         """Stop sampling; from any thread."""
         self._stopped.set()
         with contextlib.suppress(DigitizerError):  # who reads or arms next says that it is gone
-            self._send("stop")
+            self._child.send("stop")
 
     def close(self) -> None:
         """End the child."""
@@ -150,67 +145,10 @@ class DigitizerApart(Digitizer):
         self._stopped.set()
         with self._talk:
             with contextlib.suppress(DigitizerError):
-                self._send("close")
-            self._end(_ENDS_S)
-
-    # the child ----------------------------------------------------------------------------------------------------
-
-    def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        theirs, orders = context.Pipe(duplex=False)
-        answers, said = context.Pipe(duplex=False)
-        process = context.Process(
-            target=serve, args=(self._opener, theirs, said), name="levimass digitizer", daemon=True
-        )
-        self._serial = OPENED
-        try:
-            process.start()
-        except (OSError, ValueError) as error:
-            raise DigitizerError(f"the digitizer's process did not start: {error}", "close other programs") from error
-        theirs.close()  # with the child's copies alone, its end is seen as the pipe's
-        said.close()
-        self._process, self._orders, self._answers = process, orders, answers
-        answer = self._wait_for(OPENED, OPENS_S)
-        assert answer is not None
-        if answer.fault is not None:
-            self._end(_ENDS_S)
-            raise _error(answer.fault)
-
-    def _end(self, patience_s: float) -> int | None:
-        """End the child, by force where it takes longer, and return its exit code."""
-        process, self._process = self._process, None
-        code = None
-        if process is not None:
-            process.join(patience_s)
-            if process.is_alive():
-                process.kill()
-                process.join(_ENDS_S)
-            code = process.exitcode
-            process.close()
-        with self._sending:
-            for pipe in (self._orders, self._answers):
-                if pipe is not None:
-                    pipe.close()
-            self._orders = self._answers = None
-        self._forget_stream()
-        ring, self._ring = self._ring, None
-        if ring is not None:
-            ring.unlink()
-            ring.close()
-        return code
-
-    def _died(self) -> DigitizerError:
-        code = self._end(1.0)
-        how = f"killed by signal {-code}" if code is not None and code < 0 else f"status {code}"
-        return DigitizerError(f"the digitizer's process ended by itself ({how})", "arm again: it is started anew")
-
-    def _hangs(self) -> DigitizerError:
-        self._end(0.0)
-        return DigitizerError("the digitizer does not answer", "arm again; if it stays silent, re-plug it first")
-
-    def _given_up(self) -> DigitizerError:
-        self._end(0.0)
-        return DigitizerError("the arming was given up", "arm again: the digitizer's process is started anew")
+                self._child.send("close")
+            self._child.end()
+            self._forget_stream()
+            self._forget_ring()
 
     def _fitting_ring(self, settings: CaptureSettings) -> tuple[str, int, int] | None:
         """Return what the child attaches to, None where the present memory will do."""
@@ -220,76 +158,11 @@ class DigitizerApart(Digitizer):
         most = (MOST_RING_BYTES if able.real_time else MOST_TRANSFER_BYTES) // (2 * channels)
         blocks = max(4, min(round(HELD_S * settings.sample_rate_hz), most) // block)
         present = self._ring
-        if present is not None:
-            if (present.capacity, present.channels) == (blocks * block, channels):
-                return None
-            self._ring = None
-            present.close()
+        if present is not None and (present.capacity, present.channels) == (blocks * block, channels):
+            return None
+        self._forget_ring()
         self._ring = SharedRing.create(blocks * block, channels)
         return self._ring.name, self._ring.capacity, channels
-
-    # the conversation ---------------------------------------------------------------------------------------------
-
-    def _send(
-        self, kind: str, settings: CaptureSettings | None = None, ring: tuple[str, int, int] | None = None
-    ) -> int:
-        with self._sending:
-            if self._orders is None:
-                raise DigitizerError("the digitizer's process is gone", "arm again: it is started anew")
-            self._serial += 1
-            try:
-                self._orders.send(Order(kind, self._serial, settings, ring))
-            except OSError as error:
-                raise DigitizerError("the digitizer's process is gone", "arm again: it is started anew") from error
-            return self._serial
-
-    def _ask(
-        self,
-        kind: str,
-        limit_s: float,
-        settings: CaptureSettings | None = None,
-        ring: tuple[str, int, int] | None = None,
-        *,
-        until_stopped: bool = False,
-    ) -> Answer | None:
-        answer = self._wait_for(self._send(kind, settings, ring), limit_s, until_stopped=until_stopped)
-        if answer is not None and answer.fault is not None:
-            raise _error(answer.fault)
-        return answer
-
-    def _wait_for(self, serial: int, limit_s: float, *, until_stopped: bool = False) -> Answer | None:
-        end = time.monotonic() + limit_s
-        given_up = False
-        while not (until_stopped and self._stopped.is_set()):
-            message = self._hear(min(_LOOK_S, limit_s))
-            if self._arming and self._stopped.is_set() and not given_up:
-                given_up, end = True, min(end, time.monotonic() + ANSWERS_S)  # whoever closes does not wait for it
-            if isinstance(message, Answer):
-                self._about = message.about or self._about
-                if message.serial == serial:
-                    return message
-            elif time.monotonic() > end:
-                raise self._given_up() if given_up else self._hangs()
-        return None
-
-    def _hear(self, timeout_s: float) -> Answer | Came | None:
-        answers = self._answers
-        if answers is None:
-            raise DigitizerError("the digitizer's process is gone", "arm again: it is started anew")
-        try:
-            if not answers.poll(timeout_s):
-                return None
-            message: Answer | Came = answers.recv()
-            return message
-        except (EOFError, OSError):
-            raise self._died() from None
-
-    def _known(self) -> About:
-        about = self._about
-        assert about is not None
-        if about.fault is not None:
-            raise _error(about.fault)
-        return about
 
     # the stream ---------------------------------------------------------------------------------------------------
 
@@ -301,14 +174,11 @@ class DigitizerApart(Digitizer):
                 self._forget_stream()
                 break
             now = time.monotonic()
-            message = self._hear(max(0.0, end - now))
-            if isinstance(message, Answer):
-                self._about = message.about or self._about
-            elif message is not None and message.run == self._run:
-                self._about = message.about or self._about
+            message = self._child.hear(max(0.0, end - now))
+            if isinstance(message, Came) and message.run == self._run:
                 self._came, self._taken = message, 0
                 return True
-            elif message is None and time.monotonic() >= end:
+            if message is None and time.monotonic() >= end:
                 self._look_for_life(now)
                 break
         return False
@@ -319,7 +189,7 @@ class DigitizerApart(Digitizer):
         if ring.turns != self._turns:
             self._turns, self._turned_s = ring.turns, now
         elif now - self._turned_s > (SIMULATES_S if self.capabilities.simulated else ANSWERS_S):
-            raise self._hangs()
+            raise self._child.hangs()
 
     def _part(self, came: Came, ring: SharedRing, buffer: NDArray[np.int16]) -> Block:
         block, begun = came.block, self._taken
@@ -347,6 +217,8 @@ class DigitizerApart(Digitizer):
         self._run = self._came = None
         self._taken = 0
 
-
-def _error(fault: Fault) -> DigitizerError:
-    return DigitizerError(fault.what, fault.remedy)
+    def _forget_ring(self) -> None:
+        ring, self._ring = self._ring, None
+        if ring is not None:
+            ring.unlink()
+            ring.close()

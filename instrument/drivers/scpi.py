@@ -1,7 +1,6 @@
 """Deep-memory oscilloscopes over SCPI: one shot on a hardware trigger, then its memory in chunks."""
 
 import contextlib
-import math
 import queue
 import threading
 import time
@@ -14,24 +13,14 @@ from numpy.typing import NDArray
 from analysis.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers.assumed_rig import assumed_rig
+from instrument.drivers.scpi_arming import EXTERNAL, RATE_TOLERANCE, HardwareTrigger, set_time, set_trigger
 from instrument.drivers.scpi_dialects import Dialect, Scaling, Timing, dialect_of
 from instrument.drivers.scpi_transport import Cancelled, ScpiTransport
 
 POLL_S = 0.02
 ARMING_S = 0.5  # for so long a "stopped" may still be that of the shot before
-RATE_TOLERANCE = 1e-3
-EXTERNAL = "external"
 
 _ROLES: Mapping[int, Role] = {1: Role.REFERENCE, 2: Role.MEASUREMENT}
-
-
-@dataclass(frozen=True, slots=True)
-class HardwareTrigger:
-    """What starts a shot: ``source`` a channel, "external", or None for what is set on the instrument."""
-
-    source: int | str | None = None
-    slope: str = "rising"
-    level_v: float | None = None  # None: as set on the instrument
 
 
 class ScpiOscilloscope(Digitizer):
@@ -122,8 +111,8 @@ class ScpiOscilloscope(Digitizer):
                 f"at most {self._dialect.max_samples}",
             )
         with self._talk:
-            self._set_time(settings)
-            self._set_trigger()
+            set_time(self._dialect, self._link.write, self.default_settings, settings, self._name)
+            set_trigger(self._dialect, self._link.write, self._trigger)
             with contextlib.suppress(DigitizerError):  # as above; those that count are read with the shot
                 self._read_scales()
             for command in self._dialect.single:
@@ -183,47 +172,11 @@ class ScpiOscilloscope(Digitizer):
         self.stop()
         self._link.close()
 
-    def _set_time(self, settings: CaptureSettings) -> None:
-        words, link = self._dialect, self._link
-        now = self.default_settings()
-        if now == settings:
-            return
-        length_s = settings.samples / settings.sample_rate_hz
-        per_division = length_s / words.divisions
-        if words.depths:
-            per_division = _one_two_five(per_division)
-            needed = settings.sample_rate_hz * per_division * words.divisions
-            depth = min(words.depths, key=lambda candidate: abs(math.log(candidate / needed)))
-            link.write(words.set_depth.format(samples=depth, short=_short(depth)))
-        link.write(words.set_time_per_division.format(seconds=per_division))
-        record_s = per_division * words.divisions
-        before_s = settings.pre_trigger_samples / settings.sample_rate_hz + (record_s - length_s) / 2
-        link.write(words.set_trigger_delay.format(seconds=record_s / 2 - before_s))
-        now = self.default_settings()
-        if abs(now.sample_rate_hz / settings.sample_rate_hz - 1) > RATE_TOLERANCE:
-            raise DigitizerError(
-                f"{self._name} takes {now.sample_rate_hz:g} samples/s at this length, not {settings.sample_rate_hz:g}",
-                f"ask for {now.sample_rate_hz:g}, or set time base and memory depth on the instrument",
-            )
-
     def _read_scales(self) -> None:
         for n in self._roles:
             for command in self._dialect.select:
                 self._link.write(command.format(n=n))
             self._scales[n] = self._dialect.scaling(self._link.query, n)
-
-    def _set_trigger(self) -> None:
-        words, trigger = self._dialect, self._trigger
-        if trigger.source is None:
-            return
-        external = trigger.source == EXTERNAL
-        commands = list(words.trigger_external if external else words.trigger_channel)
-        commands.append(words.slope[trigger.slope])
-        if trigger.level_v is not None:
-            commands.append(words.level)
-        for command in commands:
-            source = "EX" if external else f"C{trigger.source}"
-            self._link.write(command.format(n=trigger.source, source=source, volts=trigger.level_v))
 
     def _work(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
         """Wait for the trigger and fetch, in a thread of its own so that ``read_into`` keeps its time."""
@@ -298,17 +251,6 @@ class _Piece:
     counts: NDArray[np.int16]
     trigger_sample: int | None
     last: bool
-
-
-def _one_two_five(value: float) -> float:
-    """Return the smallest of 1, 2, 5 times a power of ten that is not below ``value``."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(m * power for m in (1, 2, 5, 10) if m * power >= value * (1 - 1e-9))
-
-
-def _short(samples: int) -> str:
-    """Return a memory depth as Siglent writes it: 7K, 70K, 700K, 7M."""
-    return f"{samples // 1_000_000}M" if samples >= 1_000_000 else f"{samples // 1000}K"
 
 
 __all__ = ["EXTERNAL", "Dialect", "HardwareTrigger", "ScpiOscilloscope"]

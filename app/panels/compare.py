@@ -7,6 +7,7 @@ from app.panels.trend import TRENDS, TrendPlot
 from app.pens import series_pen
 from app.plots.cursor_readout import CursorReadout
 from app.plots.curve import SampledCurve
+from app.plots.curve_numbers import CurveNumbers
 from app.plots.legend import Legend
 from app.plots.plot_view import PlotView, in_front
 from app.plots.shot_times import contact_span_ms, time_zero
@@ -55,6 +56,7 @@ class ComparePanel(QWidget):
         self.stack.label_time("time from first touch (ms)")
         self._velocity_curves = self._curves(self._velocity)
         self._force_curves = self._curves(self._force)
+        self._numbers = CurveNumbers(self._velocity, self)
         right = QWidget(split)
         right_column = QVBoxLayout(right)
         right_column.setContentsMargins(6, 0, 0, 0)
@@ -88,6 +90,7 @@ class ComparePanel(QWidget):
 
     def _label_lines(self) -> None:
         shown = self._entries[-MOST:]
+        self._numbers.show(self._velocity_curves[: len(shown)], [str(e.number) for e in shown], self._colours)
         self._legend.show_entries(
             [(f"{e.number}  {e.name}", series_pen(self._colours, index)) for index, e in enumerate(shown)]
         )

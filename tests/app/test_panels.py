@@ -184,6 +184,9 @@ def test_compare_overlays_and_shows_the_trend_against_speed(qtbot):
     panel.show()
     panel.show_entries(list(session.entries))
     assert sorted(round(x, 3) for x, _ in panel.trend.points) == [0.2, 0.25, 0.3]
+    told = [item for item in panel._numbers._items if item.isVisible()]
+    assert [item.toPlainText() for item in told] == ["1", "2", "3"]  # colour alone does not tell which is which
+    assert len({item.pos().x() for item in told}) == 3
     panel.choose_trend("plate_stiffness_n_per_m")
     assert panel.trend.points[1][1] == pytest.approx(221.44)
     assert "3 shots" in panel.repeatability

@@ -121,7 +121,13 @@ class Story(QObject):
         p.press("Ctrl+2")
         for key, name in (("1", "whole"), ("2", "contact"), ("3", "deflection"), ("4", "gap"), ("5", "raw")):
             p.press(key)
+            p.wait("the samples", lambda: not p.reads("reading the samples"))
             p.picture(f"shot-{name}")
+        p.press("3")
+        p.press("C")
+        p.wait_to_read("slope per m")
+        p.picture("deflection-cursors")
+        p.press("C")
         p.press("1")
         p.press("C")
         p.picture("cursors")
@@ -162,6 +168,7 @@ class Story(QObject):
         p.choose("COR quasi-static", "k_p (N/m)")
         p.press("2")
         p.picture("compare-contact")
+        p.press("1")
 
     def _select_all(self) -> None:
         table = self.person.see("Shots of the session", Role.Table).place

@@ -119,7 +119,7 @@ def search(
         upper=high,
         evaluations=evaluations,
         tolerance=1e-2,
-        residual=(lambda at: whitened_residual(hypothesis, floor, at)) if exact else None,
+        residual=lambda at: whitened_residual(hypothesis, floor, at),
         cancelled=cancelled,
     )
 

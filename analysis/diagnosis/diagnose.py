@@ -11,7 +11,7 @@ from analysis.diagnosis.compare import Fitted, finish, search
 from analysis.diagnosis.compare import fit as fit_hypothesis
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.errors import errors
-from analysis.diagnosis.explore import LEAST_FALL, Trail, explore, without
+from analysis.diagnosis.explore import LEAST_FALL, Trail, explore, pays, without
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.held_out import Foretold, choose, foretell
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
@@ -30,8 +30,8 @@ from analysis.shot import AnalysisError, Cancelled, Progress
 LEAST_LEAD = 6.0  # of the criterion over the runner-up
 # Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
 LEAST_OF_SEVERAL = 12.0
-# Beside something unexplained an effect is named only if it is larger than that; several, if each is much larger.
-CLEAR_OF_THE_REST = 3.0
+# Beside something unexplained that is not its own misfit, an effect is named only if it is so much larger.
+CLEAR_OF_THE_REST = 2.0
 
 
 def diagnose(
@@ -47,7 +47,7 @@ def diagnose(
     """Diagnose ``motions`` (one or several shots of one rig) against the base ``model`` with ``accepted`` effects.
 
     ``fit`` is a joint base fit of these motions, where there is one already; ``hold_out`` the index of the shot that
-    is foretold from the others (default: the middle speed of three, each in turn of four or more, none of one).
+    is foretold from the others (default: each in turn of three or more, the slower of two, none of one).
     Everything is judged in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there
     is nothing to judge, Cancelled when asked to stop.
     """
@@ -70,7 +70,7 @@ def diagnose(
         before = again
         best, trail = explore(before, catalogue, stop)
     tell("foretelling a held-out shot", 0.55)
-    held = choose(rig) if hold_out is None else (hold_out,)
+    held = choose(rig, all_in_turn=best is not before) if hold_out is None else (hold_out,)
     best, told = _paying(before, best, held, trail, stop)
     tell("testing what is left", 0.7)
     at, paying = _projector(best, trail), best
@@ -78,7 +78,7 @@ def diagnose(
         shorter = without(best, faint[0], trail, stop)
         best = before if shorter is None or len(faint) == len(best.names) - len(before.names) == 1 else shorter
         at = _projector(best, trail)
-    if best is not before and before.bic - best.bic < LEAST_FALL:
+    if best is not before and not pays(best, before):
         best, at = before, _projector(before, trail)
     if best is not paying and told is not None:
         retold = foretell(best, held, best.floor, stop)
@@ -228,14 +228,15 @@ def _gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[l
         return [], Verdict.UNEXPLAINED
     if not best.converged or rest.rough:
         return [], Verdict.UNEXPLAINED
-    if rest.significant:
-        clear = all(
-            len(effect.indistinguishable_from) <= words.UNDETERMINED
-            and effect.evidence["snr"] > rest.missed * (1.0 if len(effects) == 1 else CLEAR_OF_THE_REST)
-            for effect in effects
-        )
-        return effects if clear else [], Verdict.UNEXPLAINED
-    return effects, Verdict.EFFECT_FOUND
+    if not rest.significant:
+        return effects, Verdict.EFFECT_FOUND
+    # Several together imitate what none of them is, and a misfit says that the law is another one.
+    if len(effects) > 1 or rest.misfitting:
+        return [], Verdict.UNEXPLAINED
+    only = effects[0]
+    few = len(only.indistinguishable_from) <= words.UNDETERMINED
+    clear = few and only.evidence["snr"] > CLEAR_OF_THE_REST * rest.missed
+    return effects if clear else [], Verdict.UNEXPLAINED
 
 
 def _unnamed(before: Fitted, best: Fitted) -> str:

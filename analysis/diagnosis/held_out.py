@@ -9,36 +9,40 @@ from numpy.typing import NDArray
 from analysis.diagnosis.compare import Fitted, fit, square_of
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
-from analysis.model.least_squares import Infeasible, minimise
+from analysis.model.least_squares import Infeasible, Square, minimise
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Foretold:
-    """Held-out shots as the others foretell them: displacements on the motions' grids, whitened chi^2 of all.
+    """Held-out shots as the others foretell them: displacements on the motions' grids.
 
-    ``rms_m`` is how far they lie from what was measured, averaged samples of all held-out shots together.
+    ``surprise`` is -2 ln of how likely the others made what was measured, up to a constant, of all held-out shots;
+    ``rms_m`` is how far they lie from it (averaged samples).
     """
 
     displacement_m: tuple[Floats, ...]
-    chi2: float
+    surprise: float
     rms_m: float
 
     def beats(self, other: "Foretold") -> bool:
         """Return whether this foretells better: more likely, and not further off."""
-        return self.chi2 < other.chi2 and self.rms_m < 1.02 * other.rms_m
+        return self.surprise < other.surprise and self.rms_m < 1.02 * other.rms_m
 
 
-def choose(rig: Rig) -> tuple[int, ...]:
-    """Return the shots to hold out, one at a time: all of four or more, of three the middle, of two the slower."""
+def choose(rig: Rig, *, all_in_turn: bool = True) -> tuple[int, ...]:
+    """Return the shots to hold out, one at a time: of two the slower, of more each in turn, or the middle speed alone.
+
+    A middle speed is foretold by interpolation, which a wrong model may do well: it serves where nothing is decided.
+    """
     speeds = [abs(shot.course.velocity_in_m_per_s) for shot in rig.shots]
     order = [int(i) for i in np.argsort(speeds)]
     if len(order) < 2:
         return ()
-    if len(order) > 3:
-        return tuple(range(len(order)))
-    return (order[0],) if len(order) == 2 else (order[1],)
+    if len(order) == 2:
+        return (order[0],)
+    return tuple(range(len(order))) if all_in_turn else (order[len(order) // 2],)
 
 
 def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Callable[[], bool]) -> Foretold | None:
@@ -46,16 +50,16 @@ def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Callable
 
     Only its start is fitted on the shot itself.  ``floor`` whitens it: give the same one to what is compared.
     """
-    shown, chi2, off = [], 0.0, []
+    shown, surprise, off = [], 0.0, []
     for shot in held:
         told = _foretell(fitted, shot, floor, stop)
         if told is None:
             return None
         shown.append(told[0])
-        chi2 += told[1]
+        surprise += told[1]
         measured = fitted.hypothesis.rig.shots[shot]
         off.append((measured.averaged(told[0]) - measured.displacement_m)[measured.valid])
-    return Foretold(tuple(shown), chi2, float(np.sqrt(np.mean(np.concatenate(off) ** 2))))
+    return Foretold(tuple(shown), surprise, float(np.sqrt(np.mean(np.concatenate(off) ** 2))))
 
 
 def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Callable[[], bool]) -> tuple[Floats, float] | None:
@@ -74,13 +78,42 @@ def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Callable[[], bool])
                 values[name][knob.name] = learnt.values[0][name][knob.name]
         z = one.pack(Point(learnt.base, point.own[[held]], (values,)))
         low, high = one.bounds
-        shared = [*range(hypothesis.rig.count)]
-        shared += [one.offset + k for k, (_, _, shot) in enumerate(one.knobs) if shot < 0]
+        shared, learnt_at = _shared(one), _shared(some)
         low[shared] = high[shared] = z[shared]
         found = minimise(lambda at: square_of(one, floor, at), z, lower=low, upper=high, evaluations=10, tolerance=1e-2)
-        return one.full(one.unpack(found.parameters))[0], found.square.chi2
+        inverse = trained.inverse[learnt_at][:, learnt_at]
+        return one.full(one.unpack(found.parameters))[0], _surprise(one, found.square, shared, inverse)
     except (Infeasible, np.linalg.LinAlgError):
         return None
+
+
+def _shared(hypothesis: Hypothesis) -> list[int]:
+    """Return where the vector holds what all shots share."""
+    knobs = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.knobs) if shot < 0]
+    return [*range(hypothesis.rig.count), *knobs]
+
+
+def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Floats) -> float:
+    """Return -2 ln of the likelihood of a held-out shot, the shared parameters known to ``inverse`` from the others.
+
+    What they do not know of them makes the shot less predictable, not the model wrong: the likelihood is that of the
+    linearised model with these parameters integrated out (MacKay, "Information Theory, Inference, and Learning
+    Algorithms", ch. 28).  A parameter of the shot's own costs what the Bayesian information criterion asks.
+    """
+    own = np.setdiff1d(np.arange(one.size), shared)
+    curvature, gradient = square.curvature, square.gradient
+    into: Floats = curvature[shared][:, own] @ np.linalg.pinv(curvature[own][:, own], hermitian=True)
+    bend = curvature[shared][:, shared] - into @ curvature[own][:, shared]
+    pull = gradient[shared] - into @ gradient[own]
+    extra = sum(shot >= 0 for _, _, shot in one.knobs) * np.log(square.samples)
+    if not np.all(np.isfinite(inverse)):
+        return float(square.chi2 + extra)
+    scale = np.sqrt(np.diag(inverse))
+    values, vectors = np.linalg.eigh(inverse / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    both = np.eye(len(shared)) + root.T @ bend @ root
+    along = root.T @ pull
+    return float(square.chi2 - along @ np.linalg.solve(both, along) + np.linalg.slogdet(both)[1] + extra)
 
 
 def _subset(hypothesis: Hypothesis, shots: list[int]) -> Hypothesis:

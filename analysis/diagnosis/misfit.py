@@ -14,14 +14,17 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
 from analysis.diagnosis.compare import Fitted, learn_floor
+from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.laws import free_laws
 from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.screen import Projector
 
 Floats = NDArray[np.float64]
-FALSE_ALARM = 1e-3  # of all shapes together
-# A wandering floor that is learnt from the same data is refitted to every shape: twice the gain of white noise by
-# chance, as the mean over clean sets with a random walk and with a building's floor shows (docs/closed-loop.md).
-_WANDERING = 2.0
+FALSE_ALARM = 3e-3  # of all shapes together
+# A wandering floor that is learnt from the same data is refitted to every shape: clean sets with a random walk and with
+# a building's floor gain up to three times what white noise does.  Where a shape makes the floor cease to wander, the
+# floor was the shape, and white noise is the measure.
+_WANDERING = 3.0
 _WIDTHS = (0.01, 0.03, 0.1)  # in contact times
 
 
@@ -48,13 +51,16 @@ class Misfit:
         return self.gain > self.limit
 
 
-def gain(fitted: Fitted, at: Projector, columns: Sequence[Floats]) -> tuple[float, int]:
-    """Return twice the gain in log-likelihood of shapes (shot by shot, shape (n, k)), and how many they really are."""
+def gain(fitted: Fitted, at: Projector, columns: Sequence[Floats]) -> tuple[float, int, Floor]:
+    """Return twice the gain in log-likelihood of shapes (shot by shot, shape (n, k)), how many they really are.
+
+    And the floor that is left beside them.
+    """
     bare = at.whitened(columns)
     norm = np.linalg.norm(bare, axis=0)
     some = np.linalg.norm(at.projected(bare), axis=0) > 1e-6 * norm
     if not some.any():
-        return 0.0, 0
+        return 0.0, 0, fitted.floor
     full = np.column_stack([at.tangents, bare[:, some]])
     scale = np.linalg.norm(full, axis=0)
     scale[scale == 0] = 1.0
@@ -64,8 +70,8 @@ def gain(fitted: Fitted, at: Projector, columns: Sequence[Floats]) -> tuple[floa
         residual - np.column_stack([tangent, shape[:, some]]) @ joint
         for residual, (_, tangent), shape in zip(fitted.residual_m, at.lines, columns, strict=True)
     ]
-    _, value = learn_floor(fitted.hypothesis.rig, left, fitted.floor)
-    return 2 * (value - fitted.log_likelihood), int(some.sum())
+    floor, value = learn_floor(fitted.hypothesis.rig, left, fitted.floor)
+    return 2 * (value - fitted.log_likelihood), int(some.sum()), floor
 
 
 def worst(fitted: Fitted, at: Projector) -> Misfit:
@@ -88,10 +94,11 @@ def worst(fitted: Fitted, at: Projector) -> Misfit:
         shapes["effects after the turn"] = [
             line[1][:, list(every)] * _after_turn(shot)[:, None] for line, shot in zip(at.lines, shots, strict=True)
         ]
-    factor = _WANDERING if fitted.floor.rms_m[0] > 0 else 1.0
+    shapes |= free_laws(hypothesis, fitted.point)
     found = []
     for name, columns in shapes.items():
-        value, width = gain(fitted, at, columns)
+        value, width, floor = gain(fitted, at, columns)
+        factor = _WANDERING if floor.rms_m[0] > 0 else 1.0
         if width:
             found.append(Misfit(name, value, factor * float(chi2_law.isf(FALSE_ALARM / len(shapes), width)), width))
     return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=Misfit("none", 0.0, np.inf))

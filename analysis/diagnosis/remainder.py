@@ -41,7 +41,12 @@ class Remainder:
     @property
     def missed(self) -> float:
         """Get the size of whatever is significantly left, shared shape or misfit, in units of the noise."""
-        return max(self.size, self.misfit.size if self.misfit is not None and self.misfit.significant else 0.0)
+        return max(self.size, self.misfit.size if self.misfit is not None and self.misfitting else 0.0)
+
+    @property
+    def misfitting(self) -> bool:
+        """Return whether the hypothesis would need a freedom that it would not need if it were right."""
+        return self.misfit is not None and self.misfit.significant
 
     @property
     def rough(self) -> bool:
@@ -51,8 +56,7 @@ class Remainder:
     @property
     def significant(self) -> bool:
         """Return whether something is left that the noise does not do."""
-        missed = self.misfit is not None and self.misfit.significant
-        return self.rough or self.coherence > self.limit or missed
+        return self.rough or self.coherence > self.limit or self.misfitting
 
 
 def judge(fitted: Fitted, at: Projector) -> Remainder:
@@ -117,7 +121,7 @@ def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
     best, width = 0.0, 1
     for power in _POWERS:
         columns = [_bumps(shot) * (abs(shot.course.velocity_in_m_per_s) / fastest) ** power for shot in shots]
-        value, width = gain(fitted, at, columns)
+        value, width, _ = gain(fitted, at, columns)
         best = max(best, value)
     limit = _SMALL_SAMPLE * float(chi2_law.isf(FALSE_ALARM / len(_POWERS), width))
     return best, limit, width

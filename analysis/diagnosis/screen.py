@@ -66,11 +66,13 @@ class Projector:
         return np.asarray(rows - self.basis @ (self.basis.T @ rows))
 
 
-def projector(fitted: Fitted, floor: Floor | None = None) -> Projector:
-    """Linearise a fit about its best point."""
+def projector(
+    fitted: Fitted, floor: Floor | None = None, lines: Sequence[tuple[Floats, Floats]] | None = None
+) -> Projector:
+    """Linearise a fit about its best point; ``lines`` are its displacement and derivatives where they are known."""
     floor = floor or fitted.floor
     shots = fitted.hypothesis.rig.shots
-    lines = fitted.hypothesis.linearised(fitted.z)
+    lines = lines or fitted.hypothesis.linearised(fitted.z)
     rows = np.concatenate(
         [
             floor.whiten(np.column_stack([s.displacement_m - x, j]), s.valid, s.weight)

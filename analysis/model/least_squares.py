@@ -16,7 +16,7 @@ class Infeasible(ArithmeticError):
 class Square:
     """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and sample count.
 
-    ``residual``, shape (n,), and the products with its derivatives J, where the search is to follow bent valleys:
+    ``residual``, shape (n,), and the products with its derivatives J, where the search is to keep to bent valleys:
     ``along(step)`` = J step, ``pull(vector)`` = J^T vector.
     """
 
@@ -42,8 +42,9 @@ class Minimum:
 
 Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
-_PROBE = 0.1  # of a step: where the valley's bend is felt
-_MOST_BEND = 0.75  # second-order part of a step over its first-order part, beyond which neither is believed
+_CORRECTIONS = 6
+_STEEP = 1e-5  # of damping, relative: directions flatter than that are not corrected
+_HOPELESS = 10.0  # of chi^2 above where the step began: the derivatives there are not worth their price
 
 
 def minimise(
@@ -59,10 +60,11 @@ def minimise(
 ) -> Minimum:
     """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
 
-    With ``residual`` (whitened residuals at a point) and squares that carry theirs, a step after one that went
-    otherwise than expected is bent along the valley by its second-order part (geodesic acceleration; Transtrum and
-    Sethna, arXiv:1201.5885).  A fall of 1e-6 is a move
-    of 1e-3 standard deviations.  The function may raise Infeasible anywhere but at the start.
+    With ``residual`` (whitened residuals at a point, without derivatives: cheap) and squares that carry theirs, a step
+    is led back to the floor of a bent valley before its derivatives are asked for: it may then be as long as the data
+    allow, not as short as the bend commands (a retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on
+    Matrix Manifolds", ch. 4).  A fall of 1e-6 is a move of 1e-3 standard deviations.  The function may raise
+    Infeasible anywhere but at the start.
     """
     low = np.full(start.size, -np.inf) if lower is None else lower
     high = np.full(start.size, np.inf) if upper is None else upper
@@ -71,7 +73,6 @@ def minimise(
     damping = 1e-6  # the base model has directions a million times softer than others: begin near Gauss-Newton
     used = 1
     refused = 0
-    bent = False  # whether the last step met the valley's bend: only then is it worth feeling for
     while used < evaluations:
         if cancelled is not None and cancelled():
             break
@@ -91,13 +92,14 @@ def minimise(
             if damping > 1e12:
                 break
             continue
-        bend = None if residual is None or not bent else _bend(residual, square, here, step, free, damping)
-        if bend is not None:
-            step = step + bend
         there = np.clip(here + step, low, high)
         moved = there - here
         expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
+        back = None if residual is None else _back_to_the_valley(residual, square, here, moved, free, (low, high))
         try:
+            if back is not None and back[1] > square.chi2 + _HOPELESS:
+                raise Infeasible("the step leads out of the valley")
+            there = there if back is None else back[0]
             trial = function(there)
             fell = square.chi2 - trial.chi2
         except Infeasible:
@@ -111,14 +113,12 @@ def minimise(
             damping *= easing if ratio > 0.7 else (0.5 if ratio > 0.3 else 4.0)
             damping = max(damping, 1e-14)
             refused = max(0, refused - 1)
-            bent = not 0.8 < ratio < 1.2
         else:
             # Rounding hides falls below 1e-12 of chi^2: a rejected step of that size is the end of the road.
             if 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
                 return Minimum(here, square, True, used)
             damping = max(10 * damping, 1e-9)
             refused = 3
-            bent = True
             if damping > 1e12:
                 break
     return Minimum(here, square, False, used)
@@ -130,24 +130,36 @@ def _free(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarr
     return np.asarray(~held)
 
 
-def _bend(
-    residual: Residual, square: Square, here: Floats, step: Floats, free: np.ndarray, damping: float
-) -> Floats | None:
-    """Return the second-order part of a step, or None where it is as large as the step or cannot be had."""
+def _back_to_the_valley(
+    residual: Residual, square: Square, here: Floats, step: Floats, free: np.ndarray, bounds: tuple[Floats, Floats]
+) -> tuple[Floats, float] | None:
+    """Return ``here + step`` moved to where the residual is what the step was to make it, and chi^2 there.
+
+    Corrections by the derivatives at ``here``, which the steep directions keep; the flat ones, along which the step
+    was meant to go, are left out.  None where the way is lost.
+    """
     if square.residual is None or square.along is None or square.pull is None:
         return None
-    try:
-        ahead = residual(here + _PROBE * step)
-    except Infeasible:
-        return None
-    second = 2 / _PROBE * ((ahead - square.residual) / _PROBE - square.along(step))
-    bend = _step(square, free, damping, square.pull(second))
-    if bend is None:
-        return None
-    scale = np.sqrt(np.diag(square.curvature))
-    if np.linalg.norm(scale * bend) > _MOST_BEND * np.linalg.norm(scale * step):
-        return None
-    return np.asarray(0.5 * bend)
+    wanted = square.residual + square.along(step)
+    least = float(wanted @ wanted)
+    there, best, chi2 = here + step, None, np.inf
+    for _ in range(_CORRECTIONS):
+        try:
+            now = residual(there)
+        except Infeasible:
+            break
+        value = float(now @ now)
+        if best is not None and value > 0.9 * chi2 and value > square.chi2:
+            break
+        if value < chi2:
+            best, chi2 = there, value
+        if chi2 - least < 0.05 * max(square.chi2 - least, 0.0) or value > chi2:
+            break
+        correction = _step(square, free, _STEEP, square.pull(now - wanted))
+        if correction is None:
+            break
+        there = np.clip(there + correction, *bounds)
+    return None if best is None else (best, chi2)
 
 
 def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | None = None) -> Floats | None:

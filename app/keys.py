@@ -19,6 +19,7 @@ KEYS: tuple[Key, ...] = (
     Key("T", "trigger_now", "Stand in for the light switch while armed", "Taking a shot"),
     Key("Ctrl+S", "save_elsewhere", "Save shots that are only in memory elsewhere", "Taking a shot"),
     Key("R", "toggle_rearm", "Re-arm by itself, on or off", "Taking a shot"),
+    Key("H", "toggle_hold", "Hold the curves of LIVE still, or let them run on", "Taking a shot"),
     Key("S", "focus_source", "Choose the source", "Taking a shot"),
     Key("Ctrl+1", "show_live", "LIVE", "Pages"),
     Key("Ctrl+2", "show_shot_page", "SHOT", "Pages"),

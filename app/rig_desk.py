@@ -86,6 +86,7 @@ class RigDesk(QObject):
     def arm(self) -> None:
         """Arm; LIVE comes to the front so that the push is seen."""
         if self._panels.controls.arm.isEnabled():
+            self._panels.live.hold.setChecked(False)  # what comes now is to be seen
             self._rig.arm()
             self._panels.tabs.setCurrentIndex(Layout.LIVE)
 

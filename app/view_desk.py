@@ -36,6 +36,11 @@ class ViewDesk(QObject):
         self._panels.tabs.setCurrentIndex(Layout.LIVE)
 
     @Slot()
+    def toggle_hold(self) -> None:
+        """Hold LIVE still, or let it run on."""
+        self._panels.live.hold.toggle()
+
+    @Slot()
     def show_shot_page(self) -> None:
         """Bring SHOT to the front."""
         self._panels.tabs.setCurrentIndex(Layout.SHOT)

@@ -76,6 +76,9 @@ class MainWindow(QMainWindow):
             self.say(words, Tone.WARNING)
         bench.jobs.submit("kernels", kernels.work, "warm")
         bench.read_unread()
+        self.session_desk.show()
+        if bench.session.entries:  # a session reopens where it was: at its last shot
+            self.panels.table.select([bench.session.entries[-1].number])
         self._dress()
         self.pull()
         self._timer = QTimer(self)

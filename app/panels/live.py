@@ -1,8 +1,8 @@
 """LIVE: beat frequency, velocity and force while samples stream, in digits that carry two metres; the raw signals."""
 
 import numpy as np
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from analysis.recording import Channel, Role
 from app.pens import thin
@@ -50,12 +50,18 @@ class LivePanel(QWidget):
             plot.steady = True
         self.stack.label_time("time before now (ms)")
         self.stack.show_span(-WINDOW_MS, 0.0)
-        grid.addWidget(self.stack, 0, 0, 4, 1)
+        self.stack.reset_wanted.connect(self.reset)
+        grid.addWidget(self.stack, 0, 0, 5, 1)
         self._readouts: list[CursorReadout] = []
         self._numbers: dict[str, QLabel] = {}
         for line, (name, title, unit, _, _, widest) in enumerate(ROWS):
             grid.addWidget(self._tile(name, title, unit, widest), line, 1)
+        self.hold = QPushButton("Hold", self)
+        self.hold.setCheckable(True)
+        self.hold.setToolTip("Hold the curves still to measure on them; samples and shots go on, ARM lets go  (H)")
+        grid.addWidget(self.hold, 3, 1)
         self.raw = TimeStack("Raw signals, live", colours, self)
+        self.raw.reset_wanted.connect(self.reset)
         self._raw_plots = [self.raw.add_plot(title, "V") for title in ("PD0", "PD1", "switch")]
         self._raw_curves = [plot.add_curve("samples", thin(colours.measured)) for plot in self._raw_plots]
         for plot in self._raw_plots:
@@ -63,18 +69,18 @@ class LivePanel(QWidget):
             plot.steady = True
         self.raw.label_time("time (ms), the newest samples")
         self.raw.setMinimumWidth(300)
-        grid.addWidget(self.raw, 3, 1)
-        for line, plot in enumerate(self.plots, 4):
+        grid.addWidget(self.raw, 4, 1)
+        for line, plot in enumerate(self.plots, 5):
             grid.addWidget(readout := CursorReadout(plot, self), line, 0, 1, 2)
             self._readouts.append(readout)
         grid.setColumnStretch(0, 1)
-        for line in range(3):
+        for line in range(4):
             grid.setRowStretch(line, 0)
-        grid.setRowStretch(3, 1)
+        grid.setRowStretch(4, 1)
         self._waiting = QLabel("No samples yet.", self)
         self._waiting.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self._waiting.setProperty("faint", True)
-        grid.addWidget(self._waiting, 0, 0, 4, 1)
+        grid.addWidget(self._waiting, 0, 0, 5, 1)
         self.dress(colours)
 
     def _tile(self, name: str, title: str, unit: str, widest: str) -> QFrame:
@@ -101,6 +107,13 @@ class LivePanel(QWidget):
         """Get what rolls, and the raw signals."""
         return self.stack, self.raw
 
+    @Slot()
+    def reset(self) -> None:
+        """Let every value axis follow its curve again, and time run over its whole window."""
+        self.stack.zoom(-WINDOW_MS, 0.0)
+        for plot in self.raw.plots:
+            plot.free_y()
+
     def plot_in_front(self) -> PlotView:
         """Return the plot that has the keyboard, else the one that rolls."""
         return in_front(self.plots)
@@ -119,6 +132,8 @@ class LivePanel(QWidget):
 
     def show_live(self, view: LiveView | None) -> None:
         """Show the newest stretch of the stream; None, or nothing in it: nothing streams."""
+        if self.hold.isChecked():
+            return
         silent = view is None or len(view.time_s) == 0
         self._waiting.setVisible(silent)
         if view is None or silent:
@@ -146,7 +161,7 @@ class LivePanel(QWidget):
 
     def show_raw(self, view: LiveView, channels: tuple[Channel, ...]) -> None:
         """Show the newest raw samples; ``channels`` names the columns."""
-        if len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
+        if self.hold.isChecked() or len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
         length = step * min(RAW_SHOWN, len(view.raw_time_s))

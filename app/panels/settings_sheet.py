@@ -201,7 +201,7 @@ class SettingsSheet(SideSheet):
                 values[field.key] = value
             elif isinstance(editor, QLineEdit):
                 values[field.key] = editor.text().strip()
-        self.accept_words("Applied.")
+        self.accept_words("Applied. Ctrl+R analyses the selected shots again with them, as copies.")
         self.applied.emit(values)
 
     def _number(self, field: Field, text: str) -> tuple[float | None, str]:

@@ -225,3 +225,27 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     assert after.reduced_chi2 < 0.1 * before
     window.bench.report([], tmp_path / "report.html")
     qtbot.waitUntil((tmp_path / "report.html").exists, timeout=WAIT_MS)
+
+
+def test_live_is_held_still_by_a_key_until_the_next_arming(opened, qtbot):
+    window = opened()
+    _ready(qtbot, window)
+    live = window.panels.live
+    qtbot.waitUntil(lambda: live.text("velocity") != "–", timeout=WAIT_MS)
+    qtbot.keyClick(window, Qt.Key.Key_H)
+    held = live.text("beat"), live.stack.plots[0].sampled[0].samples
+    qtbot.wait(300)
+    assert (live.text("beat"), live.stack.plots[0].sampled[0].samples) == held
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    assert not live.hold.isChecked()
+
+
+def test_a_session_reopens_at_its_last_shot(opened, qtbot, recordings):
+    window = opened(rigs.still_bench)
+    window.session_desk.open_paths(sorted((recordings / "plain").glob("*.sigmf-meta"))[:2])
+    qtbot.waitUntil(lambda: len(window.bench.session.entries) == 2, timeout=WAIT_MS)
+    name = window.bench.session.entries[-1].name
+    window.close()
+    again = opened(rigs.still_bench)
+    assert name in again.panels.numbers.title.text()
+    qtbot.waitUntil(lambda: again.panels.numbers.text("quasi-static") != "–", timeout=WAIT_MS)

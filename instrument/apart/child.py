@@ -64,7 +64,10 @@ class _Child:
         threading.Thread(target=self._hear, name="orders", daemon=True).start()
         status = 0
         try:
-            self._answers.send(Answer(OPENED, self._about()))
+            about = self._about()
+            if about.capabilities is not None and about.capabilities.simulated and hasattr(os, "nice"):
+                os.nice(5)  # a real device computes elsewhere: its twin gives way to the screen
+            self._answers.send(Answer(OPENED, about))
             while not self._ending.is_set():
                 self._turn()
         except ConnectionError:

@@ -23,7 +23,8 @@ def local(text: str) -> str:
 
 def local_words(text: str) -> str:
     """Return a sentence with its numbers in the system's decimal format, exponents without needless signs and zeros."""
-    plain = re.sub(r"(?<=\d)e([+-])0?(\d+)", lambda found: f"e{found[1].replace('+', '')}{found[2]}", text)
+    plain = re.sub(r"(?<![\w.)])(\d+(?:\.\d+)?)e\+?0*([0-6])\b", lambda m: f"{float(m[0]):.0f}", text)
+    plain = re.sub(r"(?<=\d)e([+-])0?(\d+)", lambda found: f"e{found[1].replace('+', '')}{found[2]}", plain)
     point = QLocale().decimalPoint()
     return plain if point == "." else re.sub(r"(?<=\d)\.(?=\d)", point, plain)
 
@@ -32,7 +33,7 @@ def number(value: float | None, digits: int = 4) -> str:
     """Return a bare number with so many significant digits, or a dash."""
     if value is None or not math.isfinite(value):
         return DASH
-    text = f"{value:.{digits}g}"
+    text = f"{value + 0.0:.{digits}g}"  # no minus before nothing
     mantissa, exponent, power = text.partition("e")
     if not exponent:
         return local(text)

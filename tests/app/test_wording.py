@@ -62,3 +62,11 @@ def test_every_flag_has_one_meaning_and_stands_in_the_page_of_formats():
     page = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
     assert not set(MEANINGS) & set(FLAG_WORDS)
     assert [flag for flag in (*MEANINGS, *FLAG_WORDS) if f"`{flag}`" not in page] == []
+
+
+def test_a_sentence_of_the_diagnosis_is_put_as_the_screen_puts_numbers(german):
+    told = "stiffness below 9e+01 N/m³; friction below 3e-08 N; 0.0001; (2.0 ± 0.1)e-4; file shot-1.csv"
+    assert wording.local_words(told) == (
+        "stiffness below 90 N/m³; friction below 3e-8 N; 0,0001; (2,0 ± 0,1)e-4; file shot-1.csv"
+    )
+    assert number(-0.0) == "0"

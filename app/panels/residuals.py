@@ -37,7 +37,6 @@ class Residuals(QWidget):
         self._errors = QLabel(self)
         self._errors.setTextFormat(Qt.TextFormat.RichText)
         self._errors.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self._errors.setAccessibleName("Errors before and after")
         column.addWidget(self._errors)
 
     def dress(self, colours: Colours) -> None:

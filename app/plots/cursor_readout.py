@@ -19,7 +19,6 @@ class CursorReadout(QFrame):
         self._table = QLabel(self)
         self._table.setTextFormat(Qt.TextFormat.RichText)
         self._table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self._table.setAccessibleName("Between the cursors")
         copy = QPushButton("Copy as text", self)
         copy.setToolTip("Copy places, values, differences, mean, rms and slope between the cursors  (Ctrl+Shift+C)")
         copy.clicked.connect(plot.copy_cursors)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from PySide6.QtCore import QLocale, Qt
-from PySide6.QtGui import QGuiApplication
+from PySide6.QtGui import QAccessible, QGuiApplication
 
 from app.layout import Layout
 from app.plots.cursor_readout import CursorReadout
@@ -57,6 +57,8 @@ def test_every_plot_has_cursors_whose_readout_comes_and_goes_with_it(panels, qtb
         assert readout.isHidden()
         qtbot.keyClick(plot, Qt.Key.Key_Right, SHIFT)  # the cursors come with the first step
         assert plot.cursors.shown and readout.isVisible() and "<b>A</b>" in readout.words
+        told = QAccessible.queryAccessibleInterface(readout._table).text(QAccessible.Text.Name)
+        assert "B − A" in told  # a screen reader hears the numbers, not what they are called
         panels.tabs.setCurrentIndex(Layout.BUDGET)
         assert not readout.isVisible()
 

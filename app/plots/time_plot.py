@@ -131,7 +131,7 @@ class TimePlot(pg.PlotItem):
     def free_y(self) -> None:
         """Let the value axis follow the data again."""
         self._y_by_hand = False
-        self.fit_y()
+        self.fit_y(anew=True)
 
     @Slot(bool)
     def _take_y(self, taken: bool) -> None:
@@ -146,8 +146,8 @@ class TimePlot(pg.PlotItem):
         for curve in self.sampled:
             curve.redraw()
 
-    def fit_y(self) -> None:
-        """Fit the value axis to what is in view, unless a person set it."""
+    def fit_y(self, *, anew: bool = False) -> None:
+        """Fit the value axis to what is in view, unless a person set it; ``anew``: a steady one moves too."""
         if self._y_by_hand:
             return
         (left, right), _ = self.view.viewRange()
@@ -167,7 +167,7 @@ class TimePlot(pg.PlotItem):
         middle = 0.5 * (low + high)
         if self.steady:
             bottom, top = self.view.viewRange()[1]
-            if bottom <= low and high <= top and top - bottom <= _LOOSEST * span:
+            if not anew and bottom <= low and high <= top and top - bottom <= _LOOSEST * span:
                 return
             span *= _ROOM
         self.view.setYRange(middle - 0.58 * span, middle + 0.58 * span, padding=0)

@@ -59,3 +59,16 @@ def test_a_time_that_is_only_rounded_otherwise_draws_no_axis_anew(panel):
         time_s = (31_234_567 * frame + np.arange(2000)) / 30e6  # a step that floats cannot all tell alike
         panel.show_raw(window.view(time_s, np.zeros((2000, 3), np.float32), 2.7e6, None, 0), channels)
     assert len(moved) == 1
+
+
+def test_an_axis_left_wide_by_hand_is_close_again_after_a_reset(panel):
+    plot = panel.stack.plots[1]
+    for view in views(20, range(0), 0.0):
+        panel.show_live(view)
+    before = plot.view.viewRange()[1]
+    plot.view.y_taken.emit(True)
+    plot.view.setYRange(2 * before[0], 2 * before[1], padding=0)
+    panel.show_live(view)
+    assert plot.view.viewRange()[1][1] == pytest.approx(2 * before[1])
+    plot.free_y()
+    assert plot.view.viewRange()[1][1] < 1.2 * before[1]

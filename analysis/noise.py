@@ -7,6 +7,7 @@ white from the first sample on and across gaps, followed by the prediction-error
 floor rather than a long free filter: a hidden mode or a vibration of the frame must not be learned as noise.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -221,12 +222,17 @@ def _two_levels(power: Floats, shape: Floats) -> tuple[float, float]:
     b = max(float(np.sum(power) / np.sum(shape)) * 0.5, 1e-6 * a / float(np.mean(shape)))
     for _ in range(60):
         model = a + b * shape
-        part = np.stack([a / model, b * shape / model])
-        score = part @ (power / model - 1)
-        fisher = part @ part.T + 1e-9 * np.eye(2)
-        step = np.clip(np.linalg.solve(fisher, score), -1.0, 1.0)
-        a, b = a * float(np.exp(step[0])), b * float(np.exp(step[1]))
-        if np.max(np.abs(step)) < 1e-6:
+        first = a / model
+        second = 1 - first
+        excess = power / model - 1
+        # Two unknowns: the normal equations are solved by hand, which is quicker than calling for it.
+        score_a, score_b = float(first @ excess), float(second @ excess)
+        aa, ab, bb = float(first @ first) + 1e-9, float(first @ second), float(second @ second) + 1e-9
+        determinant = aa * bb - ab * ab
+        step_a = min(max((bb * score_a - ab * score_b) / determinant, -1.0), 1.0)
+        step_b = min(max((aa * score_b - ab * score_a) / determinant, -1.0), 1.0)
+        a, b = a * math.exp(step_a), b * math.exp(step_b)
+        if max(abs(step_a), abs(step_b)) < 1e-6:
             break
     return a, b
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from analysis.model.effects import named
 from analysis.model.response import Base
 
 Floats = NDArray[np.float64]
+_REMEMBERED = 8
 POOL = ThreadPoolExecutor(2)  # the kernels let go of the interpreter
 
 
@@ -66,8 +68,9 @@ class Hypothesis:
     rig: Rig
     effects: tuple[Kind, ...]
     fixed: Values = field(default_factory=dict)
+    _lately: dict[bytes, list[Floats]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    @property
+    @cached_property
     def knobs(self) -> list[tuple[str, Knob, int]]:
         """Get (effect, knob, shot or -1) of every searched effect parameter, in order."""
         out = [(kind.name, knob, -1) for kind in self.effects for knob in kind.shared]
@@ -85,7 +88,7 @@ class Hypothesis:
         """Get the length of the vector."""
         return self.offset + len(self.knobs)
 
-    @property
+    @cached_property
     def coordinates(self) -> Coordinates:
         """Get the map of base and own parameters."""
         shots = self.rig.shots
@@ -163,7 +166,10 @@ class Hypothesis:
         return Shot(shot.centre_s, base, point.own[index], point.values[index], shot.moving_mass_kg, optics)
 
     def displacement(self, z: Floats) -> list[Floats]:
-        """Return every shot's averaged displacement at a vector."""
+        """Return every shot's averaged displacement at a vector; one of the last few is remembered, not solved anew."""
+        known = self._lately.get(z.tobytes())
+        if known is not None:
+            return known
         point = self.unpack(z)
         return list(
             POOL.map(
@@ -177,9 +183,17 @@ class Hypothesis:
         By the model's own tangents, or, not ``exact``, by forward differences of quick trajectories where something
         acts on the motion: right to parts in a hundred, good for the first steps of a search.
         """
-        if has_tangents(self) and (exact or not any(named(kind.name).kernel for kind in self.effects)):
-            return list(POOL.map(lambda i: linearised_shot(self, i, z), range(len(self.rig.shots))))
-        return list(POOL.map(lambda i: self._differenced_shot(i, z), range(len(self.rig.shots))))
+        tangents = has_tangents(self) and (exact or not any(named(kind.name).kernel for kind in self.effects))
+        out = list(
+            POOL.map(
+                lambda i: linearised_shot(self, i, z) if tangents else self._differenced_shot(i, z),
+                range(len(self.rig.shots)),
+            )
+        )
+        while len(self._lately) >= _REMEMBERED:
+            del self._lately[next(iter(self._lately))]
+        self._lately[z.tobytes()] = [x for x, _ in out]
+        return out
 
     def touches(self, column: int, shot: int) -> bool:
         """Return whether a vector entry has a bearing on a shot."""
@@ -194,12 +208,18 @@ class Hypothesis:
         shot = self.rig.shots[index]
         point = self.unpack(z)
         here = shot.averaged(self.run(index, point).displacement_m)
-        rough = self.coarse(index, point)
+        run = self.run(index, point, coarse=True)
+        rough = run.displacement_m
         columns = np.zeros((rough.size, self.size))
         own = self.rig.count + 3 * index
+        # A later touch is the same motion later, unless the optics have a clock of their own.
+        later = all(named(kind.name).sensor is None for kind in self.effects)
         high = self.bounds[1]
         for column in range(self.size):
             if not self.touches(column, index) or column == own + 2:
+                continue
+            if column == own + 1 and later:
+                columns[:, column] = z[own] - run.velocity_m_per_s
                 continue
             step = 1e-4 if column < self.rig.count else 1e-3
             if column == own:

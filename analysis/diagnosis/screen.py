@@ -99,7 +99,10 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
     shots = at.fitted.hypothesis.rig.shots
     # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
     sensor = named(kind.name).sensor is not None
-    base = [_shown(at.fitted.hypothesis, i, point, sensor) for i in range(len(shots))]
+    before = f"base seen finely {sensor}"
+    if before not in at.done:
+        at.done[before] = [_shown(at.fitted.hypothesis, i, point, sensor) for i in range(len(shots))]
+    base = at.done[before]
     freedom = len(kind.shared) + len(kind.own) * len(shots)
 
     def column(start: Mapping[str, float]) -> list[Floats] | None:

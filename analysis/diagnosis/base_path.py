@@ -38,7 +38,10 @@ Places = NDArray[np.int64]
 # What a small effect can do: forces in N on block, on plate and between them, kg on the block, m and m/s of the contact
 # point.
 INPUTS = 6
+_INERTIA = 3
 _FORCE_N, _SHARE, _LENGTH, _SPEED = 1e-3, 1e-6, 1e-9, 1e-6  # steps of the differences
+_STILL, _HELD = 1e-5, 16  # share by which A may change over a step and still be held for so many more
+_ROUNDING = 1e-9  # of a row's largest number: what differences cannot show
 _SWING = 0.25  # radians a step may take
 MOST_PIECES = 24
 _NONE, _FRESH = -1, -2  # where a step begins: as the one before ended, or anew; otherwise the switch that was met
@@ -91,7 +94,7 @@ class BasePath:
 def base_path(collision: Collision, active: list[Active], time_s: Floats, steps: int = 1) -> BasePath:
     """Follow a collision with ``active`` effects (those with hidden states first) over ``time_s`` from time zero.
 
-    At least ``steps`` of them a sample.  About 1 us a step without effects, 3 us with some.  Raises Infeasible where
+    At least ``steps`` of them a sample.  About 1 to 2 us a step.  Raises Infeasible where
     the steps would be too many or the motion has no end.
     """
     hidden = sum(one.effect.hidden > 0 for one in active)
@@ -117,7 +120,7 @@ def base_path(collision: Collision, active: list[Active], time_s: Floats, steps:
     propagator, weights = np.empty((count, n, n)), np.empty((count, 3, n, INPUTS))
     told, kick, watch = np.empty((count, 3, kernel.STATES)), np.zeros((count, n)), np.zeros((count, n + 1))
     _propagators(
-        laid.p, laid.slots, laid.functions, hidden, len(active) == 0, states[:count], phases[:count], length, switch,
+        laid.p, laid.slots, laid.functions, hidden, states[:count], phases[:count], length, switch,
         propagator, weights, told, kick, watch,
     )  # fmt: skip
     linked = switch == _NONE
@@ -131,14 +134,15 @@ def _rates(z, out, p, slots, flags, functions, s, values, effect, told):  # type
 
 
 @tight
-def _tell(z, push, p, slots, flags, functions, s, values, effect, told, up, down, e, seen):  # type: ignore[no-untyped-def]
-    """Write what an effect is given at a state, and what more inertia does there; three evaluations of the rates."""
-    _rates(z, up, p, slots, flags, functions, s, values, effect, told)
+def _tell(z, p, slots, flags, functions, s, values, effect, told, up, e, seen):  # type: ignore[no-untyped-def]
+    """Write what an effect is given at a state, and what more inertia does there: -v'/m to v'."""
+    mass = _rates(z, up, p, slots, flags, functions, s, values, effect, told)
     for i in range(kernel.STATES):
         seen[i] = s[i]
     seen[kernel.Q] = seen[kernel.W] = seen[kernel.NEAR] = 0.0
-    _probe(SLOT_PARAMETERS + 3 * push + 2, 3, _SHARE * p[7], z, p, slots, flags, functions, s, values, effect, told,
-           up, down, e)  # fmt: skip
+    for i in range(e.shape[0]):
+        e[i, _INERTIA] = 0.0
+    e[1, _INERTIA] = -up[0, 1] / mass
 
 
 @tight
@@ -178,6 +182,20 @@ def _linearise(z, push, p, slots, flags, functions, s, values, effect, told, up,
 
 
 @tight
+def _alike(one, two):  # type: ignore[no-untyped-def]
+    """Return whether two matrices are the same but for what a step may change."""
+    for i in range(one.shape[0]):
+        size = 0.0
+        for j in range(one.shape[1]):
+            size = max(size, abs(one[i, j]))
+        for j in range(one.shape[1]):
+            inertia = one.shape[1] == INPUTS and j == _INERTIA  # known at every point
+            if not inertia and abs(one[i, j] - two[i, j]) > _STILL * abs(one[i, j]) + _ROUNDING * size:
+                return False
+    return True
+
+
+@tight
 def _propagate(a0, a1, a2, h, out, work, term):  # type: ignore[no-untyped-def]
     """Write the propagator over ``h`` by the classical Runge-Kutta method, A given at begin, middle and end."""
     n = a0.shape[0]
@@ -207,6 +225,7 @@ def _follow(  # type: ignore[no-untyped-def]
     """Write the steps' states, shape (m, 3, 1, size), flags and so on; return their number, -1: too many switches."""
     size, count = states.shape[3], slots.shape[0]
     k, work, new, z = np.zeros((4, 1, size)), np.zeros((1, size)), np.zeros((1, size)), np.zeros((1, size))
+    middle = np.zeros((1, size))
     s, values, effect, told = np.zeros(kernel.STATES), np.zeros(3), np.zeros(kernel.OUTPUTS), np.zeros((1, 3))
     flags = np.zeros(NEAR_0 + count)
     on, used = np.zeros(2 + count, dtype=np.bool_), np.zeros(2 + count, dtype=np.bool_)
@@ -243,15 +262,14 @@ def _follow(  # type: ignore[no-untyped-def]
         at, which = h, -1
         if forward:
             at, which = first_switch(z, new, h, p, slots, flags, functions, on, used, k, work, s, values, effect, told)
-        # To the middle and to the end (again: a switch may have cut the step short).
-        for part in range(3):
-            for j in range(size):
-                states[r, part, 0, j] = z[0, j]
-            if part > 0:
-                by = 0.5 * at * part
-                step(z, by, p, slots, flags, functions, k, work, new, s, values, effect, told)
-                for j in range(size if forward else 2):
-                    states[r, part, 0, j] = new[0, j]
+            if which >= 0:
+                step(z, at, p, slots, flags, functions, k, work, new, s, values, effect, told)
+        step(z, 0.5 * at, p, slots, flags, functions, k, work, middle, s, values, effect, told)
+        part = size if forward else 2  # before time zero only the block moves
+        for j in range(size):
+            states[r, 0, 0, j] = z[0, j]
+            states[r, 1, 0, j] = middle[0, j] if j < part else z[0, j]
+            states[r, 2, 0, j] = new[0, j] if j < part else z[0, j]
         for j in range(flags.size):
             phases[r, j] = flags[j]
         length[r], early[r], switch[r], sample[r] = at, not forward, met, -1
@@ -276,17 +294,18 @@ def _follow(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _propagators(  # type: ignore[no-untyped-def]
-    p, slots, functions, push, plain, states, phases, length, switch, propagator, weights, given, kick, watch
+    p, slots, functions, push, states, phases, length, switch, propagator, weights, given, kick, watch
 ):
-    """Write what a ``BasePath`` holds of every step; 1 to 3 us each.
+    """Write what a ``BasePath`` holds of every step; 0.5 to 3 us each, by how often A and E have to be computed.
 
-    ``plain``: without effects, so that A and E stand still between two switches.
+    Where they stood still over a step (most effects are linear within a phase) they are looked at again _HELD later.
     """
     size, n = states.shape[3], propagator.shape[1]
     up, down = np.zeros((1, size)), np.zeros((1, size))
     s, values, effect, told = np.zeros(kernel.STATES), np.zeros(3), np.zeros(kernel.OUTPUTS), np.zeros((1, 3))
     a, e = np.zeros((4, n, n)), np.zeros((3, n, INPUTS))  # at begin, middle, end; A at three quarters
     half, square, term = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    hold, resting = 0, False
     for r in range(length.size):
         linked, at, flags = switch[r] == _NONE, length[r], phases[r]
         if switch[r] >= 0:
@@ -302,33 +321,42 @@ def _propagators(  # type: ignore[no-untyped-def]
                 watch[r, 0], watch[r, 2], watch[r, n] = -1.0, 1.0, 1.0
                 for slot in range(push):
                     watch[r, 4 + 2 * slot] = slots[slot, MOVES]
-        for point in range(3):
-            if point == 0 and linked:
-                for j in range(n):
-                    for m in range(n):
-                        a[0, j, m] = a[2, j, m]
-                    for m in range(INPUTS):
-                        e[0, j, m] = e[2, j, m]
-                for j in range(kernel.STATES):
-                    given[r, 0, j] = given[r - 1, 2, j]
-                continue
-            z = states[r, point]
-            if point != 1 and not (plain and (linked or point == 2)):
-                _linearise(z, push, p, slots, flags, functions, s, values, effect, told, up, down, a[point], e[point])
-            _tell(z, push, p, slots, flags, functions, s, values, effect, told, up, down, e[point], given[r, point])
-        inertia = INPUTS - 3  # its column is known at every point
+        if linked:
+            for j in range(n):
+                for m in range(n):
+                    a[0, j, m] = a[2, j, m]
+                for m in range(INPUTS):
+                    e[0, j, m] = e[2, j, m]
+            for j in range(kernel.STATES):
+                given[r, 0, j] = given[r - 1, 2, j]
+        else:
+            z = states[r, 0]
+            _linearise(z, push, p, slots, flags, functions, s, values, effect, told, up, down, a[0], e[0])
+            _tell(z, p, slots, flags, functions, s, values, effect, told, up, e[0], given[r, 0])
+            hold, resting = 0, False
+        rested, resting = resting, hold > 0
+        if resting:
+            hold -= 1
+            for j in range(n):
+                for m in range(n):
+                    a[2, j, m] = a[0, j, m]
+                for m in range(INPUTS):
+                    e[2, j, m] = e[0, j, m]
+        else:
+            _linearise(
+                states[r, 2], push, p, slots, flags, functions, s, values, effect, told, up, down, a[2], e[2]
+            )  # fmt: skip
+            if _alike(a[0], a[2]) and _alike(e[0], e[2]):
+                hold = _HELD
         for j in range(n):
             for m in range(n):
-                if plain:
-                    a[2, j, m] = a[0, j, m]
                 a[1, j, m] = 0.5 * (a[0, j, m] + a[2, j, m])
                 a[3, j, m] = 0.5 * (a[1, j, m] + a[2, j, m])
             for m in range(INPUTS):
-                if m != inertia:
-                    if plain:
-                        e[2, j, m] = e[0, j, m]
-                    e[1, j, m] = 0.5 * (e[0, j, m] + e[2, j, m])
-        if plain and linked and abs(at - length[r - 1]) < 1e-9 * abs(at):
+                e[1, j, m] = 0.5 * (e[0, j, m] + e[2, j, m])
+        _tell(states[r, 1], p, slots, flags, functions, s, values, effect, told, up, e[1], given[r, 1])
+        _tell(states[r, 2], p, slots, flags, functions, s, values, effect, told, up, e[2], given[r, 2])
+        if resting and rested and abs(at - length[r - 1]) < 1e-9 * abs(at):
             for j in range(n):
                 for m in range(n):
                     propagator[r, j, m] = propagator[r - 1, j, m]

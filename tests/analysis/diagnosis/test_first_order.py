@@ -1,18 +1,26 @@
 """What the diagnosis takes small effects to do, to first order, against the difference of two solved trajectories."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from analysis.diagnosis import hypothesis, screen
+from analysis.diagnosis.compare import fit
 from analysis.diagnosis.first_order import Shot, along, path_of, responses, steps_for
+from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import kind_of
 from analysis.diagnosis.quick_shot import Optics, respond
+from analysis.diagnosis.samples import together
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
+from analysis.model.fitting import base_named
 from analysis.model.parameters import PAPER
 from tests.analysis.diagnosis.test_made_up import SLOSHING
+from tests.analysis.model.simulated import shot as simulated
 
 TIME_S = np.arange(1200) * 5e-5
 OPTICS = Optics(632.8e-9, 1e6)
@@ -27,6 +35,7 @@ HAVE: dict[str, Mapping[str, Mapping[str, float]]] = {
     "lag": {"demodulation_lag": {"time_s": 2e-5}},
 }
 MECHANICAL = [name for name, row in CATALOGUE.items() if row.kernel is not None and row.range_at < 0]
+LINEAR = ("block_mode", "second_plate_mode", "support_compliance", "viscoelastic_arm", "sloshing")
 
 
 def small(row: Effect, start: Mapping[str, float], size: float) -> dict[str, float]:
@@ -53,6 +62,8 @@ def check(row: Effect, have: Any, speed: float, points: int) -> None:
     for k in np.unique(np.linspace(0, len(starts) - 1, points).astype(int)):
         start = starts[k]
         found = responses(shot, path_of(shot, steps_for(shot, row, start)), row, [small(row, start, SMALL)])
+        if found is None and row.name not in LINEAR:
+            pytest.skip(f"{row.name} is not linear in its hidden state: its trajectories are solved one by one")
         assert found is not None
         wanted = difference(row, start, have, own)
         assert np.linalg.norm(found[:, 0] - wanted) < 0.02 * np.linalg.norm(wanted), start
@@ -103,3 +114,29 @@ def test_what_is_not_linear_in_its_hidden_state_has_no_first_order() -> None:
     )  # fmt: skip
     shot = Shot(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), {}, PAPER.block_mass_kg, OPTICS)
     assert along(path_of(shot, 1), row, PAPER, np.ones((1, 3)), TIME_S.size) is None
+
+
+def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    speeds = (-0.15, -0.40)
+    effects = {"block_mode": (2e-6, 870.0, 0.02)}
+    motions = [simulated(PAPER.at_speed(v), effects=effects, seed=i) for i, v in enumerate(speeds)]
+    rig = Rig(together(motions), base_named("paper"))
+    bare = Hypothesis(rig, ())
+    own = np.array([[v, 0.0123456, 3.1e-3] for v in speeds])
+    start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))
+    fitted = fit(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s))
+    kinds = [kind_of(CATALOGUE[name]) for name in LINEAR[:3]]
+    # The first order is that of a small effect: beside the contact's own swing a mode of 0.1 kg is not.
+    kinds = [
+        replace(kind, starts=tuple({**s, "mass_kg": 2.0} if kind.inverse else s for s in kind.starts[::5]))
+        for kind in kinds
+    ]
+    quick = [screen.scores(screen.projector(fitted), kind) for kind in kinds]
+    monkeypatch.setattr(screen, "MANY_STARTS", 10**9)
+    monkeypatch.setattr(hypothesis, "COARSE", 0.06)  # what both trajectories err must not stand in their difference
+    slow = [screen.scores(screen.projector(fitted), kind) for kind in kinds]
+    for one, other in zip(quick, slow, strict=True):
+        assert len(one) == len(other), one[0].kind.name
+        assert abs(one[0].start[0]["frequency_hz"] / other[0].start[0]["frequency_hz"] - 1) < 0.01
+        assert abs(one[0].gain - other[0].gain) < 0.02 * other[0].gain, one[0].kind.name
+    assert max(quick, key=lambda listed: listed[0].gain)[0].kind.name == "block_mode"

@@ -4,23 +4,29 @@ Every other effect is offered, its shape taken where it is weak, with the base p
 cannot imitate of the true remainder, in units of the noise, is how far apart the two are.
 """
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from instrument.bench.blind import Truth, clean_m, run, times_s
 from instrument.bench.effects import CATALOGUE
 from instrument.bench.strength import Tangents, base_tangents, remainder_m
 
 Floats = NDArray[np.float64]
+Mover = Callable[[str, Mapping[str, float]], Floats]
+Weak = Callable[[float, float], Mapping[str, float]]  # (frequency in Hz, damping ratio) to a weak line's parameters
 
 _THINNED = 4
 _WEAK = 1e-3  # of the usual size: still linear, far above rounding
-_BLOCK_HZ = np.geomspace(200.0, 4000.0, 32)
-_PLATE_HZ = np.geomspace(1000.0, 8000.0, 24)
-_CLAMP_HZ = np.geomspace(200.0, 4000.0, 16)
+_LINES_HZ = {
+    "block_mode": np.geomspace(200.0, 4000.0, 32),
+    "second_plate_mode": np.geomspace(200.0, 8000.0, 32),
+    "support_compliance": np.geomspace(200.0, 4000.0, 24),
+}
 _FRAME_HZ = np.geomspace(30.0, 2000.0, 110)
 _RELAXATION_S = np.geomspace(1e-4, 3e-2, 8)
 _RANGE_M = np.geomspace(5e-6, 3e-4, 5)
@@ -29,14 +35,14 @@ _RANGE_M = np.geomspace(5e-6, 3e-4, 5)
 def separation(truth: Truth, tangents: Tangents | None = None) -> dict[str, float]:
     """Return, for every catalogue effect that is not in ``truth``, the norm of what it cannot imitate, over the noise.
 
-    White noise of ``truth.noise.white_m``.  Cost: about 1.5 s a set of three.
+    White noise of ``truth.noise.white_m``.  Cost: about 3 s a set of three.
     """
     tangents = tangents or base_tangents(truth)
     whole = remainder_m(truth, tangents)
     # all but the chirp of the cyclic error is slow against a record's samples: every fourth tells as much
     views = {step: (whole[::step], _orthonormal(tangents.columns[::step])) for step in (1, _THINNED)}
-    least: dict[str, float] = {}
-    for name, shapes in _shapes(truth):
+
+    def rest(name: str, shapes: Floats) -> float:
         step = 1 if name == "cyclic_error" else _THINNED
         left, base = views[step]
         shapes = shapes[::step] if shapes.shape[0] == whole.size else shapes
@@ -45,9 +51,39 @@ def separation(truth: Truth, tangents: Tangents | None = None) -> dict[str, floa
         beyond = beyond / np.linalg.norm(beyond, axis=0)
         fitted = beyond @ np.linalg.lstsq(beyond, left, rcond=1e-6)[0]
         explained = float(fitted @ fitted)
-        rest = (step * max(float(left @ left) - explained, 0.0)) ** 0.5 / truth.noise.white_m
-        least[name] = min(rest, least.get(name, np.inf))
+        return float((step * max(float(left @ left) - explained, 0.0)) ** 0.5 / truth.noise.white_m)
+
+    least: dict[str, float] = {}
+    best_at: dict[str, float] = {}
+    moved = _mover(truth)
+    for name, hz, shapes in _shapes(truth, moved):
+        value = rest(name, shapes)
+        if value < least.get(name, np.inf):
+            least[name], best_at[name] = value, hz
+    own = [values["frequency_hz"] for values in truth.effects.values() if "frequency_hz" in values]
+    for name, weak in _LINES.items():
+        if name not in truth.effects:
+            # a line is narrower than any grid, and one line is best imitated by another at its own frequency
+            for hz in own or [best_at[name]]:
+                least[name] = min(least[name], _finest(_resting(name, weak, rest, moved), hz))
     return least
+
+
+def _resting(
+    name: str, weak: Weak, rest: Callable[[str, Floats], float], moved: Mover
+) -> Callable[[tuple[float, float]], float]:
+    return lambda at: rest(name, moved(name, weak(*at)))
+
+
+def _finest(rest: Callable[[tuple[float, float]], float], frequency_hz: float) -> float:
+    """Return the least ``rest`` of a line near ``frequency_hz``, its frequency and damping free."""
+    found = minimize(
+        lambda z: rest((frequency_hz * math.exp(0.01 * z[0]), min(0.3, 3e-3 * math.exp(z[1])))),
+        np.zeros(2),
+        method="Nelder-Mead",
+        options={"maxfev": 30, "xatol": 1e-2, "fatol": 1e-2, "initial_simplex": [[0.0, 0.0], [0.3, 0.0], [0.0, 1.5]]},
+    )
+    return float(found.fun)
 
 
 def _orthonormal(columns: Floats) -> Floats:
@@ -55,11 +91,8 @@ def _orthonormal(columns: Floats) -> Floats:
     return result
 
 
-def _shapes(truth: Truth) -> Iterator[tuple[str, Floats]]:
-    """Yield (name, columns): the directions in which a weak effect of that name can move the set.
-
-    Columns hold every sample, or every fourth already; effects of ``truth`` itself are left out.
-    """
+def _mover(truth: Truth) -> Mover:
+    """Return what gives the change of a set by a weak effect, shape (samples, 1)."""
     plain = replace(truth, effects={})
     shots = range(len(truth.speeds_m_per_s))
     base = [clean_m(plain, shot) for shot in shots]
@@ -68,44 +101,58 @@ def _shapes(truth: Truth) -> Iterator[tuple[str, Floats]]:
         weak = replace(truth, effects={name: dict(values)})
         return np.concatenate([clean_m(weak, shot) - base[shot] for shot in shots])[:, None]
 
+    return moved
+
+
+_LINES: Mapping[str, Weak] = {
+    "block_mode": lambda hz, damping: {"mass_kg": 4e-7, "frequency_hz": hz, "damping_ratio": damping},
+    "second_plate_mode": lambda hz, damping: {"mass_kg": 1.0, "frequency_hz": hz, "damping_ratio": damping},
+    "support_compliance": lambda hz, _damping: {"compliance_m_per_n": 1e-8, "frequency_hz": hz},
+}
+
+
+def _shapes(truth: Truth, moved: Mover) -> Iterator[tuple[str, float, Floats]]:
+    """Yield (name, frequency or 0, columns): the directions in which a weak effect of that name can move the set.
+
+    Columns hold every sample, or every fourth already; effects of ``truth`` itself are left out.
+    """
+    plain = replace(truth, effects={})
+    shots = range(len(truth.speeds_m_per_s))
+
     for name, known in CATALOGUE.items():
         if name in truth.effects:
             continue
         usual = {key: p.usual * (_WEAK if p.scales else 1.0) for key, p in known.items()}
-        if name == "block_mode":
-            for hz in _BLOCK_HZ:
-                yield name, moved(name, {**usual, "frequency_hz": hz, "damping_ratio": 0.005})
-        elif name == "second_plate_mode":
-            for hz in _PLATE_HZ:
-                yield name, moved(name, {"mass_kg": 1.0, "frequency_hz": hz, "damping_ratio": 0.01})
-        elif name == "support_compliance":
-            for hz in _CLAMP_HZ:
-                yield name, moved(name, {"compliance_m_per_n": 1e-8, "frequency_hz": hz})
+        if name in _LINES:
+            for hz in _LINES_HZ[name]:
+                yield name, hz, moved(name, _LINES[name](hz, 0.007))
         elif name == "viscoelastic_arm":
             for tau in _RELAXATION_S:
-                yield name, moved(name, {**usual, "relaxation_time_s": tau})
+                yield name, 0.0, moved(name, {**usual, "relaxation_time_s": tau})
         elif name == "adhesion":
             for reach in _RANGE_M:
-                yield name, moved(name, {**usual, "range_m": reach})
+                yield name, 0.0, moved(name, {**usual, "range_m": reach})
         elif name == "demodulation_lag":
-            yield name, moved(name, {"time_s": 5e-6})
+            yield name, 0.0, moved(name, {"time_s": 5e-6})
         elif name == "plate_motion":
-            yield name, _swinging(truth, base)
+            yield name, 0.0, _swinging(truth)
         elif name == "frame_vibration":
             time_s = times_s()[::_THINNED]
             for hz in _FRAME_HZ:
                 wave = np.column_stack((np.sin(2 * np.pi * hz * time_s), np.cos(2 * np.pi * hz * time_s)))
-                yield name, _one_a_shot([wave for _ in shots])
+                yield name, hz, _one_a_shot([wave for _ in shots])
         elif name == "cyclic_error":
             for order in (1.0, 2.0):
-                yield name, _cyclic(plain, order)
+                yield name, 0.0, _cyclic(plain, order)
         else:
-            yield name, moved(name, usual)
+            yield name, 0.0, moved(name, usual)
 
 
-def _swinging(truth: Truth, base: list[Floats]) -> Floats:
+def _swinging(truth: Truth) -> Floats:
     parts = []
-    for shot, still in enumerate(base):
+    plain = replace(truth, effects={})
+    for shot in range(len(truth.speeds_m_per_s)):
+        still = clean_m(plain, shot)
         columns = []
         for values in ((1e-6, 0.0), (0.0, 1e-8)):
             effects = {"plate_motion": {"velocity_m_per_s": values[0], "displacement_m": values[1]}}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted, finish, fit, search
+from analysis.diagnosis.compare import Fitted, finish, fit, search, whitened_residual
 from analysis.diagnosis.hypothesis import Hypothesis, Point, delay
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.screen import Projector, Score, fixed_of, projector, scores
@@ -25,6 +25,7 @@ WORTH_FITTING = 8.0  # of gain; a step that promises less never makes the fall t
 UNDER_THE_FLOOR = 3  # more, of those that would do best if the floor did not wander
 MOST_EFFECTS = 3
 _OF_THE_START = (1.0, 0.3, 0.1)
+_ROOM = 4  # steps at most
 
 
 @dataclass
@@ -105,7 +106,7 @@ def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *,
     for score in tried:
         if stop():
             raise Cancelled
-        trial = refit(here, score.kind, score.start, stop, evaluations=7, whole=False)
+        trial = refit(at, score.kind, score.start, stop)
         if trial is not None:
             quick.append((trial, score))
     quick.sort(key=lambda pair: pair[0].bic)
@@ -131,16 +132,9 @@ def _ranked(at: Projector, free: Sequence[Kind], stop: Stop) -> list[list[Score]
     return sorted(found, key=lambda listed: -listed[0].worth(at.left.size))
 
 
-def refit(
-    here: Fitted,
-    kind: Kind,
-    start: Sequence[Mapping[str, float]],
-    stop: Stop,
-    evaluations: int = 14,
-    *,
-    whole: bool = True,
-) -> Fitted | None:
-    """Fit ``here`` with one effect more from its start values a shot; None where there is no trajectory."""
+def refit(at: Projector, kind: Kind, start: Sequence[Mapping[str, float]], stop: Stop) -> Fitted | None:
+    """Fit quickly with one effect more from its start values a shot; None where there is no trajectory."""
+    here = at.fitted
     hypothesis = Hypothesis(
         here.hypothesis.rig,
         (*here.hypothesis.effects, kind),
@@ -154,13 +148,40 @@ def refit(
         own = point.own - [[0.0, delay({kind.name: given}), 0.0] for given in weaker]
         try:
             z = np.clip(hypothesis.pack(Point(point.base, own, values)), low, high)
-            if whole:
-                return fit(hypothesis, z, here.floor, evaluations=evaluations, cancelled=stop)
-            found = search(hypothesis, z, here.floor, evaluations=evaluations, exact=False, cancelled=stop)
-            return finish(hypothesis, found)
+            z = _made_room(at, hypothesis, z)
+            return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=7, exact=False, cancelled=stop))
         except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
             continue
     return None
+
+
+def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
+    """Return ``z`` with what was fitted before moved out of the new effect's way, by the derivatives at hand.
+
+    An effect may do a thousand times more than what it does beside the base parameters.
+    """
+    before = at.fitted.hypothesis
+    places = {(name, knob.name, shot): hypothesis.offset + k for k, (name, knob, shot) in enumerate(hypothesis.knobs)}
+    knobs = [places[name, knob.name, shot] for name, knob, shot in before.knobs]
+    moving = np.array([*range(before.offset), *knobs])
+    scale = np.linalg.norm(at.tangents, axis=0)
+    scale[scale == 0] = 1.0
+    low, high = hypothesis.bounds
+    left = whitened_residual(hypothesis, at.floor, z)
+    chi2 = float(left @ left)
+    for _ in range(_ROOM):
+        step, *_ = np.linalg.lstsq(at.tangents / scale, -left, rcond=1e-4)
+        there = z.copy()
+        there[moving] += step / scale
+        there = np.clip(there, low, high)
+        try:
+            left = whitened_residual(hypothesis, at.floor, there)
+        except Infeasible:
+            break
+        if not float(left @ left) < 0.99 * chi2:
+            break
+        z, chi2 = there, float(left @ left)
+    return z
 
 
 def _weakened(kind: Kind, values: Mapping[str, float], share: float) -> Mapping[str, float]:

@@ -13,6 +13,7 @@ from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import POOL, Hypothesis, Point, delay
 from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.lines import near_loud_lines, scan
 from analysis.diagnosis.samples import Samples
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
@@ -120,6 +121,8 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
         at.done[kind.name] = _columns(at, kind, kind.starts, column)
     starts, bare = at.done[kind.name]
     out = _linear(at, kind, starts, bare, freedom)
+    if "frequency_hz" in kind.starts[0]:
+        out += _linear(at, kind, *_columns(at, kind, near_loud_lines(at, kind), column), freedom)
     if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > WORTH_REFINING:
         finer = _between(out, kind)
         out += _linear(at, kind, *_columns(at, kind, finer, column), freedom)
@@ -286,39 +289,11 @@ def _own_amplitudes(
 def _vibration(at: Projector, kind: Kind) -> list[Score]:
     """Score a line of the frame: any amplitude and phase a shot, frequencies dense against 1 / record."""
     shots = at.fitted.hypothesis.rig.shots
-    length = max(shot.length_s for shot in shots)
-    grid, f = [], 2.5 / length
-    while f < min(2500.0, 0.4 / shots[0].spacing_s):
-        grid.append(f)
-        f += min(0.03 * f, 0.4 / length)
+    grid, total = scan(at)
     freedom = len(kind.shared) + len(shots)
     out = []
-    rows_before = 0
-    total = np.zeros(len(grid))
-    for shot in shots:
-        height = int(shot.valid.sum())
-        part = slice(rows_before, rows_before + height)
-        angle = 2 * np.pi * np.asarray(grid)[None, :] * shot.centre_s[:, None]
-        key = f"{kind.name} {part.start}"
-        if key not in at.done:
-            both = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-            at.done[key] = at.floor.whiten(both, shot.valid, shot.weight)
-        both = at.done[key]
-        own = at.basis[part]
-        # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
-        inner = own.T @ both
-        cross = both.T @ at.left[part]
-        c, s = slice(0, len(grid)), slice(len(grid), None)
-        a = np.einsum("ij,ij->j", both[:, c], both[:, c]) - np.einsum("ij,ij->j", inner[:, c], inner[:, c])
-        b = np.einsum("ij,ij->j", both[:, c], both[:, s]) - np.einsum("ij,ij->j", inner[:, c], inner[:, s])
-        d = np.einsum("ij,ij->j", both[:, s], both[:, s]) - np.einsum("ij,ij->j", inner[:, s], inner[:, s])
-        determinant = np.maximum(a * d - b * b, 1e-12 * a * d + 1e-300)
-        p, q = cross[c], cross[s]
-        x, y = (d * p - b * q) / determinant, (a * q - b * p) / determinant
-        total += x * p + y * q
-        rows_before += height
     for k in np.argsort(-total)[:8]:
-        f = grid[int(k)]
+        f = float(grid[int(k)])
         omega = 2 * math.pi * f
         blocks = []
         for index, shot in enumerate(shots):

@@ -67,6 +67,7 @@ class Problem:
         chi2 = float(stacked @ stacked)
         if not (np.isfinite(chi2) and np.all(np.isfinite(gradient))):
             raise Infeasible("the trajectory is not finite")
+
         def along(step: Floats) -> Floats:
             return np.concatenate([jacobian @ step[place] for place, jacobian in jacobians])
 

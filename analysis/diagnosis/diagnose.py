@@ -30,8 +30,10 @@ from analysis.shot import AnalysisError, Cancelled, Progress
 LEAST_LEAD = 6.0  # of the criterion over the runner-up
 # Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
 LEAST_OF_SEVERAL = 12.0
-# Beside something unexplained that is not its own misfit, an effect is named only if it is so much larger.
+# Beside something unexplained an effect is named only if it is so much larger: a law that misfits by a hundredth of
+# what it explains is still that law, to a per cent.
 CLEAR_OF_THE_REST = 2.0
+CLEAR_OF_A_MISFIT = 100.0
 
 
 def diagnose(
@@ -73,20 +75,24 @@ def diagnose(
     held = choose(rig, all_in_turn=best is not before) if hold_out is None else (hold_out,)
     best, told = _paying(before, best, held, trail, stop)
     tell("testing what is left", 0.7)
-    at, paying = _projector(best, trail), best
-    while faint := [n for n in best.names if n not in before.names and snr(best, at, n) < LEAST_SEPARATION]:
-        shorter = without(best, faint[0], trail, stop)
-        best = before if shorter is None or len(faint) == len(best.names) - len(before.names) == 1 else shorter
-        at = _projector(best, trail)
-    if best is not before and not pays(best, before):
-        best, at = before, _projector(before, trail)
+    paying = best
+    best, at = _without_the_faint(before, best, trail, stop)
+    while True:
+        rest = judge(best, at)
+        tell("telling look-alikes apart", 0.8)
+        found = [_found(best, at, n, rest, catalogue, trail, stop) for n in best.names if n not in before.names]
+        effects, verdict = _gates(found, rest, best)
+        unclear = [effect.name for effect in found if not _clear(effect, rest, CLEAR_OF_A_MISFIT)]
+        if effects or not rest.significant or len(unclear) in (0, len(found)):
+            break
+        # What little stays unexplained leaves those in doubt that are not much larger, and no others.
+        fewer = without(best, unclear[0], trail, stop)
+        if fewer is None:
+            break
+        best, at = fewer, projector(fewer)
     if best is not paying and told is not None:
         retold = foretell(best, held, best.floor, stop)
         told = (told[0], retold) if retold is not None else None
-    rest = judge(best, at)
-    tell("telling look-alikes apart", 0.8)
-    effects = [_found(best, at, name, rest, catalogue, trail, stop) for name in best.names if name not in before.names]
-    effects, verdict = _gates(effects, rest, best)
     after = best if effects else before
     left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(before, best)
     if after is before and best is not before:
@@ -220,23 +226,40 @@ def _paying(
     return before, (first, first) if first is not None else None
 
 
+def _without_the_faint(
+    before: Fitted, best: Fitted, trail: Trail, stop: Callable[[], bool]
+) -> tuple[Fitted, Projector]:
+    """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
+    at = _projector(best, trail)
+    while added := [name for name in best.names if name not in before.names]:
+        size, name = min((snr(best, at, name), name) for name in added)
+        if size >= (LEAST_OF_SEVERAL if len(added) > 1 else LEAST_SEPARATION):
+            break
+        best = (without(best, name, trail, stop) if len(added) > 1 else None) or before
+        at = _projector(best, trail)
+    if best is not before and not pays(best, before):
+        best, at = before, _projector(before, trail)
+    return best, at
+
+
 def _gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
     """Return the effects that may be named, and the verdict."""
     if not effects:
         return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
-    if len(effects) > 1 and any(effect.evidence["snr"] < LEAST_OF_SEVERAL for effect in effects):
-        return [], Verdict.UNEXPLAINED
     if not best.converged or rest.rough:
         return [], Verdict.UNEXPLAINED
     if not rest.significant:
         return effects, Verdict.EFFECT_FOUND
     # Several together imitate what none of them is, and a misfit says that the law is another one.
-    if len(effects) > 1 or rest.misfitting:
-        return [], Verdict.UNEXPLAINED
-    only = effects[0]
-    few = len(only.indistinguishable_from) <= words.UNDETERMINED
-    clear = few and only.evidence["snr"] > CLEAR_OF_THE_REST * rest.missed
+    doubtful = len(effects) > 1 or rest.misfitting
+    clear = all(_clear(effect, rest, CLEAR_OF_A_MISFIT if doubtful else CLEAR_OF_THE_REST) for effect in effects)
     return effects if clear else [], Verdict.UNEXPLAINED
+
+
+def _clear(effect: FoundEffect, rest: Remainder, times: float) -> bool:
+    """Return whether an effect is ``times`` as large as what stays unexplained, and not merely one of many."""
+    few = len(effect.indistinguishable_from) <= words.UNDETERMINED
+    return few and effect.evidence["snr"] > times * rest.missed
 
 
 def _unnamed(before: Fitted, best: Fitted) -> str:

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted, fit, square_of
+from analysis.diagnosis.compare import Fitted, search, square_of
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
-from analysis.model.least_squares import Infeasible, Square, minimise
+from analysis.model.least_squares import Infeasible, Square, covariance, minimise
 
 Floats = NDArray[np.float64]
 
@@ -70,8 +70,8 @@ def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Callable[[], bool])
     one = _subset(hypothesis, [held])
     try:
         begin = some.pack(Point(point.base, point.own[others], tuple(point.values[i] for i in others)))
-        trained = fit(some, begin, fitted.floor, evaluations=10, cancelled=stop)
-        learnt = trained.point
+        trained = search(some, begin, fitted.floor, evaluations=10, cancelled=stop)
+        learnt = some.unpack(trained.parameters)
         values = {name: dict(v) for name, v in point.values[held].items()}
         for name, knob, shot in some.knobs:
             if shot < 0:
@@ -81,7 +81,8 @@ def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Callable[[], bool])
         shared, learnt_at = _shared(one), _shared(some)
         low[shared] = high[shared] = z[shared]
         found = minimise(lambda at: square_of(one, floor, at), z, lower=low, upper=high, evaluations=10, tolerance=1e-2)
-        inverse = trained.inverse[learnt_at][:, learnt_at]
+        known = covariance(trained.square)
+        inverse = None if known is None else known[learnt_at][:, learnt_at]
         return one.full(one.unpack(found.parameters))[0], _surprise(one, found.square, shared, inverse)
     except (Infeasible, np.linalg.LinAlgError):
         return None
@@ -93,7 +94,7 @@ def _shared(hypothesis: Hypothesis) -> list[int]:
     return [*range(hypothesis.rig.count), *knobs]
 
 
-def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Floats) -> float:
+def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Floats | None) -> float:
     """Return -2 ln of the likelihood of a held-out shot, the shared parameters known to ``inverse`` from the others.
 
     What they do not know of them makes the shot less predictable, not the model wrong: the likelihood is that of the
@@ -106,7 +107,7 @@ def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Float
     bend = curvature[shared][:, shared] - into @ curvature[own][:, shared]
     pull = gradient[shared] - into @ gradient[own]
     extra = sum(shot >= 0 for _, _, shot in one.knobs) * np.log(square.samples)
-    if not np.all(np.isfinite(inverse)):
+    if inverse is None:
         return float(square.chi2 + extra)
     scale = np.sqrt(np.diag(inverse))
     values, vectors = np.linalg.eigh(inverse / np.outer(scale, scale))

@@ -9,6 +9,7 @@ import functools
 import json
 import multiprocessing
 import os
+import random
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -79,6 +80,7 @@ def _all(todo: list[Any], processes: int, keep: Path | None) -> Iterator[Any]:
     kept = _read(keep) if keep else {}
     yield from (kept[case] for case in todo if case in kept)
     left = [case for case in todo if case not in kept]
+    random.Random(0).shuffle(left)  # a run that is cut off is then a fair sample of all
     # spawned, and one thread each: a kernel's own threads would fight over the cores
     os.environ.setdefault("NUMBA_NUM_THREADS", "1")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

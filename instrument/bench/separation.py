@@ -78,7 +78,7 @@ def _resting(
 def _finest(rest: Callable[[tuple[float, float]], float], frequency_hz: float) -> float:
     """Return the least ``rest`` of a line near ``frequency_hz``, its frequency and damping free."""
     found = minimize(
-        lambda z: rest((frequency_hz * math.exp(0.01 * z[0]), min(0.3, 3e-3 * math.exp(z[1])))),
+        lambda z: rest((frequency_hz * math.exp(0.01 * np.clip(z[0], -5, 5)), 3e-3 * math.exp(np.clip(z[1], -6, 4.6)))),
         np.zeros(2),
         method="Nelder-Mead",
         options={"maxfev": 30, "xatol": 1e-2, "fatol": 1e-2, "initial_simplex": [[0.0, 0.0], [0.3, 0.0], [0.0, 1.5]]},

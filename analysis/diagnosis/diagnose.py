@@ -11,16 +11,17 @@ from analysis.diagnosis.compare import Fitted, finish, search
 from analysis.diagnosis.compare import fit as fit_hypothesis
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.errors import errors
-from analysis.diagnosis.explore import LEAST_FALL, Trail, explore, pays, without
+from analysis.diagnosis.explore import LEAST_FALL, Trail, explore, without
 from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.gates import CLEAR_OF_A_MISFIT, clear, pass_gates, paying, without_the_faint
 from analysis.diagnosis.held_out import Foretold, choose, foretell
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import Kind, kinds
-from analysis.diagnosis.remainder import Remainder, describe, judge
+from analysis.diagnosis.remainder import Remainder, describe, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.samples import together
 from analysis.diagnosis.screen import Projector, projector
-from analysis.diagnosis.separate import LEAST_SEPARATION, least_seen, separation, snr
+from analysis.diagnosis.separate import least_seen, separation
 from analysis.fit import Fit
 from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
@@ -28,12 +29,6 @@ from analysis.quantity import Quantity
 from analysis.shot import AnalysisError, Cancelled, Progress
 
 LEAST_LEAD = 6.0  # of the criterion over the runner-up
-# Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
-LEAST_OF_SEVERAL = 12.0
-# Beside something unexplained an effect is named only if it is so much larger: a law that misfits by a hundredth of
-# what it explains is still that law, to a per cent.
-CLEAR_OF_THE_REST = 2.0
-CLEAR_OF_A_MISFIT = 100.0
 
 
 def diagnose(
@@ -73,16 +68,16 @@ def diagnose(
         best, trail = explore(before, catalogue, stop)
     tell("foretelling a held-out shot", 0.55)
     held = choose(rig, all_in_turn=best is not before) if hold_out is None else (hold_out,)
-    best, told = _paying(before, best, held, trail, stop)
+    best, told = paying(before, best, held, trail, stop)
     tell("testing what is left", 0.7)
-    paying = best
-    best, at = _without_the_faint(before, best, trail, stop)
+    passed = best
+    best, at = without_the_faint(before, best, trail, stop)
     while True:
         rest = judge(best, at)
         tell("telling look-alikes apart", 0.8)
         found = [_found(best, at, n, rest, catalogue, trail, stop) for n in best.names if n not in before.names]
-        effects, verdict = _gates(found, rest, best)
-        unclear = [effect.name for effect in found if not _clear(effect, rest, CLEAR_OF_A_MISFIT)]
+        effects, verdict = pass_gates(found, rest, best)
+        unclear = [effect.name for effect in found if not clear(effect, rest, CLEAR_OF_A_MISFIT)]
         if effects or not rest.significant or len(unclear) in (0, len(found)):
             break
         # What little stays unexplained leaves those in doubt that are not much larger, and no others.
@@ -90,11 +85,11 @@ def diagnose(
         if fewer is None:
             break
         best, at = fewer, projector(fewer)
-    if best is not paying and told is not None:
+    if best is not passed and told is not None:
         retold = foretell(best, held, best.floor, stop)
         told = (told[0], retold) if retold is not None else None
     after = best if effects else before
-    left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(before, best)
+    left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(before, best, rest)
     if after is before and best is not before:
         told = (told[0], told[0]) if told else None
     tell("errors before and after", 0.9)
@@ -118,11 +113,6 @@ def diagnose(
     )
     tell("diagnosed", 1.0)
     return diagnosis
-
-
-def _projector(best: Fitted, trail: Trail) -> Projector:
-    """Return the fit's projector: that of the last round where it was this fit's, whose columns are done."""
-    return trail.last if trail.last is not None and trail.last.fitted is best else projector(best)
 
 
 def _base_fit(rig: Rig, motions: Sequence[Motion], model: str, fit: Fit | None, stop: Callable[[], bool]) -> Fitted:
@@ -197,76 +187,13 @@ def _found(
     return FoundEffect(name, parameters, evidence, tuple(others), words.found(name, parameters, others))
 
 
-Told = tuple[Foretold, Foretold]
-
-
-def _paying(
-    before: Fitted, best: Fitted, held: tuple[int, ...], trail: Trail, stop: Callable[[], bool]
-) -> tuple[Fitted, Told | None]:
-    """Return the fit without the effects that do not pay on the held-out shot, and what is foretold of it.
-
-    All foretelling is compared under the best fit's floor.
-    """
-    if not held:
-        return best, None
-    floor = best.floor
-    first = foretell(before, held, floor, stop)
-    while best is not before:
-        told = foretell(best, held, floor, stop)
-        if first is None or told is None:
-            return best, None
-        added = [name for name in best.names if name not in before.names]
-        if len(added) == 1:
-            return (best, (first, told)) if told.beats(first) else (before, (first, first))
-        shorter = [(f, foretell(f, held, floor, stop)) for f in (without(best, n, trail, stop) for n in added) if f]
-        worse = [(f.bic, f) for f, t in shorter if t is not None and not told.beats(t)]
-        if not worse:
-            return best, (first, told)
-        best = min(worse, key=lambda pair: pair[0])[1]
-    return before, (first, first) if first is not None else None
-
-
-def _without_the_faint(
-    before: Fitted, best: Fitted, trail: Trail, stop: Callable[[], bool]
-) -> tuple[Fitted, Projector]:
-    """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
-    at = _projector(best, trail)
-    while added := [name for name in best.names if name not in before.names]:
-        size, name = min((snr(best, at, name), name) for name in added)
-        if size >= (LEAST_OF_SEVERAL if len(added) > 1 else LEAST_SEPARATION):
-            break
-        best = (without(best, name, trail, stop) if len(added) > 1 else None) or before
-        at = _projector(best, trail)
-    if best is not before and not pays(best, before):
-        best, at = before, _projector(before, trail)
-    return best, at
-
-
-def _gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
-    """Return the effects that may be named, and the verdict."""
-    if not effects:
-        return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
-    if not best.converged or rest.rough:
-        return [], Verdict.UNEXPLAINED
-    if not rest.significant:
-        return effects, Verdict.EFFECT_FOUND
-    # Several together imitate what none of them is, and a misfit says that the law is another one.
-    doubtful = len(effects) > 1 or rest.misfitting
-    clear = all(_clear(effect, rest, CLEAR_OF_A_MISFIT if doubtful else CLEAR_OF_THE_REST) for effect in effects)
-    return effects if clear else [], Verdict.UNEXPLAINED
-
-
-def _clear(effect: FoundEffect, rest: Remainder, times: float) -> bool:
-    """Return whether an effect is ``times`` as large as what stays unexplained, and not merely one of many."""
-    few = len(effect.indistinguishable_from) <= words.UNDETERMINED
-    return few and effect.evidence["snr"] > times * rest.missed
-
-
-def _unnamed(before: Fitted, best: Fitted) -> str:
+def _unnamed(before: Fitted, best: Fitted, rest: Remainder) -> str:
     """Return what the model leaves over, and what would imitate it without being sure of a name."""
     added = [words.plain(name) for name in best.names if name not in before.names]
-    text = describe(before)
-    return f"{text}; best imitated by {' with '.join(added)}, which did not pass every test" if added else text
+    if not added:
+        return rest.text
+    beyond = looks_like(rest.misfit).replace("it looks", "what that leaves over looks")
+    return f"{describe(before)}; best imitated by {' with '.join(added)}, which did not pass every test{beyond}"
 
 
 def _errors(motions: Sequence[Motion], fitted: Fitted, floor: Floor) -> Errors:

@@ -2,8 +2,9 @@
 
 What a wrong effect leaves over is small and smooth, and a wandering floor swallows it.  So the fit is offered more
 freedom, shape by shape: the same parameters apart for every shot, an effect that is stronger after the turn than
-before, kinks and steps where the bodies meet, turn and part.  A right hypothesis has no use for any; the floor is
-learnt anew with each, so that the noise is not what the misfit made of it.
+before, kinks and steps where the bodies meet, turn and part, a force of any law of speed, place or bend (``laws``).  A
+right hypothesis has no use for any; the floor is learnt anew with each, so that the noise is not what the misfit made
+of it.
 """
 
 from collections.abc import Sequence
@@ -82,16 +83,16 @@ def worst(fitted: Fitted, at: Projector) -> Misfit:
     effects = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.knobs) if shot < 0]
     every = range(hypothesis.offset, hypothesis.size)
     fastest = max(abs(shot.course.velocity_in_m_per_s) for shot in shots)
-    shapes: dict[str, list[Floats]] = {"kinks": [_kinks(shot) for shot in shots]}
+    shapes: dict[str, list[Floats]] = {"kinks where the bodies meet, turn or part": [_kinks(shot) for shot in shots]}
     if len(shots) > 1:
-        shapes["plate and contact of every shot"] = _apart(at, base, len(shots))
+        shapes["plate and contact that differ from shot to shot"] = _apart(at, base, len(shots))
         shapes["kinks that grow with the speed"] = [
             _kinks(shot) * abs(shot.course.velocity_in_m_per_s) / fastest for shot in shots
         ]
         if effects:
-            shapes["effects of every shot"] = _apart(at, effects, len(shots))
+            shapes["an effect that differs from shot to shot"] = _apart(at, effects, len(shots))
     if hypothesis.knobs:
-        shapes["effects after the turn"] = [
+        shapes["an effect that is another one after the turn"] = [
             line[1][:, list(every)] * _after_turn(shot)[:, None] for line, shot in zip(at.lines, shots, strict=True)
         ]
     shapes |= free_laws(hypothesis, fitted.point)

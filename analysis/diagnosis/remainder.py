@@ -70,7 +70,7 @@ def judge(fitted: Fitted, at: Projector) -> Remainder:
     coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
     misfit = worst(fitted, at)
     loud = correlation > WORST_CORRELATION or ratio > WORST_RATIO or coherence > limit or misfit.significant
-    text = describe(fitted) if loud else "nothing is left that the noise does not do"
+    text = describe(fitted) + looks_like(misfit) if loud else "nothing is left that the noise does not do"
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
     return Remainder(coherence, limit, correlation, ratio, text, size, misfit)
 
@@ -167,6 +167,11 @@ def describe(fitted: Fitted) -> str:
     if line is not None:
         parts.append(f"a line stands at {line:.0f} Hz")
     return "; ".join(parts)
+
+
+def looks_like(misfit: Misfit | None) -> str:
+    """Return the freedom that is missed most, in words that continue a description, or nothing."""
+    return f"; it looks like {misfit.shape}" if misfit is not None and misfit.significant else ""
 
 
 def _nm(value: float) -> str:

@@ -1,0 +1,86 @@
+"""The gates an effect must pass to be named: it pays on held-out shots, stands out, and leaves nothing unlike it."""
+
+from collections.abc import Callable
+
+from analysis.diagnosis import words
+from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.explore import Trail, pays, without
+from analysis.diagnosis.held_out import Foretold, foretell
+from analysis.diagnosis.remainder import Remainder
+from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.diagnosis.screen import Projector, projector
+from analysis.diagnosis.separate import LEAST_SEPARATION, snr
+
+# Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
+LEAST_OF_SEVERAL = 12.0
+# Beside something unexplained an effect is named only if it is so much larger: a law that misfits by a hundredth of
+# what it explains is still that law, to a per cent.
+CLEAR_OF_THE_REST = 2.0
+CLEAR_OF_A_MISFIT = 100.0
+
+Told = tuple[Foretold, Foretold]
+
+
+def paying(
+    before: Fitted, best: Fitted, held: tuple[int, ...], trail: Trail, stop: Callable[[], bool]
+) -> tuple[Fitted, Told | None]:
+    """Return the fit without the effects that do not pay on the held-out shot, and what is foretold of it.
+
+    All foretelling is compared under the best fit's floor.
+    """
+    if not held:
+        return best, None
+    floor = best.floor
+    first = foretell(before, held, floor, stop)
+    while best is not before:
+        told = foretell(best, held, floor, stop)
+        if first is None or told is None:
+            return best, None
+        added = [name for name in best.names if name not in before.names]
+        if len(added) == 1:
+            return (best, (first, told)) if told.beats(first) else (before, (first, first))
+        shorter = [(f, foretell(f, held, floor, stop)) for f in (without(best, n, trail, stop) for n in added) if f]
+        worse = [(f.bic, f) for f, t in shorter if t is not None and not told.beats(t)]
+        if not worse:
+            return best, (first, told)
+        best = min(worse, key=lambda pair: pair[0])[1]
+    return before, (first, first) if first is not None else None
+
+
+def projector_of(best: Fitted, trail: Trail) -> Projector:
+    """Return the fit's projector: that of the last round where it was this fit's, whose columns are done."""
+    return trail.last if trail.last is not None and trail.last.fitted is best else projector(best)
+
+
+def without_the_faint(before: Fitted, best: Fitted, trail: Trail, stop: Callable[[], bool]) -> tuple[Fitted, Projector]:
+    """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
+    at = projector_of(best, trail)
+    while added := [name for name in best.names if name not in before.names]:
+        size, name = min((snr(best, at, name), name) for name in added)
+        if size >= (LEAST_OF_SEVERAL if len(added) > 1 else LEAST_SEPARATION):
+            break
+        best = (without(best, name, trail, stop) if len(added) > 1 else None) or before
+        at = projector_of(best, trail)
+    if best is not before and not pays(best, before):
+        best, at = before, projector_of(before, trail)
+    return best, at
+
+
+def pass_gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
+    """Return the effects that may be named, and the verdict."""
+    if not effects:
+        return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
+    if not best.converged or rest.rough:
+        return [], Verdict.UNEXPLAINED
+    if not rest.significant:
+        return effects, Verdict.EFFECT_FOUND
+    # Several together imitate what none of them is, and a misfit says that the law is another one.
+    doubtful = len(effects) > 1 or rest.misfitting
+    certain = all(clear(effect, rest, CLEAR_OF_A_MISFIT if doubtful else CLEAR_OF_THE_REST) for effect in effects)
+    return effects if certain else [], Verdict.UNEXPLAINED
+
+
+def clear(effect: FoundEffect, rest: Remainder, times: float) -> bool:
+    """Return whether an effect is ``times`` as large as what stays unexplained, and not merely one of many."""
+    few = len(effect.indistinguishable_from) <= words.UNDETERMINED
+    return few and effect.evidence["snr"] > times * rest.missed

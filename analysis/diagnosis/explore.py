@@ -57,7 +57,8 @@ def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int =
     here = start
     for _ in range(most):
         best = extend(here, catalogue, trail, stop, first=here is start)
-        if best is None or not pays(best, here):
+        # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
+        if best is None or here.bic - best.bic < LEAST_FALL:
             break
         here = polish(prune(best, start, trail, stop), trail, stop)
     return here, trail

@@ -44,7 +44,7 @@ def diagnose(
     """Diagnose ``motions`` (one or several shots of one rig) against the base ``model`` with ``accepted`` effects.
 
     ``fit`` is a joint base fit of these motions, where there is one already; ``hold_out`` the index of the shot that
-    is foretold from the others (default: each in turn of three or more, the slower of two, none of one).
+    is foretold from the others (default: the slowest, a middle one and the fastest in turn, of two the slower).
     Everything is judged in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there
     is nothing to judge, Cancelled when asked to stop.
     """
@@ -67,7 +67,7 @@ def diagnose(
         before = again
         best, trail = explore(before, catalogue, stop)
     tell("foretelling a held-out shot", 0.55)
-    held = choose(rig, all_in_turn=best is not before) if hold_out is None else (hold_out,)
+    held = choose(rig, in_turn=best is not before) if hold_out is None else (hold_out,)
     best, told = paying(before, best, held, trail, stop)
     tell("testing what is left", 0.7)
     passed = best

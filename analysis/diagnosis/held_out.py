@@ -31,10 +31,11 @@ class Foretold:
         return self.surprise < other.surprise and self.rms_m < 1.02 * other.rms_m
 
 
-def choose(rig: Rig, *, all_in_turn: bool = True) -> tuple[int, ...]:
-    """Return the shots to hold out, one at a time: of two the slower, of more each in turn, or the middle speed alone.
+def choose(rig: Rig, *, in_turn: bool = True) -> tuple[int, ...]:
+    """Return the shots to hold out, one at a time: of two the slower, of more the slowest, a middle one, the fastest.
 
-    A middle speed is foretold by interpolation, which a wrong model may do well: it serves where nothing is decided.
+    Not ``in_turn``: the middle one alone.  It is foretold by interpolation, which a wrong model may do well: that
+    serves where nothing is decided.
     """
     speeds = [abs(shot.course.velocity_in_m_per_s) for shot in rig.shots]
     order = [int(i) for i in np.argsort(speeds)]
@@ -42,7 +43,8 @@ def choose(rig: Rig, *, all_in_turn: bool = True) -> tuple[int, ...]:
         return ()
     if len(order) == 2:
         return (order[0],)
-    return tuple(range(len(order))) if all_in_turn else (order[len(order) // 2],)
+    middle = order[len(order) // 2]
+    return tuple(sorted((order[0], middle, order[-1]))) if in_turn else (middle,)
 
 
 def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Callable[[], bool]) -> Foretold | None:

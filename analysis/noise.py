@@ -124,6 +124,9 @@ class Noise:
         return np.asarray(2 * self.sample_interval_s * plain / np.abs(response) ** 2)
 
 
+_LINE = 16.0  # times its floor: above what chance does in thousands of bins (e^-16 each)
+
+
 def white(std_m: float, sample_interval_s: float = 1e-5, *, samples: int = 0, trusted: bool = True) -> Noise:
     """Return white noise of the given standard deviation."""
     return Noise(std_m, 0.0, 1.0, np.ones(1), sample_interval_s, samples, trusted)
@@ -135,7 +138,8 @@ def estimate(incoming: Floats, outgoing: Floats, sample_interval_s: float, *, or
     A polynomial of degree ``trend`` is taken out of each (the flight, and drags too slow to tell from it).  White
     level and floor maximise Whittle's likelihood of the periodograms; where the stretches are too short to show the
     floor's corner, the longest correlation time they allow is taken, which errs towards larger uncertainties.  The
-    outgoing flight is learned from only where it is as quiet as the incoming one: what rings in it may be an effect.
+    outgoing flight is learned from only where it is as quiet as the incoming one, or wanders without a line where the
+    incoming one is too short to show a floor: what rings in it may be an effect.
     With fewer than MIN_QUIET_SAMPLES in all, white noise from third differences is given, not ``trusted``.
     """
     pieces = [np.asarray(p, dtype=np.float64) for p in (incoming, outgoing)]
@@ -151,9 +155,13 @@ def estimate(incoming: Floats, outgoing: Floats, sample_interval_s: float, *, or
     if len(long) == 2:
         angle, power, _ = spectra[1]
         expected = _density(angle, noise.white_std_m**2, noise.floor_std_m**2, noise._memory)
-        low = angle < 0.1 * np.pi
-        if all(_alike(power / expected, part, spectra[0][0] < 0.1 * np.pi) for part in (low, ~low)):
-            noise = _structured(spectra, sample_interval_s)
+        low, low_in = angle < 0.1 * np.pi, spectra[0][0] < 0.1 * np.pi
+        both = _structured(spectra, sample_interval_s)
+        shown = _density(angle, both.white_std_m**2, both.floor_std_m**2, both._memory)
+        # A few milliseconds may not show a floor that the longer flight does; a line above it is no floor.
+        floor = noise.floor_std_m == 0 and both.floor_std_m > 0 and float(np.max(power / shown)) < _LINE
+        if _alike(power / expected, ~low, low_in) and (floor or _alike(power / expected, low, low_in)):
+            noise = both
         else:
             long = long[:1]
     return _coloured(noise, [detrended(p, trend) for p in long], order)

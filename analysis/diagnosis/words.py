@@ -42,8 +42,9 @@ def quantity(name: str, value: Quantity) -> str:
 
 
 def found(name: str, parameters: Mapping[str, Quantity], others: Sequence[str]) -> str:
-    """Return the sentence of one found effect."""
-    numbers = ", ".join(f"{stem(key)} {quantity(key, q)}" for key, q in parameters.items())
+    """Return the sentence of one found effect; a phase, every shot's own, is for the table of parameters."""
+    told = {key: q for key, q in parameters.items() if not key.startswith("phase_rad")}
+    numbers = ", ".join(f"{stem(key)} {quantity(key, q)}" for key, q in told.items())
     if len(others) > UNDETERMINED:
         return f"a further small effect whose form this data does not determine (best as {plain(name)}: {numbers})"
     if others:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
+from instrument.apart.give_way import give_way
 from instrument.apart.messages import About, Answer, Came, Fault, Order
 from instrument.apart.shared_ring import SharedRing
 from instrument.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
@@ -65,8 +66,8 @@ class _Child:
         status = 0
         try:
             about = self._about()
-            if about.capabilities is not None and about.capabilities.simulated and hasattr(os, "nice"):
-                os.nice(5)  # a real device computes elsewhere: its twin gives way to the screen
+            if about.capabilities is not None and about.capabilities.simulated:
+                give_way(5)  # a real device computes elsewhere: its twin gives way to the screen
             self._answers.send(Answer(OPENED, about))
             while not self._ending.is_set():
                 self._turn()

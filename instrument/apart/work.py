@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from analysis.shot import AnalysisError, Cancelled, Progress
+from instrument.apart.give_way import give_way
 from instrument.recording_error import RecordingError, one_line
 
 HEEDS_S = 5.0  # a child that looks at a cancellation later than this is ended: it may still be loading, or starved
@@ -153,8 +154,7 @@ class WorkApart:
 def _serve(warm: Callable[[], object] | None, tasks: Connection, news: Connection) -> None:
     """Do what comes until the parent is gone; the whole life of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C reaches the whole group: the parent ends in good order
-    if hasattr(os, "nice"):
-        os.nice(10)  # samples and screen come first
+    give_way(10)  # samples and screen come first
     waiting: queue.SimpleQueue[_Task] = queue.SimpleQueue()
     dropped: set[int] = set()
 

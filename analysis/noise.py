@@ -156,15 +156,20 @@ def estimate(incoming: Floats, outgoing: Floats, sample_interval_s: float, *, or
         angle, power, _ = spectra[1]
         expected = _density(angle, noise.white_std_m**2, noise.floor_std_m**2, noise._memory)
         low, low_in = angle < 0.1 * np.pi, spectra[0][0] < 0.1 * np.pi
-        both = _structured(spectra, sample_interval_s)
-        shown = _density(angle, both.white_std_m**2, both.floor_std_m**2, both._memory)
-        # A few milliseconds may not show a floor that the longer flight does; a line above it is no floor.
-        floor = noise.floor_std_m == 0 and both.floor_std_m > 0 and float(np.max(power / shown)) < _LINE
-        if _alike(power / expected, ~low, low_in) and (floor or _alike(power / expected, low, low_in)):
+        both = _structured(spectra, sample_interval_s) if _alike(power / expected, ~low, low_in) else None
+        if both is not None and (_alike(power / expected, low, low_in) or _only_shown(noise, both, angle, power)):
             noise = both
         else:
             long = long[:1]
     return _coloured(noise, [detrended(p, trend) for p in long], order)
+
+
+def _only_shown(short: Noise, both: Noise, angle: Floats, power: Floats) -> bool:
+    """Return whether a longer flight shows a floor that a short one cannot; a line above it is no floor."""
+    if short.floor_std_m > 0 or both.floor_std_m == 0:
+        return False
+    shown = _density(angle, both.white_std_m**2, both.floor_std_m**2, both._memory)
+    return float(np.max(power / shown)) < _LINE
 
 
 def _alike(ratio: Floats, part: Mask, of_model: Mask) -> bool:

@@ -229,12 +229,7 @@ def _follow(  # type: ignore[no-untyped-def]
     s, values, effect, told = np.zeros(kernel.STATES), np.zeros(3), np.zeros(kernel.OUTPUTS), np.zeros((1, 3))
     flags = np.zeros(NEAR_0 + count)
     on, used = np.zeros(2 + count, dtype=np.bool_), np.zeros(2 + count, dtype=np.bool_)
-    start, attracts = entry(p, slots, used)
-    first = 0
-    while first < time_s.size and time_s[first] < 0.0:
-        first += 1
-    set_flags(on, slots, flags)
-    z[0, 0], z[0, 1] = start, p[4]
+    start, attracts, first = entry(time_s, z, p, slots, flags, on, used)
     t, i, switches, r, remaining, h = 0.0, first - 1, 0, 0, 0, 0.0
     forward, met = False, _FRESH
     while True:

@@ -192,7 +192,7 @@ def _unnamed(before: Fitted, best: Fitted, rest: Remainder) -> str:
     added = [words.plain(name) for name in best.names if name not in before.names]
     if not added:
         return rest.text
-    beyond = looks_like(rest.misfit).replace("it looks", "what that leaves over looks")
+    beyond = looks_like(rest.misfit, "what that leaves over")
     return f"{describe(before)}; best imitated by {' with '.join(added)}, which did not pass every test{beyond}"
 
 

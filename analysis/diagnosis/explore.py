@@ -167,13 +167,13 @@ def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
     moving = np.array([*range(before.offset), *knobs])
     scale = np.linalg.norm(at.tangents, axis=0)
     scale[scale == 0] = 1.0
+    giving_way = np.linalg.pinv(at.tangents / scale, rcond=1e-4)
     low, high = hypothesis.bounds
     left = whitened_residual(hypothesis, at.floor, z)
     chi2 = float(left @ left)
     for _ in range(_ROOM):
-        step, *_ = np.linalg.lstsq(at.tangents / scale, -left, rcond=1e-4)
         there = z.copy()
-        there[moving] += step / scale
+        there[moving] -= giving_way @ left / scale
         there = np.clip(there, low, high)
         try:
             left = whitened_residual(hypothesis, at.floor, there)

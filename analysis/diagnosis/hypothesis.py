@@ -146,20 +146,13 @@ class Hypothesis:
 
     def run(self, index: int, point: Point, coarse: bool = False) -> Run:
         """Return one shot's motion on the motion's grid (``coarse``: at the averaged samples' centres)."""
-        shot = self.rig.shots[index]
-        base = point.base if not self.rig.base.one_body else np.array([0.0, np.inf, *point.base])
-        return respond(
-            shot.centre_s if coarse else shot.time_s,
-            base,
-            point.own[index],
-            point.values[index],
-            shot.moving_mass_kg,
-            Optics(shot.wavelength_m, shot.factor / shot.spacing_s),
-            COARSE if coarse else FINE,
-        )
+        shot = self.seen_at(index, point)
+        time_s = shot.time_s if coarse else self.rig.shots[index].time_s
+        step = COARSE if coarse else FINE
+        return respond(time_s, shot.base, shot.own, shot.values, shot.mass_kg, shot.optics, step)
 
     def seen_at(self, index: int, point: Point) -> Shot:
-        """Return one shot at the averaged samples' centres, for what small effects do to it."""
+        """Return one shot's parameters, with the averaged samples' centres for its times."""
         shot = self.rig.shots[index]
         base = point.base if not self.rig.base.one_body else np.array([0.0, np.inf, *point.base])
         optics = Optics(shot.wavelength_m, shot.factor / shot.spacing_s)

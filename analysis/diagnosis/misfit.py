@@ -52,6 +52,9 @@ class Misfit:
         return self.gain > self.limit
 
 
+NOTHING = Misfit("nothing", 0.0, np.inf)
+
+
 def gain(fitted: Fitted, at: Projector, columns: Sequence[Floats]) -> tuple[float, int, Floor]:
     """Return twice the gain in log-likelihood of shapes (shot by shot, shape (n, k)), how many they really are.
 
@@ -83,11 +86,12 @@ def worst(fitted: Fitted, at: Projector) -> Misfit:
     effects = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.knobs) if shot < 0]
     every = range(hypothesis.offset, hypothesis.size)
     fastest = max(abs(shot.course.velocity_in_m_per_s) for shot in shots)
-    shapes: dict[str, list[Floats]] = {"kinks where the bodies meet, turn or part": [_kinks(shot) for shot in shots]}
+    kinks = [_kinks(shot) for shot in shots]
+    shapes: dict[str, list[Floats]] = {"kinks where the bodies meet, turn or part": kinks}
     if len(shots) > 1:
         shapes["plate and contact that differ from shot to shot"] = _apart(at, base, len(shots))
         shapes["kinks that grow with the speed"] = [
-            _kinks(shot) * abs(shot.course.velocity_in_m_per_s) / fastest for shot in shots
+            columns * abs(shot.course.velocity_in_m_per_s) / fastest for columns, shot in zip(kinks, shots, strict=True)
         ]
         if effects:
             shapes["an effect that differs from shot to shot"] = _apart(at, effects, len(shots))
@@ -102,7 +106,7 @@ def worst(fitted: Fitted, at: Projector) -> Misfit:
         factor = _WANDERING if floor.rms_m[0] > 0 else 1.0
         if width:
             found.append(Misfit(name, value, factor * float(chi2_law.isf(FALSE_ALARM / len(shapes), width)), width))
-    return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=Misfit("none", 0.0, np.inf))
+    return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=NOTHING)
 
 
 def _apart(at: Projector, columns: Sequence[int], shots: int) -> list[Floats]:

@@ -105,14 +105,22 @@ def first_switch(z, new, h, p, slots, flags, functions, on, used, k, work, s, va
 
 
 @inlined
-def entry(p, slots, used):  # type: ignore[no-untyped-def]
-    """Return where the block is at time zero and whether something attracts; marks the reaches as watched."""
+def entry(time_s, z, p, slots, flags, on, used):  # type: ignore[no-untyped-def]
+    """Return where the block is at time zero, whether something attracts, and the first sample not before it.
+
+    Writes the state and the flags from which the flight is followed backwards; marks the reaches as watched.
+    """
     start, attracts = p[5], False
     for slot in range(slots.shape[0]):
         if slots[slot, RANGE_AT] >= 0.0:
             used[REACH_0 + slot] = attracts = True
             start = max(start, _reach(slot, p, slots))
-    return start, attracts
+    first = 0
+    while first < time_s.size and time_s[first] < 0.0:
+        first += 1
+    set_flags(on, slots, flags)
+    z[0, 0], z[0, 1] = start, p[4]
+    return start, attracts, first
 
 
 @inlined
@@ -156,12 +164,7 @@ def integrate(time_s, p, slots, functions, size, pieces, apart, x, v, plate, cha
     count = slots.shape[0]
     flags = np.zeros(NEAR_0 + count)
     on, used = np.zeros(2 + count, dtype=np.bool_), np.zeros(2 + count, dtype=np.bool_)
-    start, attracts = entry(p, slots, used)
-    first = 0
-    while first < time_s.size and time_s[first] < 0.0:
-        first += 1
-    set_flags(on, slots, flags)
-    z[0, 0], z[0, 1] = start, p[4]
+    start, attracts, first = entry(time_s, z, p, slots, flags, on, used)
     t = 0.0
     for i in range(first - 1, -1, -1):
         step(z, time_s[i] - t, p, slots, flags, functions, k, work, new, s, values, effect, told)

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
 from analysis.diagnosis.compare import Fitted
-from analysis.diagnosis.misfit import Misfit, gain, worst
+from analysis.diagnosis.misfit import NOTHING, Misfit, gain, worst
 from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.screen import Projector
 
@@ -36,17 +36,17 @@ class Remainder:
     ratio: float
     text: str
     size: float = 0.0  # of a significant shared shape, in units of the noise
-    misfit: Misfit | None = None  # the freedom that the hypothesis misses most
+    misfit: Misfit = NOTHING  # the freedom that the hypothesis misses most
 
     @property
     def missed(self) -> float:
         """Get the size of whatever is significantly left, shared shape or misfit, in units of the noise."""
-        return max(self.size, self.misfit.size if self.misfit is not None and self.misfitting else 0.0)
+        return max(self.size, self.misfit.size if self.misfitting else 0.0)
 
     @property
     def misfitting(self) -> bool:
         """Return whether the hypothesis would need a freedom that it would not need if it were right."""
-        return self.misfit is not None and self.misfit.significant
+        return self.misfit.significant
 
     @property
     def rough(self) -> bool:
@@ -68,11 +68,10 @@ def judge(fitted: Fitted, at: Projector) -> Remainder:
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
     coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
-    misfit = worst(fitted, at)
-    loud = correlation > WORST_CORRELATION or ratio > WORST_RATIO or coherence > limit or misfit.significant
-    text = describe(fitted) + looks_like(misfit) if loud else "nothing is left that the noise does not do"
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
-    return Remainder(coherence, limit, correlation, ratio, text, size, misfit)
+    calm = "nothing is left that the noise does not do"
+    rest = Remainder(coherence, limit, correlation, ratio, calm, size, worst(fitted, at))
+    return replace(rest, text=describe(fitted) + looks_like(rest.misfit)) if rest.significant else rest
 
 
 def _correlation(white: Sequence[Floats]) -> float:
@@ -169,9 +168,9 @@ def describe(fitted: Fitted) -> str:
     return "; ".join(parts)
 
 
-def looks_like(misfit: Misfit | None) -> str:
-    """Return the freedom that is missed most, in words that continue a description, or nothing."""
-    return f"; it looks like {misfit.shape}" if misfit is not None and misfit.significant else ""
+def looks_like(misfit: Misfit, what: str = "it") -> str:
+    """Return the freedom that ``what`` misses most, in words that continue a description, or nothing."""
+    return f"; {what} looks like {misfit.shape}" if misfit.significant else ""
 
 
 def _nm(value: float) -> str:

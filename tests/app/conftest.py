@@ -13,3 +13,26 @@ def warm_kernels():
     from app.warm import Kernels
 
     Kernels().work(lambda what, share: None, lambda: False)
+
+
+@pytest.fixture
+def appeared(qapp):
+    """Return a function that lets something happen and returns the names of the windows that came up meanwhile."""
+    from PySide6.QtCore import QEvent, QObject
+    from PySide6.QtGui import QWindow
+
+    class Watch(QObject):
+        def eventFilter(self, thing, event):
+            if event.type() == QEvent.Type.Show and isinstance(thing, QWindow):
+                names.append(thing.objectName())
+            return False
+
+    names, watch = [], Watch()
+
+    def during(happening):
+        qapp.installEventFilter(watch)
+        happening()
+        qapp.removeEventFilter(watch)
+        return names
+
+    return during

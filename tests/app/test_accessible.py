@@ -1,8 +1,8 @@
 """The window without a mouse and without eyes: names, tooltips, the order of Tab, keys wherever the focus is."""
 
 import pytest
-from PySide6.QtCore import QEvent, QObject, Qt
-from PySide6.QtGui import QAccessible, QKeySequence, QWindow
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QAccessible, QKeySequence
 from PySide6.QtWidgets import (
     QAbstractButton,
     QAbstractItemView,
@@ -169,31 +169,24 @@ def test_a_sheet_gives_the_keyboard_back_when_it_goes(window, qtbot):
         assert QApplication.focusWidget() is table
 
 
-def test_nothing_but_the_window_ever_comes_up_and_the_keyboard_stays(window, qtbot):
-    panels, appeared = window.panels, []
-
-    class Watch(QObject):
-        def eventFilter(self, thing, event):
-            if event.type() == QEvent.Type.Show and isinstance(thing, QWindow):
-                appeared.append(thing.objectName())
-            return False
-
-    watch = Watch()
+def test_nothing_but_the_window_ever_comes_up_and_the_keyboard_stays(window, qtbot, appeared):
+    panels = window.panels
     shot = synthetic.shot("shot-3")
     found = synthetic.diagnosis(shot)
     panels.table.table.setFocus()
-    QApplication.instance().installEventFilter(watch)
-    for page in range(7):
-        panels.tabs.setCurrentIndex(page)
-        panels.diagnosis.show_diagnosis(found, [shot])
-        panels.diagnosis.show_diagnosis(found, [shot], ("quadratic_drag",))
-        panels.diagnosis.show_diagnosis(None, [])
-        panels.shot.show_shot(shot)
-        panels.compare.show_entries([])
-        panels.budget.show_shot(shot)
-        panels.setup.show_devices((), (), "bench")
-        panels.dress()
-        qtbot.wait(10)
-    QApplication.instance().removeEventFilter(watch)
-    assert appeared == []
+
+    def shown_on_every_page():
+        for page in range(7):
+            panels.tabs.setCurrentIndex(page)
+            panels.diagnosis.show_diagnosis(found, [shot])
+            panels.diagnosis.show_diagnosis(found, [shot], ("quadratic_drag",))
+            panels.diagnosis.show_diagnosis(None, [])
+            panels.shot.show_shot(shot)
+            panels.compare.show_entries([])
+            panels.budget.show_shot(shot)
+            panels.setup.show_devices((), (), "bench")
+            panels.dress()
+            qtbot.wait(10)
+
+    assert appeared(shown_on_every_page) == []
     assert QApplication.focusWidget() is panels.table.table

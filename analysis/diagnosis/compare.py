@@ -48,10 +48,10 @@ class Fitted:
         return self.hypothesis.size * math.log(self.samples) - 2 * self.log_likelihood
 
 
-def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats, *, exact: bool = True) -> Square:
+def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
     """Return the whitened sum of squares at ``z`` with its derivatives."""
     rows = []
-    for shot, (here, columns) in zip(hypothesis.rig.shots, hypothesis.linearised(z, exact=exact), strict=True):
+    for shot, (here, columns) in zip(hypothesis.rig.shots, hypothesis.linearised(z), strict=True):
         both = floor.whiten(np.column_stack([here - shot.displacement_m, columns]), shot.valid, shot.weight)
         if not np.all(np.isfinite(both)):
             raise Infeasible("the trajectory is not finite")
@@ -104,16 +104,12 @@ def search(
     floor: Floor,
     *,
     evaluations: int = 25,
-    exact: bool = True,
     cancelled: Callable[[], bool] | None = None,
 ) -> Minimum:
-    """Minimise with a given floor from ``z``; Infeasible where not even the start has a trajectory.
-
-    Not ``exact``: quickly, to see where a start leads.
-    """
+    """Minimise with a given floor from ``z``; Infeasible where not even the start has a trajectory."""
     low, high = hypothesis.bounds
     return minimise(
-        lambda at: square_of(hypothesis, floor, at, exact=exact),
+        lambda at: square_of(hypothesis, floor, at),
         z,
         lower=low,
         upper=high,
@@ -144,12 +140,11 @@ def fit(
     floor: Floor,
     *,
     evaluations: int = 25,
-    exact: bool = True,
     cancelled: Callable[[], bool] | None = None,
 ) -> Fitted:
     """Fit from ``z``: with the floor given, then once more with the floor that this leaves."""
-    first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, exact=exact, cancelled=cancelled))
+    first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled))
     again = max(8, evaluations // 2)
-    second = search(hypothesis, first.z, first.floor, evaluations=again, exact=exact, cancelled=cancelled)
+    second = search(hypothesis, first.z, first.floor, evaluations=again, cancelled=cancelled)
     final = finish(hypothesis, second)
     return final if final.log_likelihood >= first.log_likelihood else first

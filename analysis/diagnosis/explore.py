@@ -115,7 +115,7 @@ def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *,
     for place, (trial, _) in enumerate(quick):
         near = trial.bic < quick[0][0].bic + WORTH_FINISHING and place < REFITTED
         if near or place < 1 or (strong and place < 2):
-            trial = fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, exact=False, cancelled=stop)
+            trial = fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
         trail.keep(trial)
         if best is None or trial.bic < best.bic:
             best = trial
@@ -150,7 +150,7 @@ def refit(at: Projector, kind: Kind, start: Sequence[Mapping[str, float]], stop:
         try:
             z = np.clip(hypothesis.pack(Point(point.base, own, values)), low, high)
             z = _made_room(at, hypothesis, z)
-            return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=7, exact=False, cancelled=stop))
+            return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=7, cancelled=stop))
         except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
             continue
     return None

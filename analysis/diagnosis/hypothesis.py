@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.derivatives import has_tangents, linearised_shot
+from analysis.diagnosis.derivatives import has_tangents, linearised_shot, solved
 from analysis.diagnosis.first_order import Shot
 from analysis.diagnosis.knobs import Kind, Knob
 from analysis.diagnosis.quick_shot import COARSE, FINE, Optics, Run, Values, respond
@@ -135,7 +135,13 @@ class Hypothesis:
 
     def full(self, point: Point) -> list[Floats]:
         """Return every shot's displacement on the motion's grid."""
-        return [self.run(i, point).displacement_m for i in range(len(self.rig.shots))]
+        return [self.fine(i, point) for i in range(len(self.rig.shots))]
+
+    def fine(self, index: int, point: Point) -> Floats:
+        """Return one shot's displacement on the motion's grid: what is compared with data."""
+        if has_tangents(self):
+            return solved(self, index, point)[1].displacement_m
+        return self.run(index, point).displacement_m
 
     def coarse(self, index: int, point: Point) -> Floats:
         """Return one shot's displacement at the averaged samples' centres, quickly: right to parts in a thousand.
@@ -166,17 +172,17 @@ class Hypothesis:
         point = self.unpack(z)
         return list(
             POOL.map(
-                lambda i: self.rig.shots[i].averaged(self.run(i, point).displacement_m), range(len(self.rig.shots))
+                lambda i: self.rig.shots[i].averaged(self.fine(i, point)), range(len(self.rig.shots))
             )
         )
 
-    def linearised(self, z: Floats, *, exact: bool = True) -> list[tuple[Floats, Floats]]:
+    def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
         """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
 
-        By the model's own tangents, or, not ``exact``, by forward differences of quick trajectories where something
-        acts on the motion: right to parts in a hundred, good for the first steps of a search.
+        By the model's own tangents; where it has none, by forward differences of quick trajectories: right to parts
+        in a hundred.
         """
-        tangents = has_tangents(self) and (exact or not any(named(kind.name).kernel for kind in self.effects))
+        tangents = has_tangents(self)
         out = list(
             POOL.map(
                 lambda i: linearised_shot(self, i, z) if tangents else self._differenced_shot(i, z),

@@ -133,7 +133,7 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
 def _shown(hypothesis: Hypothesis, index: int, point: Point, sensor: bool) -> Floats:
     if not sensor:
         return hypothesis.coarse(index, point)
-    return hypothesis.rig.shots[index].averaged(hypothesis.run(index, point).displacement_m)
+    return hypothesis.rig.shots[index].averaged(hypothesis.fine(index, point))
 
 
 def _columns(

@@ -43,10 +43,11 @@ _WATCHED = 4  # xi, xi', F, v; then a range a slot
 
 @tight
 def _rates(z, out, rows, which, p, slots, flags, real, carrying, s, values, effect, cs, c_values, c_effect, told):  # type: ignore[no-untyped-def]
-    """Write d/dt of the state and of its derivatives, and tell what is watched."""
+    """Write d/dt of the state and of its derivatives, and tell what is watched; return the block's inertia in kg."""
     mass = state_rates(z, out, p, slots, flags, real, s, values, effect, told)
     if rows > 1:
         derivative_rates(z, out, rows, which, p, slots, flags, carrying, cs, c_values, c_effect, told, mass)
+    return mass
 
 
 @inlined
@@ -239,10 +240,12 @@ def _march(  # type: ignore[no-untyped-def]
             if slots[slot, RANGE_AT] >= 0.0:
                 flags[NEAR_0 + slot] = 1.0
     _expect(phase, variant, flags, slots, not forward, expected)
-    _rates(
+    inertia = _rates(
         z, k[0], rows, which, p, slots, flags, real, carrying,
         s, values, effect, cs, c_values, c_effect, told,
     )  # fmt: skip
+    if not inertia > 0.0:  # what rides inside outweighs the block
+        return -2
     events = 0
     if forward:
         event_time[0] = 0.0

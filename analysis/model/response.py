@@ -137,8 +137,13 @@ class Response:
     velocity_out: tuple[float, Floats] | None
 
 
-def respond(model: Model, shot: ShotData, shared: Floats, own: Floats, *, derivatives: bool = True) -> Response:
-    """Solve the model for one shot; ``own`` begins with (v_i, touch time, offset).  Infeasible where it cannot be."""
+def respond(
+    model: Model, shot: ShotData, shared: Floats, own: Floats, *, derivatives: bool = True, stride: float = 1.0
+) -> Response:
+    """Solve the model for one shot; ``own`` begins with (v_i, touch time, offset).  Infeasible where it cannot be.
+
+    ``stride`` is that of ``general.solve``.
+    """
     values = model.values(shared, own) if model.effects else {}
     start = (values.get("plate_motion.displacement_m", 0.0), values.get("plate_motion.velocity_m_per_s", 0.0))
     collision = model.base.collision(shared, own[0], shot.block_mass_kg, start)
@@ -152,7 +157,10 @@ def respond(model: Model, shot: ShotData, shared: Floats, own: Floats, *, deriva
     names = (*model.shared_names, *model.own_names)
     wanted = {name: _direction(model, active, name) for name in names} if derivatives else {}
     times = shot.time_s - own[1]
-    response = _general(collision, active, times, wanted, names) if active else _exact(collision, times, wanted, names)
+    if active:
+        response = _general(collision, active, times, wanted, names, stride)
+    else:
+        response = _exact(collision, times, wanted, names)
     sensors = [e for e in model.effects if e.sensor is not None]
     x, columns = response.displacement_m, response.derivatives
     if derivatives:
@@ -213,10 +221,13 @@ def _general(
     times: Floats,
     wanted: dict[str, int | None],
     names: Sequence[str],
+    stride: float,
 ) -> Response:
+    if general.swings(collision, active).every * (times[-1] - times[0]) > _MOST_RADIANS:
+        raise Infeasible("an effect would swing faster than any that a record can show")
     directions = [at for at in wanted.values() if at is not None]
     try:
-        run = general.solve(collision, active, times, directions=directions)
+        run = general.solve(collision, active, times, directions=directions, stride=stride)
     except (TooManyEvents, general.RunsAway) as why:
         raise Infeasible(str(why)) from why
     columns = np.zeros((times.size if wanted else 0, len(wanted)))

@@ -31,7 +31,9 @@ def has_tangents(hypothesis: "Hypothesis") -> bool:
     return all(named(kind.name).range_at < 0 for kind in hypothesis.effects)
 
 
-def solved(hypothesis: "Hypothesis", index: int, point: "Point", *, derivatives: bool = False) -> tuple[Model, Response]:
+def solved(
+    hypothesis: "Hypothesis", index: int, point: "Point", *, derivatives: bool = False
+) -> tuple[Model, Response]:
     """Return one shot's motion on the motion's own grid; Infeasible where there is none.
 
     Cost: 0.3 ms of the bare base model, 0.8 to 1.7 ms with mechanical effects; with derivatives 1 ms and 3 to 11 ms.

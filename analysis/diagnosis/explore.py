@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.screen import Projector, Score, fixed_of, projector, scores
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 LEAST_FALL = 10.0 + 2 * math.log(19)  # of the Bayesian information criterion, for an effect of so many to join
@@ -103,19 +105,18 @@ def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *,
         names = {score.kind.name for score in tried}
         other = _ranked(projector(here, still, at.lines), free, stop)[:UNDER_THE_FLOOR]
         tried += [listed[0] for listed in other if listed[0].kind.name not in names]
-    quick: list[tuple[Fitted, Score]] = []
-    for score in tried:
-        if stop():
-            raise Cancelled
-        trial = refit(at, score.kind, score.start, stop)
-        if trial is not None:
-            quick.append((trial, score))
-    quick.sort(key=lambda pair: pair[0].bic)
-    best: Fitted | None = None
-    for place, (trial, _) in enumerate(quick):
-        near = trial.bic < quick[0][0].bic + WORTH_FINISHING and place < REFITTED
+    refitted = side_by_side(lambda score: refit(at, score.kind, score.start, stop), tried)
+    quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
+
+    def finished(place: int) -> Fitted:
+        trial = quick[place]
+        near = trial.bic < quick[0].bic + WORTH_FINISHING and place < REFITTED
         if near or place < 1 or (strong and place < 2):
-            trial = fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
+            return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
+        return trial
+
+    best: Fitted | None = None
+    for trial in side_by_side(finished, range(len(quick))):
         trail.keep(trial)
         if best is None or trial.bic < best.bic:
             best = trial
@@ -124,13 +125,15 @@ def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *,
 
 def _ranked(at: Projector, free: Sequence[Kind], stop: Stop) -> list[list[Score]]:
     """Return the scores of every effect that has any, the one most worth its parameters first."""
-    found = []
-    for kind in free:
+
+    def scored(kind: Kind) -> list[Score]:
         if stop():
             raise Cancelled
-        if listed := scores(at, kind):
-            found.append(listed)
-    return sorted(found, key=lambda listed: -listed[0].worth(at.left.size))
+        return scores(at, kind)
+
+    # The longest first: nobody is left to work alone for long.
+    found = side_by_side(scored, sorted(free, key=lambda kind: -len(kind.starts)))
+    return sorted(filter(None, found), key=lambda listed: -listed[0].worth(at.left.size))
 
 
 def refit(at: Projector, kind: Kind, start: Sequence[Mapping[str, float]], stop: Stop) -> Fitted | None:
@@ -143,6 +146,8 @@ def refit(at: Projector, kind: Kind, start: Sequence[Mapping[str, float]], stop:
     )
     point = here.point
     low, high = hypothesis.bounds
+    if stop():
+        raise Cancelled
     for share in _OF_THE_START:  # a linear step may lead further than any trajectory goes
         weaker = [_weakened(kind, given, share) for given in start]
         values = tuple({**v, kind.name: given} for v, given in zip(point.values, weaker, strict=True))
@@ -219,7 +224,8 @@ def prune(fitted: Fitted, start: Fitted, trail: Trail, stop: Stop) -> Fitted:
         removable = [name for name in fitted.names if name not in start.names]
         if len(removable) < 2:
             return fitted
-        fewer = [f for f in (without(fitted, name, trail, stop) for name in removable) if f is not None]
+        tried = side_by_side(partial(without, fitted, trail=trail, stop=stop), removable)
+        fewer = [f for f in tried if f is not None]
         best = min(fewer, key=lambda f: f.bic, default=None)
         if best is None or pays(fitted, best):
             return fitted

@@ -10,6 +10,7 @@ from analysis.diagnosis.compare import Fitted, search, square_of
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.model.least_squares import Infeasible, Square, covariance, minimise
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 
@@ -53,8 +54,8 @@ def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Callable
     Only its start is fitted on the shot itself.  ``floor`` whitens it: give the same one to what is compared.
     """
     shown, surprise, off = [], 0.0, []
-    for shot in held:
-        told = _foretell(fitted, shot, floor, stop)
+    each = side_by_side(lambda shot: _foretell(fitted, shot, floor, stop), held)
+    for shot, told in zip(held, each, strict=True):
         if told is None:
             return None
         shown.append(told[0])

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,10 +16,10 @@ from analysis.diagnosis.samples import Samples
 from analysis.model.coordinates import Coordinates
 from analysis.model.effects import named
 from analysis.model.response import Base
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 _REMEMBERED = 8
-POOL = ThreadPoolExecutor(2)  # the kernels let go of the interpreter
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,11 +169,7 @@ class Hypothesis:
         if known is not None:
             return known
         point = self.unpack(z)
-        return list(
-            POOL.map(
-                lambda i: self.rig.shots[i].averaged(self.fine(i, point)), range(len(self.rig.shots))
-            )
-        )
+        return side_by_side(lambda i: self.rig.shots[i].averaged(self.fine(i, point)), range(len(self.rig.shots)))
 
     def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
         """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
@@ -183,11 +178,9 @@ class Hypothesis:
         in a hundred.
         """
         tangents = has_tangents(self)
-        out = list(
-            POOL.map(
-                lambda i: linearised_shot(self, i, z) if tangents else self._differenced_shot(i, z),
-                range(len(self.rig.shots)),
-            )
+        out = side_by_side(
+            lambda i: linearised_shot(self, i, z) if tangents else self._differenced_shot(i, z),
+            range(len(self.rig.shots)),
         )
         while len(self._lately) >= _REMEMBERED:
             del self._lately[next(iter(self._lately))]

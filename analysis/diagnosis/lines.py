@@ -21,9 +21,13 @@ def scan(at: "Projector") -> tuple[Floats, Floats]:
 
     Any amplitude and phase a shot.
     """
-    known = at.done.get("scan")
-    if known is not None and known[0] is at.left:  # projectors of one fit share what was done for it
-        return known[1], known[2]
+    known: tuple[Floats, Floats, Floats] = at.once("scan", lambda: (at.left, *_scan(at)))
+    if known[0] is not at.left:  # projectors of one fit share what was done for it
+        at.done["scan"] = known = (at.left, *_scan(at))
+    return known[1:]
+
+
+def _scan(at: "Projector") -> tuple[Floats, Floats]:
     shots = at.fitted.hypothesis.rig.shots
     length = max(shot.length_s for shot in shots)
     steps, f = [], 2.5 / length
@@ -54,7 +58,6 @@ def scan(at: "Projector") -> tuple[Floats, Floats]:
         p, q = cross[c], cross[s]
         x, y = (d * p - b * q) / determinant, (a * q - b * p) / determinant
         total += x * p + y * q
-    at.done["scan"] = (at.left, grid, total)
     return grid, total
 
 

@@ -19,6 +19,7 @@ from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.laws import free_laws
 from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.screen import Projector
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 FALSE_ALARM = 3e-3  # of all shapes together
@@ -101,8 +102,8 @@ def worst(fitted: Fitted, at: Projector) -> Misfit:
         ]
     shapes |= free_laws(hypothesis, fitted.point)
     found = []
-    for name, columns in shapes.items():
-        value, width, floor = gain(fitted, at, columns)
+    gains = side_by_side(lambda columns: gain(fitted, at, columns), shapes.values())
+    for name, (value, width, floor) in zip(shapes, gains, strict=True):
         factor = _WANDERING if floor.rms_m[0] > 0 else 1.0
         if width:
             found.append(Misfit(name, value, factor * float(chi2_law.isf(FALSE_ALARM / len(shapes), width)), width))

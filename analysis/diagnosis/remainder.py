@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
 from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.misfit import NOTHING, Misfit, gain, worst
 from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.screen import Projector
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 _CONTACT = np.array([0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0])  # knots, in contact times
@@ -117,11 +119,16 @@ def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
     """
     shots = fitted.hypothesis.rig.shots
     fastest = max(abs(s.course.velocity_in_m_per_s) for s in shots)
-    best, width = 0.0, 1
-    for power in _POWERS:
-        columns = [_bumps(shot) * (abs(shot.course.velocity_in_m_per_s) / fastest) ** power for shot in shots]
-        value, width, _ = gain(fitted, at, columns)
-        best = max(best, value)
+    bumps = [_bumps(shot) for shot in shots]
+
+    def gained(power: int) -> tuple[float, int, Floor]:
+        parts = zip(bumps, shots, strict=True)
+        columns = [bump * (abs(shot.course.velocity_in_m_per_s) / fastest) ** power for bump, shot in parts]
+        return gain(fitted, at, columns)
+
+    gains = side_by_side(gained, _POWERS)
+    best = max(0.0, *(value for value, _, _ in gains))
+    width = gains[-1][1]
     limit = _SMALL_SAMPLE * float(chi2_law.isf(FALSE_ALARM / len(_POWERS), width))
     return best, limit, width
 

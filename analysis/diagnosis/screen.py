@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,13 @@ from numpy.typing import NDArray
 from analysis.diagnosis import first_order
 from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import POOL, Hypothesis, Point, delay
+from analysis.diagnosis.hypothesis import Hypothesis, Point, delay
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.lines import near_loud_lines, scan
 from analysis.diagnosis.samples import Samples
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 MANY_STARTS = 8  # from here on a path with propagators costs less than a trajectory a start
@@ -56,11 +59,19 @@ class Projector:
     whole: Floats  # the whitened remainder, as it is
     lines: tuple[tuple[Floats, Floats], ...]  # averaged displacement and derivatives, shot by shot
     done: dict[str, Any] = field(default_factory=dict)  # whitened columns of effects already computed here
+    _doing: dict[str, Lock] = field(default_factory=dict)
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
         """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
         shots = self.fitted.hypothesis.rig.shots
         return np.concatenate([self.floor.whiten(c, s.valid, s.weight) for c, s in zip(columns, shots, strict=True)])
+
+    def once(self, key: str, make: Callable[[], Any]) -> Any:
+        """Return what is known under ``key``, made by the first who asks; others wait for it."""
+        with self._doing.setdefault(key, Lock()):
+            if key not in self.done:
+                self.done[key] = make()
+        return self.done[key]
 
     def projected(self, rows: Floats) -> Floats:
         """Return ``rows``, shape (rows, k), without what the fitted parameters span."""
@@ -100,10 +111,10 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
     shots = at.fitted.hypothesis.rig.shots
     # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
     sensor = named(kind.name).sensor is not None
-    before = f"base seen finely {sensor}"
-    if before not in at.done:
-        at.done[before] = [_shown(at.fitted.hypothesis, i, point, sensor) for i in range(len(shots))]
-    base = at.done[before]
+    base = at.once(
+        f"base seen finely {sensor}",
+        lambda: [_shown(at.fitted.hypothesis, i, point, sensor) for i in range(len(shots))],
+    )
     freedom = len(kind.shared) + len(kind.own) * len(shots)
 
     def column(start: Mapping[str, float]) -> list[Floats] | None:
@@ -149,7 +160,7 @@ def _columns(
         found = _first_order(at, kind, inside)
         if found is not None:
             return inside, found
-    each = list(POOL.map(column, inside))
+    each = side_by_side(column, inside)
     good = [(start, c) for start, c in zip(inside, each, strict=True) if c is not None]
     if not good:
         return [], np.empty((at.left.size, 0))
@@ -166,18 +177,16 @@ def _first_order(at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]
     def of_shot(index: int) -> Floats | None:
         out = np.empty((shots[index].time_s.size, len(starts)))
         for some in np.unique(steps):
-            key = f"path {index} {some}"
-            if key not in at.done:
-                at.done[key] = first_order.path_of(shots[index], int(some))
+            path = at.once(f"path {index} {some}", partial(first_order.path_of, shots[index], int(some)))
             which = np.flatnonzero(steps == some)
-            part = first_order.responses(shots[index], at.done[key], effect, [starts[int(k)] for k in which])
+            part = first_order.responses(shots[index], path, effect, [starts[int(k)] for k in which])
             if part is None:
                 return None
             out[:, which] = part
         return out
 
     try:
-        found = list(POOL.map(of_shot, range(len(shots))))
+        found = side_by_side(of_shot, range(len(shots)))
     except Infeasible:
         return None
     every = [columns for columns in found if columns is not None and np.all(np.isfinite(columns))]

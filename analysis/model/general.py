@@ -66,9 +66,10 @@ def solve(
     """Solve ``collision`` with mechanical ``effects`` at ``time_s``, shape (n,), ascending.
 
     ``directions`` are indices into ``parameters.kernel_order`` (0 to 6) and ``direction(slot, place)``, a slot being a
-    place in ``effects``; the block's mass (7) is not among them.  ``stride`` lengthens the steps: with 2 it takes 0.6 of
-    the time, and the displacement of a millimetre is right to 0.05 pm instead of 0.001 pm.  Before the touch only what acts on the block and
-    has no hidden state takes part: what rides inside has come to rest.  Raises TooManyEvents, RunsAway, ValueError.
+    place in ``effects``; the block's mass (7) is not among them.  Before the touch only what acts on the block and
+    has no hidden state takes part: what rides inside has come to rest.  ``stride`` lengthens the steps: 2 takes 0.6 of
+    the time and shows the displacement of a millimetre to 0.05 pm instead of 0.001 pm.
+    Raises TooManyEvents, RunsAway, ValueError.
     """
     from analysis.model import hybrid  # compiled on first use: the base model does without it
 

@@ -13,6 +13,7 @@ from analysis.model.effects.row import Effect, Parameter, Sensed
 from analysis.model.exact import Event, TooManyEvents, solve
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision, Floats, Variant
+from analysis.model.slots import swings
 from analysis.model.starts import Course
 from analysis.noise import Noise
 
@@ -223,7 +224,7 @@ def _general(
     names: Sequence[str],
     stride: float,
 ) -> Response:
-    if general.swings(collision, active).every * (times[-1] - times[0]) > _MOST_RADIANS:
+    if swings(collision, active).every * (times[-1] - times[0]) > _MOST_RADIANS:
         raise Infeasible("an effect would swing faster than any that a record can show")
     directions = [at for at in wanted.values() if at is not None]
     try:

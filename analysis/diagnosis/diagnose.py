@@ -20,8 +20,9 @@ from analysis.diagnosis.knobs import Kind, kinds
 from analysis.diagnosis.remainder import Remainder, describe, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.samples import together
+from analysis.diagnosis.rivals import apart, challenged, unmissed
 from analysis.diagnosis.screen import Projector, projector
-from analysis.diagnosis.separate import least_seen, separation
+from analysis.diagnosis.separate import Separation, least_seen
 from analysis.fit import Fit
 from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
@@ -71,11 +72,22 @@ def diagnose(
     best, told = paying(before, best, held, trail, stop)
     tell("testing what is left", 0.7)
     passed = best
+
+    def foretells(other: Fitted) -> bool:
+        if told is None:
+            return True
+        of_other = foretell(other, held, passed.floor, stop)
+        return of_other is not None and of_other.beats(told[0])
+
     best, at = without_the_faint(before, best, trail, stop)
+    best, at, far = challenged(before, best, at, catalogue, trail, foretells, stop)
+    rest = judge(best, at)
+    if rest.significant and best is not before:
+        best, at, rest = unmissed(best, at, rest, trail, foretells, stop)
+        far = apart(before, best, at, catalogue, stop)
+    tell("telling look-alikes apart", 0.8)
     while True:
-        rest = judge(best, at)
-        tell("telling look-alikes apart", 0.8)
-        found = [_found(best, at, n, rest, catalogue, trail, stop) for n in best.names if n not in before.names]
+        found = [_found(best, n, rest, far[n], trail, stop) for n in best.names if n not in before.names]
         effects, verdict = pass_gates(found, rest, best)
         unclear = [effect.name for effect in found if not clear(effect, rest, CLEAR_OF_A_MISFIT)]
         if effects or not rest.significant or len(unclear) in (0, len(found)):
@@ -85,6 +97,7 @@ def diagnose(
         if fewer is None:
             break
         best, at = fewer, projector(fewer)
+        rest, far = judge(best, at), apart(before, best, at, catalogue, stop)
     if best is not passed and told is not None:
         retold = foretell(best, held, best.floor, stop)
         told = (told[0], retold) if retold is not None else None
@@ -151,21 +164,14 @@ def _accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], st
 
 
 def _found(
-    best: Fitted,
-    at: Projector,
-    name: str,
-    remainder: Remainder,
-    catalogue: Sequence[Kind],
-    trail: Trail,
-    stop: Callable[[], bool],
+    best: Fitted, name: str, remainder: Remainder, far: Separation, trail: Trail, stop: Callable[[], bool]
 ) -> FoundEffect:
     """Return an effect with its evidence and with what else it may be."""
     if stop():
         raise Cancelled
     fewer = without(best, name, trail, stop)
     fall = fewer.bic - best.bic if fewer else 0.0
-    apart = separation(best, at, name, catalogue)
-    others = list(apart.too_close(remainder.size))
+    others = list(far.too_close(remainder.size))
     lead = np.inf
     kept = {n for n in best.names if n != name}
     for key, other in trail.fits.items():
@@ -178,9 +184,9 @@ def _found(
                 others.append(new)
     parameters = effect_parameters(best)[name]
     evidence = {
-        "snr": apart.snr,
+        "snr": far.snr,
         "delta_bic": -float(fall),
-        "least_separation": float(min(apart.from_other.values(), default=0.0)),
+        "least_separation": float(min(far.from_other.values(), default=0.0)),
     }
     if np.isfinite(lead):
         evidence["lead_over_runner_up"] = float(lead)

@@ -12,7 +12,8 @@ from analysis.diagnosis.screen import Projector, projector
 from analysis.diagnosis.separate import LEAST_SEPARATION, snr
 
 # Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
-LEAST_OF_SEVERAL = 12.0
+# Three fit anything smooth: a clamp that slips was plate damping, drift and tilt, the tilt of 18 to 26 noise norms.
+LEAST_OF = {1: LEAST_SEPARATION, 2: 12.0, 3: 30.0}
 # Beside something unexplained an effect is named only if it is so much larger: a law that misfits by a hundredth of
 # what it explains is still that law, to a per cent.
 CLEAR_OF_THE_REST = 2.0
@@ -57,7 +58,7 @@ def without_the_faint(before: Fitted, best: Fitted, trail: Trail, stop: Callable
     at = projector_of(best, trail)
     while added := [name for name in best.names if name not in before.names]:
         size, name = min((snr(best, at, name), name) for name in added)
-        if size >= (LEAST_OF_SEVERAL if len(added) > 1 else LEAST_SEPARATION):
+        if size >= LEAST_OF[min(len(added), max(LEAST_OF))]:
             break
         best = (without(best, name, trail, stop) if len(added) > 1 else None) or before
         at = projector_of(best, trail)

@@ -17,10 +17,14 @@ LEAST_SEPARATION = 5.0  # SNR sqrt(1 - cos^2)
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """``snr`` of an effect beside all other parameters, and for every other effect SNR sqrt(1 - cos^2)."""
+    """``snr`` of an effect beside all other parameters, and for every other effect SNR sqrt(1 - cos^2).
+
+    ``starts`` are the values a shot at which another one imitates it best.
+    """
 
     snr: float
     from_other: dict[str, float]
+    starts: dict[str, tuple[Mapping[str, float], ...]]
 
     def too_close(self, remainder: float = 0.0) -> tuple[str, ...]:
         """Return the effects that cannot be told from this one, closest first.
@@ -64,10 +68,13 @@ def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[Kin
     if fitted.hypothesis.rig.base.one_body:
         others = [k for k in others if k.one_body]
     distance: dict[str, float] = {}
+    starts: dict[str, tuple[Mapping[str, float], ...]] = {}
     for kind in others:
         listed = scores(alone, kind)
         distance[kind.name] = float(np.sqrt(max(0.0, whole - (listed[0].gain if listed else 0.0))))
-    return Separation(float(np.sqrt(whole)), distance)
+        if listed:
+            starts[kind.name] = listed[0].start
+    return Separation(float(np.sqrt(whole)), distance, starts)
 
 
 def _nothing(kind: Kind, values: Mapping[str, float]) -> dict[str, float]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from instrument.bench.blind import Truth, clean_m, run, times_s
 from instrument.bench.effects import CATALOGUE
@@ -28,14 +28,14 @@ _LINES_HZ = {
     "support_compliance": np.geomspace(200.0, 4000.0, 24),
 }
 _FRAME_HZ = np.geomspace(30.0, 2000.0, 110)
-_RELAXATION_S = np.geomspace(1e-4, 3e-2, 8)
-_RANGE_M = np.geomspace(5e-6, 3e-4, 5)
+_RELAXATION_S = np.geomspace(1e-4, 0.5, 24)
+_RANGE_M = np.geomspace(5e-6, 3e-3, 24)  # a reach ends sharply: what it imitates, it imitates at one only
 
 
 def separation(truth: Truth, tangents: Tangents | None = None) -> dict[str, float]:
     """Return, for every catalogue effect that is not in ``truth``, the norm of what it cannot imitate, over the noise.
 
-    White noise of ``truth.noise.white_m``.  Cost: about 3 s a set of three.
+    White noise of ``truth.noise.white_m``.  Cost: about 4 s a set of three.
     """
     tangents = tangents or base_tangents(truth)
     whole = remainder_m(truth, tangents)
@@ -56,16 +56,19 @@ def separation(truth: Truth, tangents: Tangents | None = None) -> dict[str, floa
     least: dict[str, float] = {}
     best_at: dict[str, float] = {}
     moved = _mover(truth)
-    for name, hz, shapes in _shapes(truth, moved):
+    for name, place, shapes in _shapes(truth, moved):
         value = rest(name, shapes)
         if value < least.get(name, np.inf):
-            least[name], best_at[name] = value, hz
+            least[name], best_at[name] = value, place
     own = [values["frequency_hz"] for values in truth.effects.values() if "frequency_hz" in values]
     for name, weak in _LINES.items():
         if name not in truth.effects:
             # a line is narrower than any grid, and one line is best imitated by another at its own frequency
             for hz in own or [best_at[name]]:
                 least[name] = min(least[name], _finest(_resting(name, weak, rest, moved), hz))
+    for name, free in _FREE.items():
+        if name not in truth.effects:
+            least[name] = min(least[name], _nearest(_resting_at(name, free, rest, moved), best_at[name]))
     return least
 
 
@@ -84,6 +87,21 @@ def _finest(rest: Callable[[tuple[float, float]], float], frequency_hz: float) -
         options={"maxfev": 30, "xatol": 1e-2, "fatol": 1e-2, "initial_simplex": [[0.0, 0.0], [0.3, 0.0], [0.0, 1.5]]},
     )
     return float(found.fun)
+
+
+def _resting_at(name: str, free: str, rest: Callable[[str, Floats], float], moved: Mover) -> Callable[[float], float]:
+    return lambda value: rest(name, moved(name, {**_usual_but_weak(name), free: value}))
+
+
+def _nearest(rest: Callable[[float], float], place: float) -> float:
+    """Return the least ``rest`` near ``place``, a grid's point."""
+    ends = (math.log(place / 1.4), math.log(place * 1.4))
+    found = minimize_scalar(lambda z: rest(math.exp(z)), bounds=ends, method="bounded", options={"maxiter": 12})
+    return float(found.fun)
+
+
+def _usual_but_weak(name: str) -> dict[str, float]:
+    return {key: p.usual * (_WEAK if p.scales else 1.0) for key, p in CATALOGUE[name].items()}
 
 
 def _orthonormal(columns: Floats) -> Floats:
@@ -110,28 +128,30 @@ _LINES: Mapping[str, Weak] = {
     "support_compliance": lambda hz, _damping: {"compliance_m_per_n": 1e-8, "frequency_hz": hz},
 }
 
+_FREE: Mapping[str, str] = {"viscoelastic_arm": "relaxation_time_s", "adhesion": "range_m"}
+
 
 def _shapes(truth: Truth, moved: Mover) -> Iterator[tuple[str, float, Floats]]:
-    """Yield (name, frequency or 0, columns): the directions in which a weak effect of that name can move the set.
+    """Yield (name, frequency, time or range or 0, columns): the directions in which a weak effect of that name can move the set.
 
     Columns hold every sample, or every fourth already; effects of ``truth`` itself are left out.
     """
     plain = replace(truth, effects={})
     shots = range(len(truth.speeds_m_per_s))
 
-    for name, known in CATALOGUE.items():
+    for name in CATALOGUE:
         if name in truth.effects:
             continue
-        usual = {key: p.usual * (_WEAK if p.scales else 1.0) for key, p in known.items()}
+        usual = _usual_but_weak(name)
         if name in _LINES:
             for hz in _LINES_HZ[name]:
                 yield name, hz, moved(name, _LINES[name](hz, 0.007))
         elif name == "viscoelastic_arm":
             for tau in _RELAXATION_S:
-                yield name, 0.0, moved(name, {**usual, "relaxation_time_s": tau})
+                yield name, tau, moved(name, {**usual, "relaxation_time_s": tau})
         elif name == "adhesion":
             for reach in _RANGE_M:
-                yield name, 0.0, moved(name, {**usual, "range_m": reach})
+                yield name, reach, moved(name, {**usual, "range_m": reach})
         elif name == "demodulation_lag":
             yield name, 0.0, moved(name, {"time_s": 5e-6})
         elif name == "plate_motion":

@@ -19,8 +19,9 @@ from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import Kind, kinds
 from analysis.diagnosis.remainder import Remainder, describe, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
-from analysis.diagnosis.samples import together
+from analysis.diagnosis.ripple import seen_finely
 from analysis.diagnosis.rivals import apart, challenged, unmissed
+from analysis.diagnosis.samples import together
 from analysis.diagnosis.screen import Projector, projector
 from analysis.diagnosis.separate import Separation, least_seen
 from analysis.fit import Fit
@@ -59,14 +60,13 @@ def diagnose(
     catalogue = kinds()
     tell("fitting the base model", 0.0)
     rig = Rig(together(motions), base_named(model))
-    base = _base_fit(rig, motions, model, fit, stop)
-    before = _accept(base, catalogue, accepted, stop)
+    fit_before = fit or fit_shots(motions, model=model, cancelled=stop)
+    before = _accept(_base_fit(rig, fit_before, stop), catalogue, accepted, stop)
     tell("scoring the catalogue", 0.15)
-    best, trail = explore(before, catalogue, stop)
-    again = trail.of(before.names)
-    if again is not None and again.bic < before.bic - 1.0:  # an effect's detour led the base itself to a better place
-        before = again
-        best, trail = explore(before, catalogue, stop)
+    before, best, trail = _explored(before, catalogue, stop)
+    if (finely := seen_finely(before, best, trail, motions, catalogue, stop)) is not None:
+        before, best, trail = finely
+        rig = best.hypothesis.rig
     tell("foretelling a held-out shot", 0.55)
     held = choose(rig, in_turn=best is not before) if hold_out is None else (hold_out,)
     best, told = paying(before, best, held, trail, stop)
@@ -128,9 +128,17 @@ def diagnose(
     return diagnosis
 
 
-def _base_fit(rig: Rig, motions: Sequence[Motion], model: str, fit: Fit | None, stop: Callable[[], bool]) -> Fitted:
-    """Return the base model's best fit at the diagnosis' rate, from a fit given or made."""
-    given = fit or fit_shots(motions, model=model, cancelled=stop)
+def _explored(before: Fitted, catalogue: Sequence[Kind], stop: Callable[[], bool]) -> tuple[Fitted, Fitted, Trail]:
+    """Return the fit before, the best with effects, and what was tried."""
+    best, trail = explore(before, catalogue, stop)
+    again = trail.of(before.names)
+    if again is not None and again.bic < before.bic - 1.0:  # an effect's detour led the base itself to a better place
+        return again, *explore(again, catalogue, stop)
+    return before, best, trail
+
+
+def _base_fit(rig: Rig, given: Fit, stop: Callable[[], bool]) -> Fitted:
+    """Return the base model's best fit at the diagnosis' rate, from one that is given."""
     names = rig.base.names
     own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
     point = Point(
@@ -180,6 +188,8 @@ def _found(
             gap = other.bic - best.bic
             lead = min(lead, gap)
             new = next(iter(swapped))
+            # Of look-alikes the one with fewer parameters is not the true one for that alone.
+            gap = min(gap, 2 * (best.log_likelihood - other.log_likelihood))
             if gap < LEAST_LEAD and new not in others:
                 others.append(new)
     parameters = effect_parameters(best)[name]

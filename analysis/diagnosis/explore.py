@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.compare import Fitted, finish, fit, search, whitened_residual
+from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, Point, delay
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.screen import Projector, Score, fixed_of, projector, scores
@@ -66,9 +67,14 @@ def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int =
     return here, trail
 
 
+def least_fall(floor: Floor) -> float:
+    """Return by how much an effect must lower the criterion to join, beside ``floor``."""
+    return LEAST_FALL_WANDERING if floor.rms_m[0] > 0 else LEAST_FALL
+
+
 def pays(fitted: Fitted, fewer: Fitted) -> bool:
     """Return whether a fit is worth its effects more than ``fewer`` has."""
-    return fewer.bic - fitted.bic >= (LEAST_FALL_WANDERING if fitted.floor.rms_m[0] > 0 else LEAST_FALL)
+    return fewer.bic - fitted.bic >= least_fall(fitted.floor)
 
 
 def polish(fitted: Fitted, trail: Trail, stop: Stop) -> Fitted:

@@ -74,7 +74,11 @@ def pass_gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tup
     if not best.converged or rest.rough:
         return [], Verdict.UNEXPLAINED
     if not rest.significant:
-        return effects, Verdict.EFFECT_FOUND
+        # Beside a floor that still wanders chance gives any freedom much: an effect must do more than the next one.
+        free = rest.misfit.size if best.floor.rms_m[0] > 0 else 0.0
+        if all(effect.evidence["snr"] > CLEAR_OF_THE_REST * free for effect in effects):
+            return effects, Verdict.EFFECT_FOUND
+        return [], Verdict.UNEXPLAINED
     # Several together imitate what none of them is, and a misfit says that the law is another one.
     doubtful = len(effects) > 1 or rest.misfitting
     certain = all(clear(effect, rest, CLEAR_OF_A_MISFIT if doubtful else CLEAR_OF_THE_REST) for effect in effects)

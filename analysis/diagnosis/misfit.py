@@ -56,6 +56,16 @@ class Misfit:
 NOTHING = Misfit("nothing", 0.0, np.inf)
 
 
+def colour(white: Sequence[Floats]) -> float:
+    """Return the whitened noise's power at low frequencies over its mean, from its first three correlations; >= 1.
+
+    An optics filter leaves neighbouring samples alike: what is slow then gains more by chance than white noise allows.
+    """
+    power = sum(float(w @ w) for w in white)
+    near = sum(float(w[lag:] @ w[:-lag]) for w in white for lag in (1, 2, 3))
+    return max(1.0, 1.0 + 2.0 * near / power)
+
+
 def gain(fitted: Fitted, at: Projector, columns: Sequence[Floats]) -> tuple[float, int, Floor]:
     """Return twice the gain in log-likelihood of shapes (shot by shot, shape (n, k)), how many they really are.
 
@@ -79,8 +89,8 @@ def gain(fitted: Fitted, at: Projector, columns: Sequence[Floats]) -> tuple[floa
     return 2 * (value - fitted.log_likelihood), int(some.sum()), floor
 
 
-def worst(fitted: Fitted, at: Projector) -> Misfit:
-    """Return the shape whose gain exceeds its limit most."""
+def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> Misfit:
+    """Return the shape whose gain exceeds its limit most; ``slow`` is the noise's ``colour``."""
     shots = fitted.hypothesis.rig.shots
     hypothesis = fitted.hypothesis
     base = list(range(hypothesis.rig.count))
@@ -104,7 +114,7 @@ def worst(fitted: Fitted, at: Projector) -> Misfit:
     found = []
     gains = side_by_side(lambda columns: gain(fitted, at, columns), shapes.values())
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
-        factor = _WANDERING if floor.rms_m[0] > 0 else 1.0
+        factor = slow * (_WANDERING if floor.rms_m[0] > 0 else 1.0)
         if width:
             found.append(Misfit(name, value, factor * float(chi2_law.isf(FALSE_ALARM / len(shapes), width)), width))
     return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=NOTHING)

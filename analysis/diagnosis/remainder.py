@@ -10,7 +10,7 @@ from scipy.stats import chi2 as chi2_law
 
 from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.misfit import NOTHING, Misfit, gain, worst
+from analysis.diagnosis.misfit import NOTHING, Misfit, colour, gain, worst
 from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.screen import Projector
 from analysis.side_by_side import side_by_side
@@ -69,10 +69,12 @@ def judge(fitted: Fitted, at: Projector) -> Remainder:
     ]
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
+    slow = colour(white)
     coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
+    limit *= slow
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
     calm = "nothing is left that the noise does not do"
-    rest = Remainder(coherence, limit, correlation, ratio, calm, size, worst(fitted, at))
+    rest = Remainder(coherence, limit, correlation, ratio, calm, size, worst(fitted, at, slow))
     return replace(rest, text=describe(fitted) + looks_like(rest.misfit)) if rest.significant else rest
 
 

@@ -6,23 +6,21 @@ mode at a frequency of its own.  So the nearest are fitted, from where they imit
 
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-
-from analysis.diagnosis.compare import Fitted, finish, fit, search
-from analysis.diagnosis.explore import WORTH_FINISHING, Trail
-from analysis.diagnosis.hypothesis import Hypothesis, Point
+from analysis.diagnosis.compare import Fitted, fit
+from analysis.diagnosis.explore import Trail, refit, without
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.remainder import Remainder, judge
-from analysis.diagnosis.screen import Projector, fixed_of, projector
+from analysis.diagnosis.screen import Projector, projector, scores
 from analysis.diagnosis.separate import LEAST_SEPARATION, Separation, separation
-from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled
 
 Stop = Callable[[], bool]
 Separations = Mapping[str, Separation]
 
 _FITTED = 2  # look-alikes of an effect at most
-_ALIKE = 0.45  # of an effect's size is left beside a look-alike that is worth a fit
+_ALIKE = 0.5  # of an effect's size is left beside a look-alike that is worth a fit
+_ONE_LINE = 0.03  # of the frequency
+_HOPELESS = 150.0  # of the criterion behind the best after a short search
 _BETTER = 1.0  # of the criterion, for a look-alike to take the place
 _NEARLY = 20.0  # of the criterion behind the best: likely enough to be asked where the best misses something
 
@@ -57,7 +55,7 @@ def challenged(
         for kind in _nearest(distances, catalogue):
             if stop():
                 raise Cancelled
-            trial = _instead(best, name, kind, distances, stop)
+            trial = _instead(best, name, kind, distances, trail, stop)
             if trial is None:
                 continue
             trail.keep(trial)
@@ -103,26 +101,32 @@ def _nearest(distances: Separation, catalogue: Sequence[Kind]) -> list[Kind]:
     return [kind for _, name in near[:_FITTED] for kind in catalogue if kind.name == name]
 
 
-def _instead(best: Fitted, name: str, kind: Kind, distances: Separation, stop: Stop) -> Fitted | None:
-    """Return the fit with ``kind`` in place of an effect; None where there is no trajectory."""
-    here = best.hypothesis
-    start = distances.starts[kind.name]
-    hypothesis = Hypothesis(
-        here.rig,
-        tuple(kind if effect.name == name else effect for effect in here.effects),
-        {**{k: v for k, v in here.fixed.items() if k != name}, kind.name: fixed_of(kind, start[0])},
-    )
-    point = best.point
-    values = tuple(
-        {**{k: v for k, v in old.items() if k != name}, kind.name: dict(new)}
-        for old, new in zip(point.values, start, strict=True)
-    )
-    low, high = hypothesis.bounds
-    try:
-        z = np.clip(hypothesis.pack(Point(point.base, point.own, values)), low, high)
-        trial = finish(hypothesis, search(hypothesis, z, best.floor, evaluations=10, exact=False, cancelled=stop))
-        if trial.bic < best.bic + WORTH_FINISHING:
-            trial = fit(hypothesis, trial.z, trial.floor, evaluations=16, exact=False, cancelled=stop)
-    except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
+def _instead(best: Fitted, name: str, kind: Kind, far: Separation, trail: Trail, stop: Stop) -> Fitted | None:
+    """Return the fit with ``kind`` in place of an effect; None where there is no trajectory.
+
+    It starts from the fit without the effect, since the base gives way to each in its own manner: one line at the
+    frequency of the other, anything else where it imitates the effect best.
+    """
+    fewer = without(best, name, trail, stop)
+    if fewer is None:
         return None
-    return trial
+    start = far.starts[kind.name]
+    frequency = best.point.values[0][name].get("frequency_hz")
+    known = trail.of((*fewer.names, kind.name))
+    if frequency is None or "frequency_hz" not in start[0]:
+        if known is not None and known.converged:
+            return known
+        at = projector(fewer)
+    else:
+        if known is not None and _close(known.point.values[0][kind.name], frequency):
+            return known
+        at = projector(fewer)
+        start = next((score.start for score in scores(at, kind) if _close(score.start[0], frequency)), start)
+    trial = refit(at, kind, start, stop)
+    if trial is None or trial.bic > best.bic + _HOPELESS:
+        return trial
+    return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, exact=False, cancelled=stop)
+
+
+def _close(values: Mapping[str, float], frequency_hz: float) -> bool:
+    return abs(values["frequency_hz"] / frequency_hz - 1) < _ONE_LINE

@@ -14,7 +14,8 @@ from analysis.motion import Motion
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-RATE_HZ = 20e3  # nothing that a catalogue effect does to the displacement lies above half of it
+RATE_HZ = 20e3  # what catalogue effects do to the displacement lies below half of it, but for a fringe's ripple
+FINE_RATE_HZ = 100e3
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +87,9 @@ def spacing(shots: Sequence[Samples]) -> float:
     return first
 
 
-def together(motions: Sequence[Motion]) -> tuple[Samples, ...]:
+def together(motions: Sequence[Motion], rate_hz: float = RATE_HZ) -> tuple[Samples, ...]:
     """Return the samples of several motions with their white noises weighed against each other."""
-    shots = [take(motion) for motion in motions]
+    shots = [take(motion, rate_hz) for motion in motions]
     spacing(shots)
     white = np.array([shot.white_m for shot in shots])
     if not np.all(np.isfinite(white) & (white > 0)):

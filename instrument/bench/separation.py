@@ -132,9 +132,10 @@ _FREE: Mapping[str, str] = {"viscoelastic_arm": "relaxation_time_s", "adhesion":
 
 
 def _shapes(truth: Truth, moved: Mover) -> Iterator[tuple[str, float, Floats]]:
-    """Yield (name, frequency, time or range or 0, columns): the directions in which a weak effect of that name can move the set.
+    """Yield (name, place, columns): the directions in which a weak effect of that name can move the set.
 
-    Columns hold every sample, or every fourth already; effects of ``truth`` itself are left out.
+    The place is a frequency, a time, a range or 0.  Columns hold every sample, or every fourth already; effects of
+    ``truth`` itself are left out.
     """
     plain = replace(truth, effects={})
     shots = range(len(truth.speeds_m_per_s))

@@ -1,0 +1,63 @@
+"""Is there a ripple that the averaged samples do not show?
+
+An interferometer's periodic error turns once or twice a fringe, and the block passes a hundred thousand fringes a
+second: only near the turn is it slow enough for samples averaged to 20 kS/s.  A weak one is seen at the record's rate
+alone, and a strong one is measured twice as well there.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from analysis.diagnosis.compare import Fitted, fit, learn_floor, residuals
+from analysis.diagnosis.explore import Trail, least_fall, polish, prune, refit
+from analysis.diagnosis.hypothesis import Rig
+from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.samples import FINE_RATE_HZ, together
+from analysis.diagnosis.screen import projector, scores
+from analysis.motion import Motion
+
+RIPPLE = "cyclic_error"
+Stop = Callable[[], bool]
+
+
+def seen_finely(
+    before: Fitted, best: Fitted, trail: Trail, motions: Sequence[Motion], catalogue: Sequence[Kind], stop: Stop
+) -> tuple[Fitted, Fitted, Trail] | None:
+    """Return the fits before and best at the record's rate (100 kS/s at most) if that shows a ripple, else None.
+
+    What else is there was found at the averaged samples' rate.
+    """
+    ripple = next((kind for kind in catalogue if kind.name == RIPPLE), None)
+    here = best.hypothesis.rig
+    if ripple is None or RIPPLE in before.names or any(shot.wavelength_m is None for shot in here.shots):
+        return None
+    rig = replace(here, shots=together(motions, FINE_RATE_HZ))
+    if rig.shots[0].factor == here.shots[0].factor:
+        return None
+    if RIPPLE in best.names:
+        finest: Fitted | None = _at(best, rig, stop)
+    else:
+        finest = _with(ripple, best, rig, stop)
+    if finest is None:
+        return None
+    start = _at(before, rig, stop)
+    anew = Trail(scores=trail.scores)
+    anew.keep(start)
+    anew.keep(finest)
+    return start, polish(prune(finest, start, anew, stop), anew, stop), anew
+
+
+def _at(fitted: Fitted, rig: Rig, stop: Stop) -> Fitted:
+    return fit(replace(fitted.hypothesis, rig=rig), fitted.z, fitted.floor, cancelled=stop)
+
+
+def _with(ripple: Kind, best: Fitted, rig: Rig, stop: Stop) -> Fitted | None:
+    """Return the fit with a ripple, at the rig's rate, where it promises to pay, else None."""
+    hypothesis = replace(best.hypothesis, rig=rig)
+    left = residuals(hypothesis, best.z)
+    floor, value = learn_floor(rig, left, best.floor)
+    at = projector(replace(best, hypothesis=hypothesis, residual_m=left, floor=floor, log_likelihood=value))
+    listed = scores(at, ripple)
+    if not listed or listed[0].worth(at.left.size) < least_fall(floor):
+        return None
+    return refit(at, ripple, listed[0].start, stop)

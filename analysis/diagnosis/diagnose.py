@@ -26,6 +26,7 @@ from analysis.diagnosis.screen import Projector, projector
 from analysis.diagnosis.separate import Separation, least_seen
 from analysis.fit import Fit
 from analysis.model.fitting import base_named, fit_shots
+from analysis.model.least_squares import Infeasible
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError, Cancelled, Progress
@@ -150,7 +151,10 @@ def _base_fit(rig: Rig, given: Fit, stop: Callable[[], bool]) -> Fitted:
         raise AnalysisError("too few samples for a diagnosis")
     white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
     floor = Floor(white, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s)
-    return fit_hypothesis(hypothesis, hypothesis.pack(point), floor, cancelled=stop)
+    try:
+        return fit_hypothesis(hypothesis, hypothesis.pack(point), floor, cancelled=stop)
+    except Infeasible as why:
+        raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
 
 
 def _accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], stop: Callable[[], bool]) -> Fitted:
@@ -230,6 +234,8 @@ def _candidates(before: Fitted, trail: Trail, best: Fitted) -> tuple[Candidate, 
     out = []
     for name, score in trail.scores.items():
         fitted = trail.of((*before.names, name))
+        if fitted is not None and fitted.log_likelihood < before.log_likelihood:
+            fitted = None  # with nothing of the effect it would be as likely: the search did not arrive
         parameters: dict[str, Quantity] = effect_parameters(fitted)[name] if fitted else {}
         delta = fitted.bic - before.bic if fitted else None
         if name in best.names:

@@ -11,7 +11,7 @@ from analysis.diagnosis.explore import Trail, refit, without
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.remainder import Remainder, judge
 from analysis.diagnosis.screen import Projector, projector, scores
-from analysis.diagnosis.separate import LEAST_SEPARATION, Separation, separation
+from analysis.diagnosis.separate import Separation, separation
 from analysis.shot import Cancelled
 
 Stop = Callable[[], bool]
@@ -92,11 +92,9 @@ def unmissed(
 
 
 def _nearest(distances: Separation, catalogue: Sequence[Kind]) -> list[Kind]:
-    """Return the effects that do most of what one does, but not all to first order, nearest first."""
+    """Return the effects that do most of what one does, nearest first."""
     near = sorted(
-        (distance, name)
-        for name, distance in distances.from_other.items()
-        if LEAST_SEPARATION <= distance < _ALIKE * distances.snr
+        (distance, name) for name, distance in distances.from_other.items() if distance < _ALIKE * distances.snr
     )
     return [kind for _, name in near[:_FITTED] for kind in catalogue if kind.name == name]
 

@@ -19,7 +19,7 @@ from analysis.model.response import DEFAULT_WAVELENGTH_M, OWN_NAMES, Base, Model
 from analysis.model.search import Problem, own_start, search
 from analysis.motion import Motion
 from analysis.quantity import Quantity
-from analysis.shot import Cancelled
+from analysis.shot import AnalysisError, Cancelled
 
 Progress = Callable[[str, float], None]
 MODELS = ("paper", "clamped", "no_tension", "contact")
@@ -46,7 +46,8 @@ def fit_shots(
     Plate, contact and effects are shared, each shot has its own start (and own effect parameters where the catalogue
     says so).  ``start`` may give parameters by name ("plate_stiffness_n_per_m", "tilt.angle_rad"); what it lacks is
     found from the data.  Several starts of the effects are tried and the best minimum kept.  Raises ValueError for
-    unknown names, NoCollision (an AnalysisError) where a motion shows no collision, Cancelled when asked to stop.
+    unknown names, NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError where no motion of
+    the model comes near, Cancelled when asked to stop.
     A search that did not end in a minimum comes back with ``converged`` False: its numbers are no result.
     """
     began = time.perf_counter()
@@ -64,16 +65,19 @@ def fit_shots(
     tell("finding a start", 0.1)
     bare = Problem.of(Model(base), shots)
     own = [own_start(shot, bare.model) for shot in shots]
-    if all(name in given for name in base.names):
-        begins = [np.array([float(given[name]) for name in base.names])]
-    else:
-        begins = first_guesses(base, shots, stop)
-    tell("fitting", 0.4)
-    found = _base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
     problem = bare
-    if rows:
-        tell("fitting the effects", 0.6)
-        problem, found = _with_effects(bare, found, Model(base, rows), given, stop)
+    try:
+        if all(name in given for name in base.names):
+            begins = [np.array([float(given[name]) for name in base.names])]
+        else:
+            begins = first_guesses(base, shots, stop)
+        tell("fitting", 0.4)
+        found = _base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
+        if rows:
+            tell("fitting the effects", 0.6)
+            problem, found = _with_effects(bare, found, Model(base, rows), given, stop)
+    except Infeasible as why:
+        raise AnalysisError(f"no motion of the {model} model comes near these shots: {why}") from why
     tell("uncertainties", 0.9)
     fit = fit_of(model, problem, motions, found, time.perf_counter() - began)
     tell("fitted", 1.0)

@@ -36,9 +36,7 @@ def simulated() -> tuple[Motion, ...]:
 
 def recorded(folder: Path) -> tuple[Motion, ...]:
     """Return the demodulated shots of a folder."""
-    return tuple(
-        demodulate(read_recording(path), AnalysisSettings()) for path in sorted(folder.glob("*.sigmf-meta"))
-    )
+    return tuple(demodulate(read_recording(path), AnalysisSettings()) for path in sorted(folder.glob("*.sigmf-meta")))
 
 
 def measured(pattern: str) -> tuple[Motion, ...]:

@@ -339,9 +339,7 @@ def good(volts: Volts, tmp_path_factory: pytest.TempPathFactory) -> Spoilable:
 
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
-def test_a_spoiled_file_is_read_or_refused_in_one_line(
-    good: Spoilable, tmp_path: Path, data: st.DataObject
-) -> None:
+def test_a_spoiled_file_is_read_or_refused_in_one_line(good: Spoilable, tmp_path: Path, data: st.DataObject) -> None:
     name, raw, mapping = data.draw(st.sampled_from(good))
     spoiled = bytearray(raw)
     for _ in range(data.draw(st.integers(1, 6))):

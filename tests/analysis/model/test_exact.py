@@ -90,9 +90,7 @@ def test_without_damping_the_film_runs_backwards(seed: int) -> None:
     release = there.released
     assert release is not None
     x, v, y, u = release.state
-    back = replace(
-        bare, velocity_in_m_per_s=-v, plate_displacement_m=y, plate_velocity_m_per_s=-u
-    )
+    back = replace(bare, velocity_in_m_per_s=-v, plate_displacement_m=y, plate_velocity_m_per_s=-u)
     run = exact.solve(back, np.array([release.time_s]))
     changes = [event.time_s for event in run.events if event.time_s < release.time_s - 1e-9]
     mirrored = sorted(release.time_s - event.time_s for event in there.events if event.time_s > 1e-9)

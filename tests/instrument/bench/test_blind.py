@@ -114,6 +114,13 @@ def test_a_look_alike_is_near_and_a_stranger_far():
     assert apart["cyclic_error"] > 0.95 * reached and all(value <= reached * 1.01 for value in apart.values())
 
 
+def test_a_look_alike_is_offered_its_own_reach():
+    """A magnet is adhesion to within the noise, but at one reach only, which a coarse grid passes by."""
+    truth = drawn(["magnet"], 1001787)
+    weak, reached = at_snr(truth, 40.0)
+    assert reached == pytest.approx(40.0, rel=0.05) and separation(weak)["adhesion"] < 4.0
+
+
 def test_two_formulations_agree():
     """The analysis, which shares no code with this rig, fits its clean sets to the noise and finds the plate."""
     truth = drawn((), 6, Noise(white_m=1e-12))

@@ -1,0 +1,49 @@
+"""What an effect must be to be named."""
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import pytest
+
+from analysis.diagnosis import gates
+from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.misfit import Misfit
+from analysis.diagnosis.remainder import Remainder
+from analysis.diagnosis.result import FoundEffect, Verdict
+
+CALM = Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), 5e-5)
+WANDERING = Floor(1e-10, (1e-10, 0.0), (1e-2, 1e-2), 5e-5)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What the gates look at."""
+
+    names: tuple[str, ...]
+    floor: Floor = CALM
+    converged: bool = True
+
+
+def effect(snr: float) -> FoundEffect:
+    return FoundEffect("tilt", {}, {"snr": snr}, (), "tilt")
+
+
+@pytest.mark.parametrize(("floor", "named"), [(CALM, True), (WANDERING, False)])
+def test_beside_a_wandering_floor_an_effect_does_more_than_the_next_freedom(floor: Floor, named: bool) -> None:
+    rest = Remainder(0.0, 57.0, 0.03, 1.1, "", misfit=Misfit("a force of the place", 56.0, 63.0, 4))
+    effects, verdict = gates.pass_gates([effect(10.4)], rest, cast(Any, Fit(("tilt",), floor)))
+    assert bool(effects) is named
+    assert verdict is (Verdict.EFFECT_FOUND if named else Verdict.UNEXPLAINED)
+
+
+@pytest.mark.parametrize(("least", "kept"), [(11.0, 1), (20.0, 2), (40.0, 3)])
+def test_the_more_effects_the_more_each_must_stand_out(
+    least: float, kept: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes = {"plate_damping": 90.0, "sensor_drift": max(least, 11.5), "tilt": least}
+    monkeypatch.setattr(gates, "snr", lambda _fit, _at, name: sizes[name])
+    monkeypatch.setattr(gates, "projector_of", lambda _fit, _trail: None)
+    monkeypatch.setattr(gates, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name)))
+    monkeypatch.setattr(gates, "pays", lambda *_: True)
+    best, _ = gates.without_the_faint(cast(Any, Fit(())), cast(Any, Fit(tuple(sizes))), cast(Any, None), lambda: False)
+    assert len(best.names) == kept

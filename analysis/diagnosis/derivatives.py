@@ -39,7 +39,9 @@ def solved(
     Cost: 0.3 ms of the bare base model, 0.8 to 1.7 ms with mechanical effects; with derivatives 1 ms and 3 to 11 ms.
     """
     values = point.values[index]
-    model = Model(hypothesis.rig.base, tuple(named(kind.name) for kind in hypothesis.effects), _chosen(hypothesis))
+    model = Model(
+        hypothesis.rig.base, tuple(named(kind.name) for kind in hypothesis.effects), _chosen(hypothesis, values)
+    )
     shared = [*point.base, *(_value(values, name) for name in model.shared_effect_names)]
     own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
     data = _data(hypothesis.rig.shots[index])
@@ -70,8 +72,9 @@ def linearised_shot(hypothesis: "Hypothesis", index: int, z: Floats) -> tuple[Fl
     return shot.averaged(response.displacement_m), columns
 
 
-def _chosen(hypothesis: "Hypothesis") -> tuple[tuple[str, float], ...]:
-    return tuple((f"{name}.{key}", value) for name, given in hypothesis.fixed.items() for key, value in given.items())
+def _chosen(hypothesis: "Hypothesis", values: Values) -> tuple[tuple[str, float], ...]:
+    """Return what is not searched, as the point has it: a screen tries one order after another."""
+    return tuple((f"{name}.{key}", values[name][key]) for name, given in hypothesis.fixed.items() for key in given)
 
 
 def _value(values: Values, full: str) -> float:

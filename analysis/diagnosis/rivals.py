@@ -5,6 +5,7 @@ mode at a frequency of its own.  So the nearest are fitted, from where they imit
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from analysis.diagnosis.compare import Fitted, fit
 from analysis.diagnosis.explore import Trail, refit, without
@@ -13,6 +14,7 @@ from analysis.diagnosis.remainder import Remainder, judge
 from analysis.diagnosis.screen import Projector, projector, scores
 from analysis.diagnosis.separate import Separation, separation
 from analysis.shot import Cancelled
+from analysis.side_by_side import side_by_side
 
 Stop = Callable[[], bool]
 Separations = Mapping[str, Separation]
@@ -52,10 +54,12 @@ def challenged(
     far = apart(before, best, at, catalogue, stop)
     kept = best
     for name, distances in far.items():
-        for kind in _nearest(distances, catalogue):
-            if stop():
-                raise Cancelled
-            trial = _instead(best, name, kind, distances, trail, stop)
+        fewer = without(best, name, trail, stop)
+        if fewer is None:
+            continue
+        near = _nearest(distances, catalogue)
+        instead = partial(_instead, best, fewer, name, distances, trail, stop)
+        for trial in side_by_side(instead, near):
             if trial is None:
                 continue
             trail.keep(trial)
@@ -99,15 +103,16 @@ def _nearest(distances: Separation, catalogue: Sequence[Kind]) -> list[Kind]:
     return [kind for _, name in near[:_FITTED] for kind in catalogue if kind.name == name]
 
 
-def _instead(best: Fitted, name: str, kind: Kind, far: Separation, trail: Trail, stop: Stop) -> Fitted | None:
+def _instead(
+    best: Fitted, fewer: Fitted, name: str, far: Separation, trail: Trail, stop: Stop, kind: Kind
+) -> Fitted | None:
     """Return the fit with ``kind`` in place of an effect; None where there is no trajectory.
 
     It starts from the fit without the effect, since the base gives way to each in its own manner: one line at the
     frequency of the other, anything else where it imitates the effect best.
     """
-    fewer = without(best, name, trail, stop)
-    if fewer is None:
-        return None
+    if stop():
+        raise Cancelled
     start = far.starts[kind.name]
     frequency = best.point.values[0][name].get("frequency_hz")
     known = trail.of((*fewer.names, kind.name))
@@ -123,7 +128,7 @@ def _instead(best: Fitted, name: str, kind: Kind, far: Separation, trail: Trail,
     trial = refit(at, kind, start, stop)
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial
-    return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, exact=False, cancelled=stop)
+    return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
 
 
 def _close(values: Mapping[str, float], frequency_hz: float) -> bool:

@@ -176,15 +176,13 @@ def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
     places = {(name, knob.name, shot): hypothesis.offset + k for k, (name, knob, shot) in enumerate(hypothesis.knobs)}
     knobs = [places[name, knob.name, shot] for name, knob, shot in before.knobs]
     moving = np.array([*range(before.offset), *knobs])
-    scale = np.linalg.norm(at.tangents, axis=0)
-    scale[scale == 0] = 1.0
-    giving_way = np.linalg.pinv(at.tangents / scale, rcond=1e-4)
+    giving_way = at.once("giving way", lambda: _giving_way(at.tangents))
     low, high = hypothesis.bounds
     left = whitened_residual(hypothesis, at.floor, z)
     chi2 = float(left @ left)
     for _ in range(_ROOM):
         there = z.copy()
-        there[moving] -= giving_way @ left / scale
+        there[moving] -= giving_way @ left
         there = np.clip(there, low, high)
         try:
             left = whitened_residual(hypothesis, at.floor, there)
@@ -194,6 +192,13 @@ def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
             break
         z, chi2 = there, float(left @ left)
     return z
+
+
+def _giving_way(tangents: Floats) -> Floats:
+    """Return what turns a remainder, shape (rows,), into the moves of the parameters that leave it."""
+    scale = np.linalg.norm(tangents, axis=0)
+    scale[scale == 0] = 1.0
+    return np.asarray(np.linalg.pinv(tangents / scale, rcond=1e-4) / scale[:, None])
 
 
 def _weakened(kind: Kind, values: Mapping[str, float], share: float) -> Mapping[str, float]:

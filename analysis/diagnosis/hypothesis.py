@@ -19,7 +19,7 @@ from analysis.model.response import Base
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
-_REMEMBERED = 8
+_REMEMBERED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,9 @@ class Hypothesis:
     rig: Rig
     effects: tuple[Kind, ...]
     fixed: Values = field(default_factory=dict)
-    _lately: dict[bytes, list[Floats]] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _lately: dict[bytes, list[tuple[Floats, Floats]]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @cached_property
     def knobs(self) -> list[tuple[str, Knob, int]]:
@@ -167,7 +169,7 @@ class Hypothesis:
         """Return every shot's averaged displacement at a vector; one of the last few is remembered, not solved anew."""
         known = self._lately.get(z.tobytes())
         if known is not None:
-            return known
+            return [x for x, _ in known]
         point = self.unpack(z)
         return side_by_side(lambda i: self.rig.shots[i].averaged(self.fine(i, point)), range(len(self.rig.shots)))
 
@@ -175,8 +177,11 @@ class Hypothesis:
         """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
 
         By the model's own tangents; where it has none, by forward differences of quick trajectories: right to parts
-        in a hundred.
+        in a hundred.  One of the last few is remembered: a search goes on where another ended, under another floor.
         """
+        known = self._lately.get(z.tobytes())
+        if known is not None:
+            return known
         tangents = has_tangents(self)
         out = side_by_side(
             lambda i: linearised_shot(self, i, z) if tangents else self._differenced_shot(i, z),
@@ -184,7 +189,7 @@ class Hypothesis:
         )
         while len(self._lately) >= _REMEMBERED:
             del self._lately[next(iter(self._lately))]
-        self._lately[z.tobytes()] = [x for x, _ in out]
+        self._lately[z.tobytes()] = out
         return out
 
     def touches(self, column: int, shot: int) -> bool:

@@ -10,6 +10,7 @@ from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.hypothesis import Point, delay
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.screen import Projector, scores
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 LEAST_SEPARATION = 5.0  # SNR sqrt(1 - cos^2)
@@ -69,8 +70,7 @@ def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[Kin
         others = [k for k in others if k.one_body]
     distance: dict[str, float] = {}
     starts: dict[str, tuple[Mapping[str, float], ...]] = {}
-    for kind in others:
-        listed = scores(alone, kind)
+    for kind, listed in zip(others, side_by_side(lambda kind: scores(alone, kind), others), strict=True):
         distance[kind.name] = float(np.sqrt(max(0.0, whole - (listed[0].gain if listed else 0.0))))
         if listed:
             starts[kind.name] = listed[0].start

@@ -14,12 +14,13 @@ from analysis.model.effect_starts import effect_starts
 from analysis.model.effects import MOST_AT_ONCE, named
 from analysis.model.least_squares import Infeasible, Minimum, covariance
 from analysis.model.overlay import lay_over
-from analysis.model.parameters import Floats, Variant
+from analysis.model.parameters import Collision, Floats, Variant
 from analysis.model.response import DEFAULT_WAVELENGTH_M, OWN_NAMES, Base, Model, ShotData, respond
 from analysis.model.search import Problem, own_start, search
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError, Cancelled
+from analysis.side_by_side import side_by_side
 
 Progress = Callable[[str, float], None]
 MODELS = ("paper", "clamped", "no_tension", "contact")
@@ -130,13 +131,16 @@ def first_guesses(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool
         noise_model.white(max(shot.course.noise_std_m, 1e-15)),
     )
     problem = Problem.of(Model(base), [coarse])
-    trials: list[Minimum] = []
-    for candidate in ranked[:_TRIED_STARTS]:
+
+    def tried(candidate: Collision) -> Minimum | None:
         if stop():
             raise Cancelled
         begin = np.concatenate([base.shared(candidate), own_start(coarse, problem.model)])
         with contextlib.suppress(Infeasible):
-            trials.append(search(problem, begin, stop, evaluations=18))
+            return search(problem, begin, stop, evaluations=18)
+        return None
+
+    trials = [trial for trial in side_by_side(tried, ranked[:_TRIED_STARTS]) if trial is not None]
     if not trials:
         raise starts.NoCollision("no trajectory of the base model resembles this contact")
     trials.sort(key=lambda trial: trial.square.chi2)

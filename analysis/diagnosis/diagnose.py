@@ -13,17 +13,18 @@ from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.errors import errors
 from analysis.diagnosis.explore import LEAST_FALL, Trail, explore, without
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.gates import CLEAR_OF_A_MISFIT, clear, pass_gates, paying, without_the_faint
+from analysis.diagnosis.gates import CLEAR_OF_A_MISFIT, clear, pass_gates
 from analysis.diagnosis.held_out import Foretold, choose, foretell
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import Kind, kinds
 from analysis.diagnosis.remainder import Remainder, describe, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.ripple import seen_finely
-from analysis.diagnosis.rivals import apart, challenged, unmissed
+from analysis.diagnosis.rivals import apart
 from analysis.diagnosis.samples import together
 from analysis.diagnosis.screen import Projector, projector
 from analysis.diagnosis.separate import Separation, least_seen
+from analysis.diagnosis.settle import settle
 from analysis.fit import Fit
 from analysis.model.fitting import base_named, fit_shots
 from analysis.model.least_squares import Infeasible
@@ -68,24 +69,9 @@ def diagnose(
     if (finely := seen_finely(before, best, trail, motions, catalogue, stop)) is not None:
         before, best, trail = finely
         rig = best.hypothesis.rig
-    tell("foretelling a held-out shot", 0.55)
     held = choose(rig, in_turn=best is not before) if hold_out is None else (hold_out,)
-    best, told = paying(before, best, held, trail, stop)
-    tell("testing what is left", 0.7)
-    passed = best
-
-    def foretells(other: Fitted) -> bool:
-        if told is None:
-            return True
-        of_other = foretell(other, held, passed.floor, stop)
-        return of_other is not None and of_other.beats(told[0])
-
-    best, at = without_the_faint(before, best, trail, stop)
-    best, at, far = challenged(before, best, at, catalogue, trail, foretells, stop)
-    rest = judge(best, at)
-    if rest.significant and best is not before:
-        best, at, rest = unmissed(best, at, rest, trail, foretells, stop)
-        far = apart(before, best, at, catalogue, stop)
+    stands = settle(before, best, trail, held, catalogue, tell, stop)
+    best, at, far, rest, told = stands.best, stands.at, stands.far, stands.rest, stands.told
     tell("telling look-alikes apart", 0.8)
     while True:
         found = [_found(best, n, rest, far[n], trail, stop) for n in best.names if n not in before.names]
@@ -99,7 +85,7 @@ def diagnose(
             break
         best, at = fewer, projector(fewer)
         rest, far = judge(best, at), apart(before, best, at, catalogue, stop)
-    if best is not passed and told is not None:
+    if best is not stands.passed and told is not None:
         retold = foretell(best, held, best.floor, stop)
         told = (told[0], retold) if retold is not None else None
     after = best if effects else before

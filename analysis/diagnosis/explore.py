@@ -27,6 +27,7 @@ WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search:
 WORTH_FITTING = 8.0  # of gain; a step that promises less never makes the fall that is asked for
 UNDER_THE_FLOOR = 3  # more, of those that would do best if the floor did not wander
 MOST_EFFECTS = 3
+OTHER_FIRSTS = 2  # to begin with where what was found leaves something unexplained
 _OF_THE_START = (1.0, 0.3, 0.1)
 _ROOM = 4  # steps at most
 
@@ -57,14 +58,31 @@ def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int =
     """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
     trail = Trail()
     trail.keep(start)
-    here = start
+    return _climb(start, start, catalogue, trail, stop, most), trail
+
+
+def another_way(start: Fitted, best: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop) -> Fitted:
+    """Return the best fit that begins with another first effect: two that lean on each other look like a third."""
+    single = len(start.names) + 1
+    firsts = [
+        fitted
+        for key, fitted in trail.fits.items()
+        if len(key) == single and set(start.names) < set(key) and not set(key) <= set(best.names)
+    ]
+    some = sorted(firsts, key=lambda fitted: fitted.bic)[:OTHER_FIRSTS]
+    ends = [_climb(start, polish(first, trail, stop), catalogue, trail, stop, MOST_EFFECTS - 1) for first in some]
+    return min([best, *ends], key=lambda fitted: fitted.bic)
+
+
+def _climb(start: Fitted, here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, most: int) -> Fitted:
+    """Return the best fit with at most ``most`` effects more than ``here``, one at a time."""
     for _ in range(most):
         best = extend(here, catalogue, trail, stop, first=here is start)
         # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
         if best is None or here.bic - best.bic < LEAST_FALL:
             break
         here = polish(prune(best, start, trail, stop), trail, stop)
-    return here, trail
+    return here
 
 
 def least_fall(floor: Floor) -> float:

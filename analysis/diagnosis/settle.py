@@ -48,7 +48,7 @@ def settle(
     other = another_way(before, stands.best, catalogue, trail, stop)
     if other.bic > stands.best.bic - _BETTER:
         return stands
-    again = _settled(before, other, trail, held, catalogue, tell, stop)
+    again = _settled(before, other, trail, held, catalogue, lambda _what, _fraction: None, stop)
     better = again.best.bic < stands.best.bic - _BETTER or (not again.rest.significant and again.best is not before)
     return again if better else stands
 

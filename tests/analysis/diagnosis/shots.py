@@ -1,9 +1,15 @@
-"""Sets of shots from the bench, which shares no code with the analysis: a rig, its effects, its noise."""
+"""Sets of shots from the bench, which shares no code with the analysis, and the base model's fit of a set."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from analysis.diagnosis.compare import Fitted, fit
+from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.hypothesis import Hypothesis, Rig
+from analysis.diagnosis.knobs import kinds
+from analysis.diagnosis.samples import together
+from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
 from analysis.shot import AnalysisSettings
 from analysis.signal.record import motion_from_displacement
@@ -12,6 +18,7 @@ from instrument.bench.effects import Effects
 from instrument.bench.noise import Noise, NoiseKind
 
 WHITE_M = 1e-10
+KINDS = {kind.name: kind for kind in kinds()}
 
 
 def shots(effects: Effects, *, seed: int = 3, count: int = 3, floor: bool = False) -> tuple[Motion, ...]:
@@ -27,3 +34,19 @@ def shots(effects: Effects, *, seed: int = 3, count: int = 3, floor: bool = Fals
         std = np.full(record.time_s.size, record.noise_m)
         out.append(replace(motion, wavelength_m=record.wavelength_m, displacement_std_m=std))
     return tuple(out)
+
+
+def calm() -> bool:
+    """Never ask to stop."""
+    return False
+
+
+def base_fit(motions: tuple[Motion, ...]) -> Fitted:
+    """Return the base model's best fit at the diagnosis' rate."""
+    rig = Rig(together(motions), base_named("paper"))
+    hypothesis = Hypothesis(rig, ())
+    given = fit_shots(motions)
+    values = [given.parameters[name].value for name in rig.base.names]
+    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
+    z = hypothesis.coordinates.to_search([*values, *(x for shot in own for x in shot)])
+    return fit(hypothesis, z, Floor(5e-11, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s))

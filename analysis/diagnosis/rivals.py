@@ -57,14 +57,18 @@ def challenged(
         fewer = without(best, name, trail, stop)
         if fewer is None:
             continue
+        frequency = best.point.values[0][name].get("frequency_hz")
         near = _nearest(distances, catalogue)
-        instead = partial(_instead, best, fewer, name, distances, trail, stop)
-        for trial in side_by_side(instead, near):
-            if trial is None:
-                continue
-            trail.keep(trial)
-            if trial.bic < kept.bic - _BETTER:
-                kept = trial
+        known = {kind.name: _known(trail, fewer, kind, frequency) for kind in near}
+        left = [kind for kind in near if known[kind.name] is None]
+        fitted = [one for one in known.values() if one is not None]
+        if left:
+            instead = partial(_instead, best, projector(fewer), distances, frequency, stop)
+            fitted += [one for one in side_by_side(instead, left) if one is not None]
+        for one in fitted:
+            trail.keep(one)
+            if one.bic < kept.bic - _BETTER:
+                kept = one
     if kept is best or not foretells(kept):
         return best, at, far
     kept = fit(kept.hypothesis, kept.z, kept.floor, evaluations=60, cancelled=stop)
@@ -103,10 +107,21 @@ def _nearest(distances: Separation, catalogue: Sequence[Kind]) -> list[Kind]:
     return [kind for _, name in near[:_FITTED] for kind in catalogue if kind.name == name]
 
 
+def _known(trail: Trail, fewer: Fitted, kind: Kind, frequency_hz: float | None) -> Fitted | None:
+    """Return the fit with ``kind`` beside ``fewer`` if it was made and arrived: for a line, at that frequency."""
+    known = trail.of((*fewer.names, kind.name))
+    if known is None:
+        return None
+    values = known.point.values[0][kind.name]
+    if frequency_hz is None or "frequency_hz" not in values:
+        return known if known.converged else None
+    return known if _close(values, frequency_hz) else None
+
+
 def _instead(
-    best: Fitted, fewer: Fitted, name: str, far: Separation, trail: Trail, stop: Stop, kind: Kind
+    best: Fitted, at: Projector, far: Separation, frequency_hz: float | None, stop: Stop, kind: Kind
 ) -> Fitted | None:
-    """Return the fit with ``kind`` in place of an effect; None where there is no trajectory.
+    """Return the fit with ``kind`` in place of an effect that ``at`` lacks; None where there is no trajectory.
 
     It starts from the fit without the effect, since the base gives way to each in its own manner: one line at the
     frequency of the other, anything else where it imitates the effect best.
@@ -114,17 +129,8 @@ def _instead(
     if stop():
         raise Cancelled
     start = far.starts[kind.name]
-    frequency = best.point.values[0][name].get("frequency_hz")
-    known = trail.of((*fewer.names, kind.name))
-    if frequency is None or "frequency_hz" not in start[0]:
-        if known is not None and known.converged:
-            return known
-        at = projector(fewer)
-    else:
-        if known is not None and _close(known.point.values[0][kind.name], frequency):
-            return known
-        at = projector(fewer)
-        start = next((score.start for score in scores(at, kind) if _close(score.start[0], frequency)), start)
+    if frequency_hz is not None and "frequency_hz" in start[0]:
+        start = next((score.start for score in scores(at, kind) if _close(score.start[0], frequency_hz)), start)
     trial = refit(at, kind, start, stop)
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.quick_shot import Values
+from analysis.diagnosis.quick_shot import Values, too_fast
 from analysis.diagnosis.samples import Samples
 from analysis.model.effects import named
+from analysis.model.least_squares import Infeasible
 from analysis.model.response import Model, Response, ShotData, respond
 from analysis.noise import Noise
 
@@ -39,13 +40,17 @@ def solved(
     Cost: 0.3 ms of the bare base model, 0.8 to 1.7 ms with mechanical effects; with derivatives 1 ms and 3 to 11 ms.
     """
     values = point.values[index]
+    shot = hypothesis.rig.shots[index]
+    seen = hypothesis.seen_at(index, point)
+    # What the model can follow and the quick integrator cannot is no place for a search: it would find no score there.
+    if too_fast(seen.base, seen.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+        raise Infeasible("something would swing faster than any record can show")
     model = Model(
         hypothesis.rig.base, tuple(named(kind.name) for kind in hypothesis.effects), _chosen(hypothesis, values)
     )
     shared = [*point.base, *(_value(values, name) for name in model.shared_effect_names)]
     own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
-    data = _data(hypothesis.rig.shots[index])
-    return model, respond(model, data, np.array(shared), np.array(own), derivatives=derivatives, stride=_STRIDE)
+    return model, respond(model, _data(shot), np.array(shared), np.array(own), derivatives=derivatives, stride=_STRIDE)
 
 
 def linearised_shot(hypothesis: "Hypothesis", index: int, z: Floats) -> tuple[Floats, Floats]:

@@ -11,12 +11,13 @@ from analysis.diagnosis.compare import Fitted, finish, search
 from analysis.diagnosis.compare import fit as fit_hypothesis
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.errors import errors
-from analysis.diagnosis.explore import LEAST_FALL, Trail, explore, without
+from analysis.diagnosis.explore import LEAST_FALL, Trail, climb, explore, without
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.gates import CLEAR_OF_A_MISFIT, clear, pass_gates
 from analysis.diagnosis.held_out import Foretold, choose, foretell
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import Kind, kinds
+from analysis.diagnosis.quick_shot import too_fast
 from analysis.diagnosis.remainder import Remainder, describe, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.ripple import seen_finely
@@ -26,13 +27,17 @@ from analysis.diagnosis.screen import Projector, projector
 from analysis.diagnosis.separate import Separation, least_seen
 from analysis.diagnosis.settle import settle
 from analysis.fit import Fit
-from analysis.model.fitting import base_named, fit_shots
+from analysis.model.fitting import base_named, first_guesses, fit_shots, prepare
 from analysis.model.least_squares import Infeasible
+from analysis.model.response import Model
+from analysis.model.search import own_start
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError, Cancelled, Progress
 
 LEAST_LEAD = 6.0  # of the criterion over the runner-up
+DRAWN_FAR = 1e6  # of chi^2 a sample, where the base did not even arrive
+_SOFTER = 8  # times a tenth of the contact stiffness, at most
 
 
 def diagnose(
@@ -65,7 +70,10 @@ def diagnose(
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop)
     before = _accept(_base_fit(rig, fit_before, stop), catalogue, accepted, stop)
     tell("scoring the catalogue", 0.15)
-    before, best, trail = _explored(before, catalogue, stop)
+    if not before.converged and fit_before.reduced_chi2 > DRAWN_FAR:
+        best, trail = _from_the_guess(before, motions, catalogue, stop)
+    else:
+        before, best, trail = _explored(before, catalogue, stop)
     if (finely := seen_finely(before, best, trail, motions, catalogue, stop)) is not None:
         before, best, trail = finely
         rig = best.hypothesis.rig
@@ -124,6 +132,25 @@ def _explored(before: Fitted, catalogue: Sequence[Kind], stop: Callable[[], bool
     return before, best, trail
 
 
+def _from_the_guess(
+    before: Fitted, motions: Sequence[Motion], catalogue: Sequence[Kind], stop: Callable[[], bool]
+) -> tuple[Fitted, Trail]:
+    """Return the best fit with effects, begun where the collision was read, not where the base was drawn.
+
+    What a base model lacks a thousandfold draws its own parameters to a wall: no step from there leads back.
+    """
+    hypothesis = before.hypothesis
+    shots = [prepare(motion) for motion in motions]
+    guess = first_guesses(hypothesis.rig.base, shots, stop)[0]
+    own = np.array([own_start(shot, Model(hypothesis.rig.base)) for shot in shots])
+    z = hypothesis.pack(Point(guess, own, before.point.values))
+    there = finish(hypothesis, search(hypothesis, z, before.floor, evaluations=1, cancelled=stop))
+    trail = Trail()
+    trail.keep(before)
+    best = climb(before, there, catalogue, trail, stop)
+    return (best, trail) if best.bic < before.bic and best is not there else explore(before, catalogue, stop)
+
+
 def _base_fit(rig: Rig, given: Fit, stop: Callable[[], bool]) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate, from one that is given."""
     names = rig.base.names
@@ -132,6 +159,7 @@ def _base_fit(rig: Rig, given: Fit, stop: Callable[[], bool]) -> Fitted:
         np.array([given.parameters[name].value for name in names]), np.array(own), tuple({} for _ in rig.shots)
     )
     hypothesis = Hypothesis(rig, ())
+    point = _slow_enough(hypothesis, point)
     quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in rig.shots])
     if quick.size < 100:
         raise AnalysisError("too few samples for a diagnosis")
@@ -141,6 +169,19 @@ def _base_fit(rig: Rig, given: Fit, stop: Callable[[], bool]) -> Fitted:
         return fit_hypothesis(hypothesis, hypothesis.pack(point), floor, cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
+
+
+def _slow_enough(hypothesis: Hypothesis, point: Point) -> Point:
+    """Return the point with a contact that samples can follow: one drawn to a wall is no place to begin."""
+    shot = hypothesis.rig.shots[0]
+    for _ in range(_SOFTER):
+        seen = hypothesis.seen_at(0, point)
+        if not too_fast(seen.base, seen.own, seen.values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+            break
+        softer = point.base.copy()
+        softer[-2:] *= [0.1, 0.3]
+        point = Point(softer, point.own, point.values)
+    return point
 
 
 def _accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], stop: Callable[[], bool]) -> Fitted:

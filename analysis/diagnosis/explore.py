@@ -28,6 +28,7 @@ WORTH_FITTING = 8.0  # of gain; a step that promises less never makes the fall t
 UNDER_THE_FLOOR = 3  # more, of those that would do best if the floor did not wander
 MOST_EFFECTS = 3
 OTHER_FIRSTS = 2  # to begin with where what was found leaves something unexplained
+CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
 _OF_THE_START = (1.0, 0.3, 0.1)
 _ROOM = 4  # steps at most
 
@@ -39,6 +40,7 @@ class Trail:
     scores: dict[str, Score] = field(default_factory=dict)
     fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
     last: Projector | None = None  # of the round that found nothing more
+    asked: set[tuple[str, ...]] = field(default_factory=set)  # fitted from a fit with one effect more, too
 
     def keep(self, fitted: Fitted) -> None:
         """Keep a fit unless a better one of the same effects is there."""
@@ -58,7 +60,7 @@ def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int =
     """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
     trail = Trail()
     trail.keep(start)
-    return _climb(start, start, catalogue, trail, stop, most), trail
+    return climb(start, start, catalogue, trail, stop, most), trail
 
 
 def another_way(start: Fitted, best: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop) -> Fitted:
@@ -70,14 +72,16 @@ def another_way(start: Fitted, best: Fitted, catalogue: Sequence[Kind], trail: T
         if len(key) == single and set(start.names) < set(key) and not set(key) <= set(best.names)
     ]
     some = sorted(firsts, key=lambda fitted: fitted.bic)[:OTHER_FIRSTS]
-    ends = [_climb(start, polish(first, trail, stop), catalogue, trail, stop, MOST_EFFECTS - 1) for first in some]
+    ends = [climb(start, polish(first, trail, stop), catalogue, trail, stop, MOST_EFFECTS - 1) for first in some]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
-def _climb(start: Fitted, here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, most: int) -> Fitted:
+def climb(
+    start: Fitted, here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, most: int = MOST_EFFECTS
+) -> Fitted:
     """Return the best fit with at most ``most`` effects more than ``here``, one at a time."""
     for _ in range(most):
-        best = extend(here, catalogue, trail, stop, first=here is start)
+        best = extend(here, catalogue, trail, stop, first=len(here.names) == len(start.names))
         # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
         if best is None or here.bic - best.bic < LEAST_FALL:
             break
@@ -226,11 +230,16 @@ def _weakened(kind: Kind, values: Mapping[str, float], share: float) -> Mapping[
 
 
 def without(fitted: Fitted, name: str, trail: Trail, stop: Stop) -> Fitted | None:
-    """Return the fit with one effect taken out, from the trail or made now."""
+    """Return the fit with one effect taken out, from the trail or made now; the better of both where that is in doubt.
+
+    A fit made before the others were found may have stopped in another valley.
+    """
     names = tuple(n for n in fitted.names if n != name)
     known = trail.of(names)
-    if known is not None:
+    sure = not names or tuple(sorted(names)) in trail.asked
+    if known is not None and (sure or (known.converged and known.bic < fitted.bic + CLOSE)):
         return known
+    trail.asked.add(tuple(sorted(names)))
     hypothesis = Hypothesis(
         fitted.hypothesis.rig,
         tuple(kind for kind in fitted.hypothesis.effects if kind.name != name),
@@ -242,9 +251,9 @@ def without(fitted: Fitted, name: str, trail: Trail, stop: Stop) -> Fitted | Non
         own = point.own + [[0.0, delay({name: v[name]}), 0.0] for v in point.values]
         trial = fit(hypothesis, hypothesis.pack(Point(point.base, own, values)), fitted.floor, cancelled=stop)
     except Infeasible:
-        return None
+        return known
     trail.keep(trial)
-    return trial
+    return trail.of(names)
 
 
 def prune(fitted: Fitted, start: Fitted, trail: Trail, stop: Stop) -> Fitted:

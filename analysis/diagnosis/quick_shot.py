@@ -44,6 +44,16 @@ class Run:
     changes_s: tuple[float, ...]
 
 
+def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_s: float, factor: int) -> bool:
+    """Return whether something swings faster than samples ``spacing_s / factor`` apart can show.
+
+    Or faster than ``respond`` follows, at samples ``spacing_s`` apart.
+    """
+    collision, active, _ = situation(base, own, values, mass_kg)
+    rates = swings(collision, active)
+    return max(rates.contact, rates.every) * spacing_s > min(math.pi * factor, _MOST_PIECES * COARSE)
+
+
 def respond(
     time_s: Floats, base: Floats, own: Floats, values: Values, mass_kg: float, optics: Optics, step: float = FINE
 ) -> Run:

@@ -24,7 +24,7 @@ from analysis.diagnosis.ripple import seen_finely
 from analysis.diagnosis.rivals import apart
 from analysis.diagnosis.samples import together
 from analysis.diagnosis.screen import Projector, projector
-from analysis.diagnosis.separate import Separation, least_seen
+from analysis.diagnosis.separate import Separation, least_seen, missed_without
 from analysis.diagnosis.settle import settle
 from analysis.fit import Fit
 from analysis.model.fitting import base_named, first_guesses, fit_shots, prepare
@@ -225,7 +225,7 @@ def _found(
                 others.append(new)
     parameters = effect_parameters(best)[name]
     evidence = {
-        "snr": far.snr,
+        "snr": far.snr if fewer is None else min(far.snr, missed_without(best, fewer)),
         "delta_bic": -float(fall),
         "least_separation": float(min(far.from_other.values(), default=0.0)),
     }

@@ -9,7 +9,7 @@ from analysis.diagnosis.held_out import Foretold, foretell
 from analysis.diagnosis.remainder import Remainder
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.screen import Projector, projector
-from analysis.diagnosis.separate import LEAST_SEPARATION, snr
+from analysis.diagnosis.separate import LEAST_SEPARATION, missed_without, snr
 
 # Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
 # Three fit anything smooth: a clamp that slips was plate damping, drift and tilt, the tilt of 18 to 26 noise norms.
@@ -57,7 +57,7 @@ def without_the_faint(before: Fitted, best: Fitted, trail: Trail, stop: Callable
     """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
     at = projector_of(best, trail)
     while added := [name for name in best.names if name not in before.names]:
-        size, name = min((snr(best, at, name), name) for name in added)
+        size, name = min((_size(best, at, name, trail, stop), name) for name in added)
         if size >= LEAST_OF[min(len(added), max(LEAST_OF))]:
             break
         best = (without(best, name, trail, stop) if len(added) > 1 else None) or before
@@ -65,6 +65,13 @@ def without_the_faint(before: Fitted, best: Fitted, trail: Trail, stop: Callable
     if best is not before and not pays(best, before):
         best, at = before, projector_of(before, trail)
     return best, at
+
+
+def _size(best: Fitted, at: Projector, name: str, trail: Trail, stop: Callable[[], bool]) -> float:
+    """Return how far an effect stands out, to first order or along the bent path, whichever is less."""
+    fewer = without(best, name, trail, stop)
+    linear = snr(best, at, name)
+    return linear if fewer is None else min(linear, missed_without(best, fewer))
 
 
 def pass_gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[list[FoundEffect], Verdict]:

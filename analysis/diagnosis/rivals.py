@@ -20,7 +20,7 @@ Stop = Callable[[], bool]
 Separations = Mapping[str, Separation]
 
 _FITTED = 2  # look-alikes of an effect at most
-_ALIKE = 0.5  # of an effect's size is left beside a look-alike that is worth a fit
+_ALIKE = 0.6  # of an effect's size is left beside a look-alike that is worth a fit
 _ONE_LINE = 0.03  # of the frequency
 _HOPELESS = 150.0  # of the criterion behind the best after a short search
 _BETTER = 1.0  # of the criterion, for a look-alike to take the place

@@ -61,6 +61,22 @@ def snr(fitted: Fitted, at: Projector, name: str) -> float:
     return float(np.linalg.norm(beside(fitted, at, name).left))
 
 
+def missed_without(fitted: Fitted, fewer: Fitted) -> float:
+    """Return the size of what a fit without an effect leaves more than the fit with it, in units of the noise.
+
+    Not to first order: what an effect does may be large, and nearly all of it undone along a bent path.
+    """
+    shots = fitted.hypothesis.rig.shots
+    chi2 = [
+        sum(
+            float(np.sum(fitted.floor.whiten(left[:, None], shot.valid, shot.weight) ** 2))
+            for left, shot in zip(one.residual_m, shots, strict=True)
+        )
+        for one in (fewer, fitted)
+    ]
+    return float(np.sqrt(max(0.0, chi2[0] - chi2[1])))
+
+
 def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[Kind]) -> Separation:
     """Return how far one effect of a fit stands from everything else in the catalogue (signs kept physical)."""
     alone = beside(fitted, at, name)
@@ -96,4 +112,4 @@ def least_seen(at: Projector, kind: Kind, snr: float = 5.0) -> float | None:
     return float(snr * size / np.sqrt(best)) if not kind.inverse else float(size * np.sqrt(best) / snr)
 
 
-__all__ = ["LEAST_SEPARATION", "Separation", "beside", "least_seen", "separation", "snr"]
+__all__ = ["LEAST_SEPARATION", "Separation", "beside", "least_seen", "missed_without", "separation", "snr"]

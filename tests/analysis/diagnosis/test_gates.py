@@ -42,6 +42,7 @@ def test_the_more_effects_the_more_each_must_stand_out(
 ) -> None:
     sizes = {"plate_damping": 90.0, "sensor_drift": max(least, 11.5), "tilt": least}
     monkeypatch.setattr(gates, "snr", lambda _fit, _at, name: sizes[name])
+    monkeypatch.setattr(gates, "missed_without", lambda *_: 100.0)
     monkeypatch.setattr(gates, "projector_of", lambda _fit, _trail: None)
     monkeypatch.setattr(gates, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name)))
     monkeypatch.setattr(gates, "pays", lambda *_: True)

@@ -130,7 +130,9 @@ def _instead(
         raise Cancelled
     start = far.starts[kind.name]
     if frequency_hz is not None and "frequency_hz" in start[0]:
-        start = next((score.start for score in scores(at, kind) if _close(score.start[0], frequency_hz)), start)
+        near = [score.start for score in scores(at, kind) if _close(score.start[0], frequency_hz)]
+        # No further off than a line is wide, or the search ends on the line's next lobe.
+        start = min(near, key=lambda one: abs(one[0]["frequency_hz"] - frequency_hz), default=start)
     trial = refit(at, kind, start, stop)
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial

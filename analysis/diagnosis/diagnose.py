@@ -7,17 +7,16 @@ import numpy as np
 
 from analysis.diagnosis import words
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
-from analysis.diagnosis.compare import Fitted, finish, search
-from analysis.diagnosis.compare import fit as fit_hypothesis
+from analysis.diagnosis.begin import accept, base_fit, explored
+from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.errors import errors
-from analysis.diagnosis.explore import LEAST_FALL, Trail, climb, explore, without
+from analysis.diagnosis.explore import LEAST_FALL, Trail, without
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.gates import CLEAR_OF_A_MISFIT, clear, pass_gates
 from analysis.diagnosis.held_out import Foretold, choose, foretell
-from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
+from analysis.diagnosis.hypothesis import Rig
 from analysis.diagnosis.knobs import Kind, kinds
-from analysis.diagnosis.quick_shot import too_fast
 from analysis.diagnosis.remainder import Remainder, describe, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.ripple import seen_finely
@@ -27,17 +26,12 @@ from analysis.diagnosis.screen import Projector, projector
 from analysis.diagnosis.separate import Separation, least_seen, missed_without
 from analysis.diagnosis.settle import settle
 from analysis.fit import Fit
-from analysis.model.fitting import base_named, first_guesses, fit_shots, prepare
-from analysis.model.least_squares import Infeasible
-from analysis.model.response import Model
-from analysis.model.search import own_start
+from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
 from analysis.quantity import Quantity
-from analysis.shot import AnalysisError, Cancelled, Progress
+from analysis.shot import Cancelled, Progress
 
 LEAST_LEAD = 6.0  # of the criterion over the runner-up
-DRAWN_FAR = 1e6  # of chi^2 a sample, where the base did not even arrive
-_SOFTER = 8  # times a tenth of the contact stiffness, at most
 
 
 def diagnose(
@@ -68,12 +62,9 @@ def diagnose(
     tell("fitting the base model", 0.0)
     rig = Rig(together(motions), base_named(model))
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop)
-    before = _accept(_base_fit(rig, fit_before, stop), catalogue, accepted, stop)
+    before = accept(base_fit(rig, fit_before, stop), catalogue, accepted, stop)
     tell("scoring the catalogue", 0.15)
-    if not before.converged and fit_before.reduced_chi2 > DRAWN_FAR:
-        best, trail = _from_the_guess(before, motions, catalogue, stop)
-    else:
-        before, best, trail = _explored(before, catalogue, stop)
+    before, best, trail = explored(before, fit_before, motions, catalogue, stop)
     if (finely := seen_finely(before, best, trail, motions, catalogue, stop)) is not None:
         before, best, trail = finely
         rig = best.hypothesis.rig
@@ -121,85 +112,6 @@ def diagnose(
     )
     tell("diagnosed", 1.0)
     return diagnosis
-
-
-def _explored(before: Fitted, catalogue: Sequence[Kind], stop: Callable[[], bool]) -> tuple[Fitted, Fitted, Trail]:
-    """Return the fit before, the best with effects, and what was tried."""
-    best, trail = explore(before, catalogue, stop)
-    again = trail.of(before.names)
-    if again is not None and again.bic < before.bic - 1.0:  # an effect's detour led the base itself to a better place
-        return again, *explore(again, catalogue, stop)
-    return before, best, trail
-
-
-def _from_the_guess(
-    before: Fitted, motions: Sequence[Motion], catalogue: Sequence[Kind], stop: Callable[[], bool]
-) -> tuple[Fitted, Trail]:
-    """Return the best fit with effects, begun where the collision was read, not where the base was drawn.
-
-    What a base model lacks a thousandfold draws its own parameters to a wall: no step from there leads back.
-    """
-    hypothesis = before.hypothesis
-    shots = [prepare(motion) for motion in motions]
-    guess = first_guesses(hypothesis.rig.base, shots, stop)[0]
-    own = np.array([own_start(shot, Model(hypothesis.rig.base)) for shot in shots])
-    z = hypothesis.pack(Point(guess, own, before.point.values))
-    there = finish(hypothesis, search(hypothesis, z, before.floor, evaluations=1, cancelled=stop))
-    trail = Trail()
-    trail.keep(before)
-    best = climb(before, there, catalogue, trail, stop)
-    return (best, trail) if best.bic < before.bic and best is not there else explore(before, catalogue, stop)
-
-
-def _base_fit(rig: Rig, given: Fit, stop: Callable[[], bool]) -> Fitted:
-    """Return the base model's best fit at the diagnosis' rate, from one that is given."""
-    names = rig.base.names
-    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
-    point = Point(
-        np.array([given.parameters[name].value for name in names]), np.array(own), tuple({} for _ in rig.shots)
-    )
-    hypothesis = Hypothesis(rig, ())
-    point = _slow_enough(hypothesis, point)
-    quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in rig.shots])
-    if quick.size < 100:
-        raise AnalysisError("too few samples for a diagnosis")
-    white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
-    floor = Floor(white, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s)
-    try:
-        return fit_hypothesis(hypothesis, hypothesis.pack(point), floor, cancelled=stop)
-    except Infeasible as why:
-        raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
-
-
-def _slow_enough(hypothesis: Hypothesis, point: Point) -> Point:
-    """Return the point with a contact that samples can follow: one drawn to a wall is no place to begin."""
-    shot = hypothesis.rig.shots[0]
-    for _ in range(_SOFTER):
-        seen = hypothesis.seen_at(0, point)
-        if not too_fast(seen.base, seen.own, seen.values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
-            break
-        softer = point.base.copy()
-        softer[-2:] *= [0.1, 0.3]
-        point = Point(softer, point.own, point.values)
-    return point
-
-
-def _accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], stop: Callable[[], bool]) -> Fitted:
-    """Return the fit with the effects that the model already has."""
-    here = base
-    for name in accepted:
-        if name not in {kind.name for kind in catalogue}:
-            raise ValueError(f"no effect is called {name!r}; there are {', '.join(k.name for k in catalogue)}")
-    for name in accepted:
-        kind = next(k for k in catalogue if k.name == name)
-        better, _ = explore(here, [kind], stop, most=1)
-        if name not in better.names:
-            hypothesis = Hypothesis(here.hypothesis.rig, (*here.hypothesis.effects, kind), here.hypothesis.fixed)
-            values = tuple({**v, name: dict(kind.starts[0])} for v in here.point.values)
-            z = hypothesis.pack(Point(here.point.base, here.point.own, values))
-            better = finish(hypothesis, search(hypothesis, z, here.floor, cancelled=stop))
-        here = better
-    return here
 
 
 def _found(

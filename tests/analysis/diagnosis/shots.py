@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.compare import Fitted, fit
-from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Rig
+from analysis.diagnosis import begin
+from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.hypothesis import Rig
 from analysis.diagnosis.knobs import kinds
 from analysis.diagnosis.samples import together
 from analysis.model.fitting import base_named, fit_shots
@@ -43,10 +43,4 @@ def calm() -> bool:
 
 def base_fit(motions: tuple[Motion, ...]) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate."""
-    rig = Rig(together(motions), base_named("paper"))
-    hypothesis = Hypothesis(rig, ())
-    given = fit_shots(motions)
-    values = [given.parameters[name].value for name in rig.base.names]
-    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
-    z = hypothesis.coordinates.to_search([*values, *(x for shot in own for x in shot)])
-    return fit(hypothesis, z, Floor(5e-11, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s))
+    return begin.base_fit(Rig(together(motions), base_named("paper")), fit_shots(motions), calm)

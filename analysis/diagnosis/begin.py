@@ -1,0 +1,106 @@
+"""Where a search begins: the base model's fit at the diagnosis' rate, with the effects that the model already has."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from analysis.diagnosis.compare import Fitted, finish, fit, search
+from analysis.diagnosis.explore import Trail, climb, explore
+from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
+from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.quick_shot import too_fast
+from analysis.fit import Fit
+from analysis.model.fitting import first_guesses, prepare
+from analysis.model.least_squares import Infeasible
+from analysis.model.response import Model
+from analysis.model.search import own_start
+from analysis.motion import Motion
+from analysis.shot import AnalysisError
+
+Stop = Callable[[], bool]
+DRAWN_FAR = 1e6  # of chi^2 a sample, where the base did not even arrive
+_SOFTER = 8  # times a tenth of the contact stiffness, at most
+
+
+def base_fit(rig: Rig, given: Fit, stop: Stop) -> Fitted:
+    """Return the base model's best fit at the diagnosis' rate, from one that is given."""
+    names = rig.base.names
+    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
+    point = Point(
+        np.array([given.parameters[name].value for name in names]), np.array(own), tuple({} for _ in rig.shots)
+    )
+    hypothesis = Hypothesis(rig, ())
+    point = _slow_enough(hypothesis, point)
+    quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in rig.shots])
+    if quick.size < 100:
+        raise AnalysisError("too few samples for a diagnosis")
+    white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
+    floor = Floor(white, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s)
+    try:
+        return fit(hypothesis, hypothesis.pack(point), floor, cancelled=stop)
+    except Infeasible as why:
+        raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
+
+
+def _slow_enough(hypothesis: Hypothesis, point: Point) -> Point:
+    """Return the point with a contact that samples can follow: one drawn to a wall is no place to begin."""
+    shot = hypothesis.rig.shots[0]
+    for _ in range(_SOFTER):
+        seen = hypothesis.seen_at(0, point)
+        if not too_fast(seen.base, seen.own, seen.values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+            break
+        softer = point.base.copy()
+        softer[-2:] *= [0.1, 0.3]
+        point = Point(softer, point.own, point.values)
+    return point
+
+
+def accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], stop: Stop) -> Fitted:
+    """Return the fit with the effects that the model already has."""
+    here = base
+    for name in accepted:
+        if name not in {kind.name for kind in catalogue}:
+            raise ValueError(f"no effect is called {name!r}; there are {', '.join(k.name for k in catalogue)}")
+    for name in accepted:
+        kind = next(k for k in catalogue if k.name == name)
+        better, _ = explore(here, [kind], stop, most=1)
+        if name not in better.names:
+            hypothesis = Hypothesis(here.hypothesis.rig, (*here.hypothesis.effects, kind), here.hypothesis.fixed)
+            values = tuple({**v, name: dict(kind.starts[0])} for v in here.point.values)
+            z = hypothesis.pack(Point(here.point.base, here.point.own, values))
+            better = finish(hypothesis, search(hypothesis, z, here.floor, cancelled=stop))
+        here = better
+    return here
+
+
+def explored(
+    before: Fitted, given: Fit, motions: Sequence[Motion], catalogue: Sequence[Kind], stop: Stop
+) -> tuple[Fitted, Fitted, Trail]:
+    """Return the fit before, the best with effects, and what was tried; ``given`` is the base fit of ``motions``."""
+    if not before.converged and given.reduced_chi2 > DRAWN_FAR:
+        return before, *_from_the_guess(before, motions, catalogue, stop)
+    best, trail = explore(before, catalogue, stop)
+    again = trail.of(before.names)
+    if again is not None and again.bic < before.bic - 1.0:  # an effect's detour led the base itself to a better place
+        return again, *explore(again, catalogue, stop)
+    return before, best, trail
+
+
+def _from_the_guess(
+    before: Fitted, motions: Sequence[Motion], catalogue: Sequence[Kind], stop: Stop
+) -> tuple[Fitted, Trail]:
+    """Return the best fit with effects, begun where the collision was read, not where the base was drawn.
+
+    What a base model lacks a thousandfold draws its own parameters to a wall: no step from there leads back.
+    """
+    hypothesis = before.hypothesis
+    shots = [prepare(motion) for motion in motions]
+    guess = first_guesses(hypothesis.rig.base, shots, stop)[0]
+    own = np.array([own_start(shot, Model(hypothesis.rig.base)) for shot in shots])
+    z = hypothesis.pack(Point(guess, own, before.point.values))
+    there = finish(hypothesis, search(hypothesis, z, before.floor, evaluations=1, cancelled=stop))
+    trail = Trail()
+    trail.keep(before)
+    best = climb(before, there, catalogue, trail, stop)
+    return (best, trail) if best.bic < before.bic and best is not there else explore(before, catalogue, stop)

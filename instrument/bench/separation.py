@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
 from instrument.bench.blind import Truth, clean_m, run, times_s
-from instrument.bench.effects import CATALOGUE
+from instrument.bench.effects import CATALOGUE, PER_SHOT
 from instrument.bench.strength import Tangents, base_tangents, remainder_m
 
 Floats = NDArray[np.float64]
@@ -28,6 +28,8 @@ _LINES_HZ = {
     "support_compliance": np.geomspace(200.0, 4000.0, 24),
 }
 _FRAME_HZ = np.geomspace(30.0, 2000.0, 110)
+_TWO_SIGNS = {"tilt", "bearing_gradient", "cubic_stiffness", "contact_exponent", "sensor_drift", "cyclic_error"}
+_ONE_SIGN = frozenset(CATALOGUE) - _TWO_SIGNS - frozenset(PER_SHOT)
 _RELAXATION_S = np.geomspace(1e-4, 0.5, 24)
 _RANGE_M = np.geomspace(5e-6, 3e-3, 24)  # a reach ends sharply: what it imitates, it imitates at one only
 
@@ -49,7 +51,9 @@ def separation(truth: Truth, tangents: Tangents | None = None) -> dict[str, floa
         shapes = shapes / np.linalg.norm(shapes, axis=0)
         beyond = shapes - base @ (base.T @ shapes)
         beyond = beyond / np.linalg.norm(beyond, axis=0)
-        fitted = beyond @ np.linalg.lstsq(beyond, left, rcond=1e-6)[0]
+        size = np.linalg.lstsq(beyond, left, rcond=1e-6)[0]
+        # No friction drives and no attraction repels: what has one sign imitates with that sign alone.
+        fitted = beyond @ (np.maximum(size, 0.0) if name in _ONE_SIGN else size)
         explained = float(fitted @ fitted)
         return float((step * max(float(left @ left) - explained, 0.0)) ** 0.5 / truth.noise.white_m)
 

@@ -121,8 +121,8 @@ def test_a_case_runs_from_draw_to_outcome():
 
     outcome = judge(TILT, oracle)
     assert outcome.snr == pytest.approx(20.0, rel=0.06)
-    # A force that reaches further than the block flies is a tilt, but for what it does while the bodies touch.
-    assert outcome.nearest == "adhesion" and 2.0 < outcome.apart < outcome.snr
+    # An attraction that reaches further than the block flies is such a tilt with the other sign.
+    assert outcome.nearest != "adhesion" and 5.0 < outcome.apart < outcome.snr
     assert outcome.named == ("tilt",) and outcome.classes == (("sensor_drift",),)
     assert set(outcome.bound["tilt"]) == {"angle_rad"} and outcome.bound["tilt"]["angle_rad"] > 0
     assert len(seen) == 3 and seen[0].displacement_std_m[0] == pytest.approx(1e-10)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from analysis.model import exact, general
@@ -28,11 +28,19 @@ def times(rig: Collision) -> np.ndarray:
     return np.linspace(-0.002, 1.4 * rig.contact_time_estimate_s, 1500)
 
 
+def solved(rig: Collision, time_s: np.ndarray, *, derivatives: bool = False) -> exact.Trajectory:
+    """Solve a rig that does not chatter for ever: such a one is refused, as the solver says."""
+    try:
+        return exact.solve(rig, time_s, derivatives=derivatives)
+    except exact.TooManyEvents:
+        reject()
+
+
 @settings(max_examples=20, deadline=None)
 @given(rig=RIGS, factor=st.floats(0.1, 10.0))
 def test_the_base_model_is_linear_in_the_speed(rig: Collision, factor: float) -> None:
-    one = exact.solve(rig, times(rig), derivatives=True)
-    other = exact.solve(rig.at_speed(factor * rig.velocity_in_m_per_s), times(rig))
+    one = solved(rig, times(rig), derivatives=True)
+    other = solved(rig.at_speed(factor * rig.velocity_in_m_per_s), times(rig))
     # Where the bodies only just touch, rounding is magnified as any small change is.
     magnified = np.linalg.norm(one.displacement_derivatives[:, :5] * rig.vector[:5], axis=1).max()
     assert np.abs(other.displacement_m - factor * one.displacement_m).max() < 1e-10 * factor * magnified
@@ -49,7 +57,7 @@ def test_masses_and_forces_scale_together(rig: Collision, factor: float) -> None
         contact_stiffness_n_per_m=factor * rig.contact_stiffness_n_per_m,
         contact_damping_n_s_per_m=factor * rig.contact_damping_n_s_per_m,
     )
-    one, other = exact.solve(rig, times(rig), derivatives=True), exact.solve(heavier, times(rig))
+    one, other = solved(rig, times(rig), derivatives=True), solved(heavier, times(rig))
     magnified = np.linalg.norm(one.displacement_derivatives[:, :5] * rig.vector[:5], axis=1).max()
     assert np.abs(other.displacement_m - one.displacement_m).max() < 1e-10 * magnified
 
@@ -57,7 +65,7 @@ def test_masses_and_forces_scale_together(rig: Collision, factor: float) -> None
 @settings(max_examples=20, deadline=None)
 @given(rig=RIGS)
 def test_a_dashpot_only_takes_energy(rig: Collision) -> None:
-    run = exact.solve(rig, times(rig))
+    run = solved(rig, times(rig))
     kinetic = rig.block_mass_kg * run.velocity_m_per_s**2 + rig.plate_mass_kg * run.plate_velocity_m_per_s**2
     bent = rig.plate_stiffness_n_per_m * run.plate_displacement_m**2
     pressed = rig.contact_stiffness_n_per_m * np.maximum(-run.gap_m, 0.0) ** 2
@@ -70,14 +78,14 @@ def test_a_dashpot_only_takes_energy(rig: Collision) -> None:
 @settings(max_examples=15, deadline=None)
 @given(rig=RIGS, place=st.integers(0, 4))
 def test_derivatives_are_those_of_the_trajectory(rig: Collision, place: int) -> None:
-    run = exact.solve(rig, times(rig), derivatives=True)
+    run = solved(rig, times(rig), derivatives=True)
     vector = rig.vector
     h = 1e-6 * abs(vector[place])
     sides = []
     for sign in (-1, 1):
         moved = vector.copy()
         moved[place] += sign * h
-        sides.append(exact.solve(rig.with_vector(moved), times(rig)))
+        sides.append(solved(rig.with_vector(moved), times(rig)))
     if len({len(side.events) for side in (*sides, run)}) > 1:
         return  # a bounce more on one side: there is no derivative
     difference = (sides[1].displacement_m - sides[0].displacement_m) / (2 * h)
@@ -112,7 +120,7 @@ def test_a_contact_without_give_is_an_elastic_bounce_after_another() -> None:
     for factor in (1e2, 1e4, 1e6):
         hard = replace(PAPER, contact_stiffness_n_per_m=1e4 * factor, contact_damping_n_s_per_m=0.0)
         swing = math.pi * math.sqrt(1 / (hard.contact_stiffness_n_per_m * (1 / m_b + 1 / m_p)))
-        run = exact.solve(hard, np.array([0.0, 2 * swing]))
+        run = solved(hard, np.array([0.0, 2 * swing]))
         release = next(event for event in run.events if event.kind == "release")
         assert release.time_s == pytest.approx(swing, rel=10 / factor)
         errors.append(abs(release.state[3] / plate_after - 1))

@@ -1,7 +1,6 @@
 """Run one shot through the whole road: demodulate, read, fit; stop where it breaks and say why."""
 
 import time
-from collections.abc import Callable
 
 from analysis.fit import Fit
 from analysis.impact import Impact
@@ -11,10 +10,8 @@ from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.reading.read import NoImpact, read_impact
 from analysis.recording import Recording, Setup
-from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
+from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
 from analysis.signal.demodulate import demodulate
-
-Cancel = Callable[[], bool]
 
 
 def analyse(
@@ -23,7 +20,7 @@ def analyse(
     *,
     load_seconds: float = 0.0,
     progress: Progress | None = None,
-    cancelled: Cancel | None = None,
+    cancelled: Stop | None = None,
 ) -> Shot:
     """Analyse a raw recording.  Raises Cancelled; every other failure is the shot's ``problem``."""
     settings = settings or AnalysisSettings()
@@ -65,7 +62,7 @@ def analyse_motion(
     setup: Setup | None = None,
     load_seconds: float = 0.0,
     progress: Progress | None = None,
-    cancelled: Cancel | None = None,
+    cancelled: Stop | None = None,
 ) -> Shot:
     """Analyse a motion that another instrument demodulated; what needs the optics stays unseen."""
     shot = Shot(
@@ -85,7 +82,7 @@ def analyse_motion(
     return complete(shot, progress=progress, cancelled=cancelled)
 
 
-def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Cancel | None = None) -> Shot:
+def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | None = None) -> Shot:
     """Return the shot with impact and fit read from its motion."""
     from dataclasses import replace
 
@@ -127,7 +124,7 @@ def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Cancel 
     return replace(shot, impact=impact, fit=fit, problem=problem, flags=flags, seconds=seconds)
 
 
-def _tell(progress: Progress | None, cancelled: Cancel | None, what: str, fraction: float) -> None:
+def _tell(progress: Progress | None, cancelled: Stop | None, what: str, fraction: float) -> None:
     if cancelled is not None and cancelled():
         raise Cancelled
     if progress is not None:

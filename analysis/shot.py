@@ -9,6 +9,7 @@ from analysis.motion import Motion
 from analysis.recording import Setup
 
 Progress = Callable[[str, float], None]  # (what is being done, fraction of the whole)
+Stop = Callable[[], bool]  # whether whoever asked no longer wants it
 
 
 class AnalysisError(Exception):

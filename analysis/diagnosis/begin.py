@@ -1,11 +1,11 @@
 """Where a search begins: the base model's fit at the diagnosis' rate, with the effects that the model already has."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from analysis.diagnosis.compare import Fitted, finish, fit, search
-from analysis.diagnosis.explore import Trail, climb, explore
+from analysis.diagnosis.explore import Trail, better, climb, explore
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import Kind
@@ -16,9 +16,8 @@ from analysis.model.least_squares import Infeasible
 from analysis.model.response import Model
 from analysis.model.search import own_start
 from analysis.motion import Motion
-from analysis.shot import AnalysisError
+from analysis.shot import AnalysisError, Stop
 
-Stop = Callable[[], bool]
 DRAWN_FAR = 1e6  # of chi^2 a sample, where the base did not even arrive
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
@@ -76,15 +75,15 @@ def accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], sto
 
 def explored(
     before: Fitted, given: Fit, motions: Sequence[Motion], catalogue: Sequence[Kind], stop: Stop
-) -> tuple[Fitted, Fitted, Trail]:
-    """Return the fit before, the best with effects, and what was tried; ``given`` is the base fit of ``motions``."""
+) -> tuple[Fitted, Trail]:
+    """Return the best fit with effects, and what was tried from where; ``given`` is the base fit of ``motions``."""
     if not before.converged and given.reduced_chi2 > DRAWN_FAR:
-        return before, *_from_the_guess(before, motions, catalogue, stop)
+        return _from_the_guess(before, motions, catalogue, stop)
     best, trail = explore(before, catalogue, stop)
     again = trail.of(before.names)
-    if again is not None and again.bic < before.bic - 1.0:  # an effect's detour led the base itself to a better place
-        return again, *explore(again, catalogue, stop)
-    return before, best, trail
+    if again is not None and better(again, before):  # an effect's detour led the base itself to a better place
+        return explore(again, catalogue, stop)
+    return best, trail
 
 
 def _from_the_guess(
@@ -100,7 +99,6 @@ def _from_the_guess(
     own = np.array([own_start(shot, Model(hypothesis.rig.base)) for shot in shots])
     z = hypothesis.pack(Point(guess, own, before.point.values))
     there = finish(hypothesis, search(hypothesis, z, before.floor, evaluations=1, cancelled=stop))
-    trail = Trail()
-    trail.keep(before)
-    best = climb(before, there, catalogue, trail, stop)
+    trail = Trail(before, catalogue, stop)
+    best = climb(there, trail)
     return (best, trail) if best.bic < before.bic and best is not there else explore(before, catalogue, stop)

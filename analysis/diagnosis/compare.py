@@ -1,7 +1,7 @@
 """Fit one hypothesis and say how likely it makes the data, the floor learnt anew from what it leaves over."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from analysis.diagnosis.floor import Floor, learn
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.model.least_squares import Infeasible, Minimum, Square, covariance, minimise
+from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
 _NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
@@ -104,7 +105,7 @@ def search(
     floor: Floor,
     *,
     evaluations: int = 25,
-    cancelled: Callable[[], bool] | None = None,
+    cancelled: Stop | None = None,
 ) -> Minimum:
     """Minimise with a given floor from ``z``; Infeasible where not even the start has a trajectory."""
     low, high = hypothesis.bounds
@@ -140,7 +141,7 @@ def fit(
     floor: Floor,
     *,
     evaluations: int = 25,
-    cancelled: Callable[[], bool] | None = None,
+    cancelled: Stop | None = None,
 ) -> Fitted:
     """Fit from ``z``: with the floor given, then once more with the floor that this leaves."""
     first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled))

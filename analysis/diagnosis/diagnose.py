@@ -1,7 +1,7 @@
 """The closed loop over one or several shots: what is left, what it is traced to, what is left then."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from analysis.fit import Fit
 from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
 from analysis.quantity import Quantity
-from analysis.shot import Cancelled, Progress
+from analysis.shot import Progress, Stop
 
 LEAST_LEAD = 6.0  # of the criterion over the runner-up
 
@@ -42,7 +42,7 @@ def diagnose(
     accepted: Sequence[str] = (),
     hold_out: int | None = None,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
+    cancelled: Stop | None = None,
 ) -> Diagnosis:
     """Diagnose ``motions`` (one or several shots of one rig) against the base ``model`` with ``accepted`` effects.
 
@@ -64,31 +64,30 @@ def diagnose(
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop)
     before = accept(base_fit(rig, fit_before, stop), catalogue, accepted, stop)
     tell("scoring the catalogue", 0.15)
-    before, best, trail = explored(before, fit_before, motions, catalogue, stop)
-    if (finely := seen_finely(before, best, trail, motions, catalogue, stop)) is not None:
-        before, best, trail = finely
-        rig = best.hypothesis.rig
+    best, trail = explored(before, fit_before, motions, catalogue, stop)
+    best, trail = seen_finely(best, trail, motions) or (best, trail)
+    before, rig = trail.start, trail.start.hypothesis.rig
     held = choose(rig, in_turn=best is not before) if hold_out is None else (hold_out,)
-    stands = settle(before, best, trail, held, catalogue, tell, stop)
+    stands = settle(best, trail, held, tell)
     best, at, far, rest, told = stands.best, stands.at, stands.far, stands.rest, stands.told
     tell("telling look-alikes apart", 0.8)
     while True:
-        found = [_found(best, n, rest, far[n], trail, stop) for n in best.names if n not in before.names]
+        found = [_found(best, n, rest, far[n], trail) for n in trail.added(best)]
         effects, verdict = pass_gates(found, rest, best)
         unclear = [effect.name for effect in found if not clear(effect, rest, CLEAR_OF_A_MISFIT)]
         if effects or not rest.significant or len(unclear) in (0, len(found)):
             break
         # What little stays unexplained leaves those in doubt that are not much larger, and no others.
-        fewer = without(best, unclear[0], trail, stop)
+        fewer = without(best, unclear[0], trail)
         if fewer is None:
             break
         best, at = fewer, projector(fewer)
-        rest, far = judge(best, at), apart(before, best, at, catalogue, stop)
+        rest, far = judge(best, at), apart(best, at, trail)
     if best is not stands.passed and told is not None:
         retold = foretell(best, held, best.floor, stop)
         told = (told[0], retold) if retold is not None else None
     after = best if effects else before
-    left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(before, best, rest)
+    left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(best, trail, rest)
     if after is before and best is not before:
         told = (told[0], told[0]) if told else None
     tell("errors before and after", 0.9)
@@ -98,7 +97,7 @@ def diagnose(
         verdict=verdict,
         sentence=words.verdict(verdict, effects, left, fall),
         effects=tuple(effects),
-        candidates=_candidates(before, trail, best),
+        candidates=_candidates(best, trail),
         error_before=error_before,
         error_after=error_after,
         error_held_out_before=_held(motions, rig, held, told[0] if told else None, after.floor),
@@ -114,13 +113,10 @@ def diagnose(
     return diagnosis
 
 
-def _found(
-    best: Fitted, name: str, remainder: Remainder, far: Separation, trail: Trail, stop: Callable[[], bool]
-) -> FoundEffect:
+def _found(best: Fitted, name: str, remainder: Remainder, far: Separation, trail: Trail) -> FoundEffect:
     """Return an effect with its evidence and with what else it may be."""
-    if stop():
-        raise Cancelled
-    fewer = without(best, name, trail, stop)
+    trail.go_on()
+    fewer = without(best, name, trail)
     fall = fewer.bic - best.bic if fewer else 0.0
     others = list(far.too_close(remainder.size))
     lead = np.inf
@@ -146,13 +142,13 @@ def _found(
     return FoundEffect(name, parameters, evidence, tuple(others), words.found(name, parameters, others))
 
 
-def _unnamed(before: Fitted, best: Fitted, rest: Remainder) -> str:
+def _unnamed(best: Fitted, trail: Trail, rest: Remainder) -> str:
     """Return what the model leaves over, and what would imitate it without being sure of a name."""
-    added = [words.plain(name) for name in best.names if name not in before.names]
+    added = [words.plain(name) for name in trail.added(best)]
     if not added:
         return rest.text
     beyond = looks_like(rest.misfit, "what that leaves over")
-    return f"{describe(before)}; best imitated by {' with '.join(added)}, which did not pass every test{beyond}"
+    return f"{describe(trail.start)}; best imitated by {' with '.join(added)}, which did not pass every test{beyond}"
 
 
 def _errors(motions: Sequence[Motion], fitted: Fitted, floor: Floor) -> Errors:
@@ -168,9 +164,10 @@ def _held(
     return errors([motions[i] for i in held], [rig.shots[i] for i in held], told.displacement_m, floor, 3 * len(held))
 
 
-def _candidates(before: Fitted, trail: Trail, best: Fitted) -> tuple[Candidate, ...]:
+def _candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
     """Return every effect tried, best first: by itself on top of the model before."""
     out = []
+    before = trail.start
     for name, score in trail.scores.items():
         fitted = trail.of((*before.names, name))
         if fitted is not None and fitted.log_likelihood < before.log_likelihood:

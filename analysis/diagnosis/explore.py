@@ -1,7 +1,7 @@
 """Which effects, and how many: score all, refit the best jointly from several starts, keep what pays its way."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -14,7 +14,7 @@ from analysis.diagnosis.hypothesis import Hypothesis, Point, delay
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.screen import Projector, Score, fixed_of, projector, scores
 from analysis.model.least_squares import Infeasible
-from analysis.shot import Cancelled
+from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
@@ -29,18 +29,34 @@ UNDER_THE_FLOOR = 3  # more, of those that would do best if the floor did not wa
 MOST_EFFECTS = 3
 OTHER_FIRSTS = 2  # to begin with where what was found leaves something unexplained
 CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
+_A_STOP = 1.0  # of the criterion: searches of the same fit end that near each other
 _OF_THE_START = (1.0, 0.3, 0.1)
 _ROOM = 4  # steps at most
 
 
 @dataclass
 class Trail:
-    """What was tried on the way: every effect's best score and fit in the round in which it did best."""
+    """A search from ``start`` through ``catalogue``: every effect's first score, and every best fit on the way."""
 
+    start: Fitted
+    catalogue: Sequence[Kind]
+    stop: Stop
     scores: dict[str, Score] = field(default_factory=dict)
     fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
     last: Projector | None = None  # of the round that found nothing more
     asked: set[tuple[str, ...]] = field(default_factory=set)  # fitted from a fit with one effect more, too
+
+    def __post_init__(self) -> None:
+        self.keep(self.start)
+
+    def go_on(self) -> None:
+        """Raise Cancelled if asked to stop."""
+        if self.stop():
+            raise Cancelled
+
+    def added(self, fitted: Fitted) -> list[str]:
+        """Return the names of the effects that a fit has and the start has not."""
+        return [name for name in fitted.names if name not in self.start.names]
 
     def keep(self, fitted: Fitted) -> None:
         """Keep a fit unless a better one of the same effects is there."""
@@ -53,40 +69,39 @@ class Trail:
         return self.fits.get(tuple(sorted(names)))
 
 
-Stop = Callable[[], bool]
-
-
 def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int = MOST_EFFECTS) -> tuple[Fitted, Trail]:
     """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
-    trail = Trail()
-    trail.keep(start)
-    return climb(start, start, catalogue, trail, stop, most), trail
+    trail = Trail(start, catalogue, stop)
+    return climb(start, trail, most), trail
 
 
-def another_way(start: Fitted, best: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop) -> Fitted:
+def another_way(best: Fitted, trail: Trail) -> Fitted:
     """Return the best fit that begins with another first effect: two that lean on each other look like a third."""
-    single = len(start.names) + 1
+    single = len(trail.start.names) + 1
     firsts = [
         fitted
         for key, fitted in trail.fits.items()
-        if len(key) == single and set(start.names) < set(key) and not set(key) <= set(best.names)
+        if len(key) == single and len(trail.added(fitted)) == 1 and not set(key) <= set(best.names)
     ]
     some = sorted(firsts, key=lambda fitted: fitted.bic)[:OTHER_FIRSTS]
-    ends = [climb(start, polish(first, trail, stop), catalogue, trail, stop, MOST_EFFECTS - 1) for first in some]
+    ends = [climb(polish(first, trail), trail, MOST_EFFECTS - 1) for first in some]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
-def climb(
-    start: Fitted, here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, most: int = MOST_EFFECTS
-) -> Fitted:
+def climb(here: Fitted, trail: Trail, most: int = MOST_EFFECTS) -> Fitted:
     """Return the best fit with at most ``most`` effects more than ``here``, one at a time."""
     for _ in range(most):
-        best = extend(here, catalogue, trail, stop, first=len(here.names) == len(start.names))
+        best = extend(here, trail, first=len(here.names) == len(trail.start.names))
         # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
         if best is None or here.bic - best.bic < LEAST_FALL:
             break
-        here = polish(prune(best, start, trail, stop), trail, stop)
+        here = polish(prune(best, trail), trail)
     return here
+
+
+def better(fitted: Fitted, other: Fitted) -> bool:
+    """Return whether a fit is more likely than another by more than where a search happens to stop."""
+    return fitted.bic < other.bic - _A_STOP
 
 
 def least_fall(floor: Floor) -> float:
@@ -99,23 +114,23 @@ def pays(fitted: Fitted, fewer: Fitted) -> bool:
     return fewer.bic - fitted.bic >= least_fall(fitted.floor)
 
 
-def polish(fitted: Fitted, trail: Trail, stop: Stop) -> Fitted:
+def polish(fitted: Fitted, trail: Trail) -> Fitted:
     """Return the fit brought to its very minimum: what a short search leaves over would call for one effect more."""
-    better = fit(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, cancelled=stop)
+    better = fit(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, cancelled=trail.stop)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
     trail.fits[tuple(sorted(better.names))] = better
     return better
 
 
-def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *, first: bool = False) -> Fitted | None:
+def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
     """Return the best fit with one effect more, or None where nothing scored."""
     at = projector(here)
     trail.last = at
-    free = [kind for kind in catalogue if kind.name not in here.names]
+    free = [kind for kind in trail.catalogue if kind.name not in here.names]
     if here.hypothesis.rig.base.one_body:
         free = [kind for kind in free if kind.one_body]
-    ranked = _ranked(at, free, stop)
+    ranked = _ranked(at, free, trail)
     if first:
         trail.scores.update({listed[0].kind.name: listed[0] for listed in ranked})
     strong = float(at.left @ at.left) > 1.5 * at.left.size or not here.converged
@@ -131,16 +146,16 @@ def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *,
         # The floor was learnt from what is left and may have taken it for noise: ask as if nothing wandered, too.
         still = replace(here.floor, rms_m=(0.0, 0.0))
         names = {score.kind.name for score in tried}
-        other = _ranked(projector(here, still, at.lines), free, stop)[:UNDER_THE_FLOOR]
+        other = _ranked(projector(here, still, at.lines), free, trail)[:UNDER_THE_FLOOR]
         tried += [listed[0] for listed in other if listed[0].kind.name not in names]
-    refitted = side_by_side(lambda score: refit(at, score.kind, score.start, stop), tried)
+    refitted = side_by_side(lambda score: refit(at, score.kind, score.start, trail.stop), tried)
     quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
 
     def finished(place: int) -> Fitted:
         trial = quick[place]
         near = trial.bic < quick[0].bic + WORTH_FINISHING and place < REFITTED
         if near or place < 1 or (strong and place < 2):
-            return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
+            return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=trail.stop)
         return trial
 
     best: Fitted | None = None
@@ -151,12 +166,11 @@ def extend(here: Fitted, catalogue: Sequence[Kind], trail: Trail, stop: Stop, *,
     return best
 
 
-def _ranked(at: Projector, free: Sequence[Kind], stop: Stop) -> list[list[Score]]:
+def _ranked(at: Projector, free: Sequence[Kind], trail: Trail) -> list[list[Score]]:
     """Return the scores of every effect that has any, the one most worth its parameters first."""
 
     def scored(kind: Kind) -> list[Score]:
-        if stop():
-            raise Cancelled
+        trail.go_on()
         return scores(at, kind)
 
     # The longest first: nobody is left to work alone for long.
@@ -229,7 +243,7 @@ def _weakened(kind: Kind, values: Mapping[str, float], share: float) -> Mapping[
     return {**values, **{name: values[name] * factor for name in kind.amplitude}}
 
 
-def without(fitted: Fitted, name: str, trail: Trail, stop: Stop) -> Fitted | None:
+def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
     """Return the fit with one effect taken out, from the trail or made now; the better of both where that is in doubt.
 
     A fit made before the others were found may have stopped in another valley.
@@ -249,20 +263,20 @@ def without(fitted: Fitted, name: str, trail: Trail, stop: Stop) -> Fitted | Non
     values = tuple({key: value for key, value in v.items() if key != name} for v in point.values)
     try:
         own = point.own + [[0.0, delay({name: v[name]}), 0.0] for v in point.values]
-        trial = fit(hypothesis, hypothesis.pack(Point(point.base, own, values)), fitted.floor, cancelled=stop)
+        trial = fit(hypothesis, hypothesis.pack(Point(point.base, own, values)), fitted.floor, cancelled=trail.stop)
     except Infeasible:
         return known
     trail.keep(trial)
     return trail.of(names)
 
 
-def prune(fitted: Fitted, start: Fitted, trail: Trail, stop: Stop) -> Fitted:
+def prune(fitted: Fitted, trail: Trail) -> Fitted:
     """Take out again what an effect found later has made needless."""
     while True:
-        removable = [name for name in fitted.names if name not in start.names]
+        removable = trail.added(fitted)
         if len(removable) < 2:
             return fitted
-        tried = side_by_side(partial(without, fitted, trail=trail, stop=stop), removable)
+        tried = side_by_side(partial(without, fitted, trail=trail), removable)
         fewer = [f for f in tried if f is not None]
         best = min(fewer, key=lambda f: f.bic, default=None)
         if best is None or pays(fitted, best):

@@ -1,7 +1,5 @@
 """The gates an effect must pass to be named: it pays on held-out shots, stands out, and leaves nothing unlike it."""
 
-from collections.abc import Callable
-
 from analysis.diagnosis import words
 from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.explore import Trail, pays, without
@@ -22,25 +20,23 @@ CLEAR_OF_A_MISFIT = 100.0
 Told = tuple[Foretold, Foretold]
 
 
-def paying(
-    before: Fitted, best: Fitted, held: tuple[int, ...], trail: Trail, stop: Callable[[], bool]
-) -> tuple[Fitted, Told | None]:
+def paying(best: Fitted, held: tuple[int, ...], trail: Trail) -> tuple[Fitted, Told | None]:
     """Return the fit without the effects that do not pay on the held-out shot, and what is foretold of it.
 
     All foretelling is compared under the best fit's floor.
     """
     if not held:
         return best, None
-    floor = best.floor
-    first = foretell(before, held, floor, stop)
+    before, floor = trail.start, best.floor
+    first = foretell(before, held, floor, trail.stop)
     while best is not before:
-        told = foretell(best, held, floor, stop)
+        told = foretell(best, held, floor, trail.stop)
         if first is None or told is None:
             return best, None
-        added = [name for name in best.names if name not in before.names]
+        added = trail.added(best)
         if len(added) == 1:
             return (best, (first, told)) if told.beats(first) else (before, (first, first))
-        shorter = [(f, foretell(f, held, floor, stop)) for f in (without(best, n, trail, stop) for n in added) if f]
+        shorter = [(f, foretell(f, held, floor, trail.stop)) for f in (without(best, n, trail) for n in added) if f]
         worse = [(f.bic, f) for f, t in shorter if t is not None and not told.beats(t)]
         if not worse:
             return best, (first, told)
@@ -53,23 +49,23 @@ def projector_of(best: Fitted, trail: Trail) -> Projector:
     return trail.last if trail.last is not None and trail.last.fitted is best else projector(best)
 
 
-def without_the_faint(before: Fitted, best: Fitted, trail: Trail, stop: Callable[[], bool]) -> tuple[Fitted, Projector]:
+def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
     """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
     at = projector_of(best, trail)
-    while added := [name for name in best.names if name not in before.names]:
-        size, name = min((_size(best, at, name, trail, stop), name) for name in added)
+    while added := trail.added(best):
+        size, name = min((_size(best, at, name, trail), name) for name in added)
         if size >= LEAST_OF[min(len(added), max(LEAST_OF))]:
             break
-        best = (without(best, name, trail, stop) if len(added) > 1 else None) or before
+        best = (without(best, name, trail) if len(added) > 1 else None) or trail.start
         at = projector_of(best, trail)
-    if best is not before and not pays(best, before):
-        best, at = before, projector_of(before, trail)
+    if best is not trail.start and not pays(best, trail.start):
+        best, at = trail.start, projector_of(trail.start, trail)
     return best, at
 
 
-def _size(best: Fitted, at: Projector, name: str, trail: Trail, stop: Callable[[], bool]) -> float:
+def _size(best: Fitted, at: Projector, name: str, trail: Trail) -> float:
     """Return how far an effect stands out, to first order or along the bent path, whichever is less."""
-    fewer = without(best, name, trail, stop)
+    fewer = without(best, name, trail)
     linear = snr(best, at, name)
     return linear if fewer is None else min(linear, missed_without(best, fewer))
 

@@ -1,6 +1,5 @@
 """How a model does on a shot that took no part in its fit."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +9,7 @@ from analysis.diagnosis.compare import Fitted, search, square_of
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.model.least_squares import Infeasible, Square, covariance, minimise
+from analysis.shot import Stop
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
@@ -48,7 +48,7 @@ def choose(rig: Rig, *, in_turn: bool = True) -> tuple[int, ...]:
     return tuple(sorted((order[0], middle, order[-1]))) if in_turn else (middle,)
 
 
-def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Callable[[], bool]) -> Foretold | None:
+def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> Foretold | None:
     """Foretell each held-out shot from a fit of the shared parameters to all others; None where one fails.
 
     Only its start is fitted on the shot itself.  ``floor`` whitens it: give the same one to what is compared.
@@ -65,7 +65,7 @@ def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Callable
     return Foretold(tuple(shown), surprise, float(np.sqrt(np.mean(np.concatenate(off) ** 2))))
 
 
-def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Callable[[], bool]) -> tuple[Floats, float] | None:
+def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floats, float] | None:
     hypothesis = fitted.hypothesis
     point = fitted.point
     others = [i for i in range(len(hypothesis.rig.shots)) if i != held]

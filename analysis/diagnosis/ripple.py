@@ -5,7 +5,7 @@ second: only near the turn is it slow enough for samples averaged to 20 kS/s.  A
 alone, and a strong one is measured twice as well there.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from analysis.diagnosis.compare import Fitted, fit, learn_floor, residuals
@@ -15,36 +15,32 @@ from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.samples import FINE_RATE_HZ, together
 from analysis.diagnosis.screen import projector, scores
 from analysis.motion import Motion
+from analysis.shot import Stop
 
 RIPPLE = "cyclic_error"
-Stop = Callable[[], bool]
 
 
-def seen_finely(
-    before: Fitted, best: Fitted, trail: Trail, motions: Sequence[Motion], catalogue: Sequence[Kind], stop: Stop
-) -> tuple[Fitted, Fitted, Trail] | None:
-    """Return the fits before and best at the record's rate (100 kS/s at most) if that shows a ripple, else None.
+def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[Fitted, Trail] | None:
+    """Return the best fit and its trail at the record's rate (100 kS/s at most) if that shows a ripple, else None.
 
     What else is there was found at the averaged samples' rate.
     """
-    ripple = next((kind for kind in catalogue if kind.name == RIPPLE), None)
+    ripple = next((kind for kind in trail.catalogue if kind.name == RIPPLE), None)
     here = best.hypothesis.rig
-    if ripple is None or RIPPLE in before.names or any(shot.wavelength_m is None for shot in here.shots):
+    if ripple is None or RIPPLE in trail.start.names or any(shot.wavelength_m is None for shot in here.shots):
         return None
     rig = replace(here, shots=together(motions, FINE_RATE_HZ))
     if rig.shots[0].factor == here.shots[0].factor:
         return None
     if RIPPLE in best.names:
-        finest: Fitted | None = _at(best, rig, stop)
+        finest: Fitted | None = _at(best, rig, trail.stop)
     else:
-        finest = _with(ripple, best, rig, stop)
+        finest = _with(ripple, best, rig, trail.stop)
     if finest is None:
         return None
-    start = _at(before, rig, stop)
-    anew = Trail(scores=trail.scores)
-    anew.keep(start)
+    anew = Trail(_at(trail.start, rig, trail.stop), trail.catalogue, trail.stop, trail.scores)
     anew.keep(finest)
-    return start, polish(prune(finest, start, anew, stop), anew, stop), anew
+    return polish(prune(finest, anew), anew), anew
 
 
 def _at(fitted: Fitted, rig: Rig, stop: Stop) -> Fitted:

@@ -8,77 +8,67 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from analysis.diagnosis.compare import Fitted, fit
-from analysis.diagnosis.explore import Trail, refit, without
+from analysis.diagnosis.explore import Trail, better, refit, without
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.remainder import Remainder, judge
 from analysis.diagnosis.screen import Projector, projector, scores
 from analysis.diagnosis.separate import Separation, separation
-from analysis.shot import Cancelled
+from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
 
-Stop = Callable[[], bool]
 Separations = Mapping[str, Separation]
 
 _FITTED = 2  # look-alikes of an effect at most
 _ALIKE = 0.6  # of an effect's size is left beside a look-alike that is worth a fit
 _ONE_LINE = 0.03  # of the frequency
 _HOPELESS = 150.0  # of the criterion behind the best after a short search
-_BETTER = 1.0  # of the criterion, for a look-alike to take the place
 _NEARLY = 20.0  # of the criterion behind the best: likely enough to be asked where the best misses something
 
 
-def apart(before: Fitted, best: Fitted, at: Projector, catalogue: Sequence[Kind], stop: Stop) -> Separations:
-    """Return how far each effect that ``before`` lacks stands from everything else in the catalogue."""
+def apart(best: Fitted, at: Projector, trail: Trail) -> Separations:
+    """Return how far each effect that the start lacks stands from everything else in the catalogue."""
     out = {}
-    for name in best.names:
-        if stop():
-            raise Cancelled
-        if name not in before.names:
-            out[name] = separation(best, at, name, catalogue)
+    for name in trail.added(best):
+        trail.go_on()
+        out[name] = separation(best, at, name, trail.catalogue)
     return out
 
 
 def challenged(
-    before: Fitted,
-    best: Fitted,
-    at: Projector,
-    catalogue: Sequence[Kind],
-    trail: Trail,
-    foretells: Callable[[Fitted], bool],
-    stop: Stop,
+    best: Fitted, at: Projector, trail: Trail, foretells: Callable[[Fitted], bool]
 ) -> tuple[Fitted, Projector, Separations]:
     """Fit every effect's nearest look-alikes in its place, and return what is best then, with its separations.
 
     One that takes the place must foretell the held-out shots, as the effect did.
     """
-    far = apart(before, best, at, catalogue, stop)
+    far = apart(best, at, trail)
     kept = best
     for name, distances in far.items():
-        fewer = without(best, name, trail, stop)
+        fewer = without(best, name, trail)
         if fewer is None:
             continue
         frequency = best.point.values[0][name].get("frequency_hz")
-        near = _nearest(distances, catalogue)
+        near = _nearest(distances, trail.catalogue)
         known = {kind.name: _known(trail, fewer, kind, frequency) for kind in near}
         left = [kind for kind in near if known[kind.name] is None]
         fitted = [one for one in known.values() if one is not None]
         if left:
-            instead = partial(_instead, best, projector(fewer), distances, frequency, stop)
+            instead = partial(_instead, best, projector(fewer), distances, frequency, trail.stop)
             fitted += [one for one in side_by_side(instead, left) if one is not None]
         for one in fitted:
             trail.keep(one)
-            if one.bic < kept.bic - _BETTER:
+            if better(one, kept):
                 kept = one
     if kept is best or not foretells(kept):
         return best, at, far
-    kept = fit(kept.hypothesis, kept.z, kept.floor, evaluations=60, cancelled=stop)
+    kept = fit(kept.hypothesis, kept.z, kept.floor, evaluations=60, cancelled=trail.stop)
     trail.keep(kept)
     at = projector(kept)
-    return kept, at, apart(before, kept, at, catalogue, stop)
+    return kept, at, apart(kept, at, trail)
 
 
 def unmissed(
-    best: Fitted, at: Projector, rest: Remainder, trail: Trail, foretells: Callable[[Fitted], bool], stop: Stop
+    best: Fitted, at: Projector, rest: Remainder, trail: Trail, foretells: Callable[[Fitted], bool]
 ) -> tuple[Fitted, Projector, Remainder]:
     """Return another fit, nearly as likely and with as many effects, that misses nothing where the best does."""
     near = [
@@ -90,8 +80,7 @@ def unmissed(
         and other.bic < best.bic + _NEARLY
     ]
     for other in sorted(near, key=lambda fitted: fitted.bic)[:_FITTED]:
-        if stop():
-            raise Cancelled
+        trail.go_on()
         there = projector(other)
         left = judge(other, there)
         if not left.significant and foretells(other):

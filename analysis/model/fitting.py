@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,10 +19,9 @@ from analysis.model.response import DEFAULT_WAVELENGTH_M, OWN_NAMES, Base, Model
 from analysis.model.search import Problem, own_start, search
 from analysis.motion import Motion
 from analysis.quantity import Quantity
-from analysis.shot import AnalysisError, Cancelled
+from analysis.shot import AnalysisError, Cancelled, Progress, Stop
 from analysis.side_by_side import side_by_side
 
-Progress = Callable[[str, float], None]
 MODELS = ("paper", "clamped", "no_tension", "contact")
 FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part in the fit
 _TRIED_STARTS = 6
@@ -40,7 +39,7 @@ def fit_shots(
     effects: Sequence[str] = (),
     start: Mapping[str, float] | None = None,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
+    cancelled: Stop | None = None,
 ) -> Fit:
     """Fit base ``model`` and ``effects`` (at most three) to the displacement of ``motions``.
 
@@ -115,7 +114,7 @@ def prepare(motion: Motion) -> ShotData:
     )
 
 
-def first_guesses(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool]) -> list[Floats]:
+def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop) -> list[Floats]:
     """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact."""
     shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
     ranked = guesses.rank(
@@ -152,7 +151,7 @@ def first_guesses(base: Base, shots: Sequence[ShotData], stop: Callable[[], bool
     return out
 
 
-def _base_minimum(bare: Problem, begins: Sequence[Floats], stop: Callable[[], bool]) -> Minimum:
+def _base_minimum(bare: Problem, begins: Sequence[Floats], stop: Stop) -> Minimum:
     """Return the best minimum of the base model; one far above the noise makes the other starts worth trying.
 
     Such a remainder is either an effect's or a wrong pattern of bounces; the first bounces alone tell which.
@@ -175,7 +174,7 @@ def _base_minimum(bare: Problem, begins: Sequence[Floats], stop: Callable[[], bo
 
 
 def _with_effects(
-    bare: Problem, base_minimum: Minimum, model: Model, given: Mapping[str, float], stop: Callable[[], bool]
+    bare: Problem, base_minimum: Minimum, model: Model, given: Mapping[str, float], stop: Stop
 ) -> tuple[Problem, Minimum]:
     """Return the best joint minimum over the starts that the base fit's remainder suggests."""
     best: tuple[Problem, Minimum] | None = None
@@ -214,7 +213,7 @@ def _with_effects(
     return best
 
 
-def _early(bare: Problem, parameters: Floats, stop: Callable[[], bool]) -> Minimum | None:
+def _early(bare: Problem, parameters: Floats, stop: Stop) -> Minimum | None:
     """Return the base parameters that the first bounces alone suggest, or None where they suggest none.
 
     Most effects build up with time, travel or deflection: over the first bounces they have disturbed little, whereas

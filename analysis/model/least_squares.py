@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.model.parameters import Floats
+from analysis.shot import Stop
 
 
 class Infeasible(ArithmeticError):
@@ -56,7 +57,7 @@ def minimise(
     evaluations: int = 60,
     tolerance: float = 1e-6,
     residual: Residual | None = None,
-    cancelled: Callable[[], bool] | None = None,
+    cancelled: Stop | None = None,
 ) -> Minimum:
     """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
 

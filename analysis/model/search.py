@@ -1,7 +1,7 @@
 """The least-squares search over one or several shots: one sum of squares, shared and own parameters."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from analysis.model.coordinates import Coordinates
 from analysis.model.least_squares import Infeasible, Minimum, Square, minimise
 from analysis.model.parameters import Floats
 from analysis.model.response import OWN_NAMES, Model, ShotData, respond
-from analysis.shot import Cancelled
+from analysis.shot import Cancelled, Stop
 
 _FURTHEST = 30.0  # a frequency or a time leaves its start by no more than this factor
 
@@ -101,7 +101,7 @@ class Problem:
 def search(
     problem: Problem,
     begin: Floats,
-    stop: Callable[[], bool],
+    stop: Stop,
     *,
     evaluations: int = 60,
     tolerance: float = 1e-6,

@@ -1,7 +1,5 @@
 """From a recording to its motion: both beats read in one pass, phase to displacement, and what it is worth."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +7,7 @@ from analysis.air import wavelength_in_air_m
 from analysis.motion import BeatQuality, Motion
 from analysis.quantity import Quantity, Reading
 from analysis.recording import Recording, Role
-from analysis.shot import AnalysisError, AnalysisSettings, Progress
+from analysis.shot import AnalysisError, AnalysisSettings, Progress, Stop
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
 from analysis.signal.fold import folded_harmonic
 from analysis.signal.joining import joined
@@ -31,7 +29,7 @@ def demodulate(
     recording: Recording,
     settings: AnalysisSettings,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
+    cancelled: Stop | None = None,
 ) -> Motion:
     """Return the motion of a recording; PHYSICS.md section 1 gives equations and signs.
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Gap, Recording
-from analysis.shot import AnalysisError, Cancelled, Progress
+from analysis.shot import AnalysisError, Cancelled, Progress, Stop
 from analysis.signal.beat import BeatReader
 from analysis.signal.bridge import Bridge, Segment
 from analysis.signal.decimate import PhaseDecimator, noise_ratio
@@ -121,7 +121,7 @@ def read_tracks(
     wanted: list[Wanted],
     grid: Grid,
     progress: Progress | None,
-    cancelled: Callable[[], bool] | None,
+    cancelled: Stop | None,
 ) -> list[Track]:
     """Read every beat over the whole recording; the kernels let go of the interpreter, so the threads run at once.
 

@@ -39,6 +39,7 @@ class Answer:
     mapping: ForeignMapping
     for_folder: bool
 
+
 HOVERS = {
     Role.MEASUREMENT: "The beat of the block that moves; without it there is nothing to measure",
     Role.REFERENCE: "The beat of the fixed mirror; taken off the moving one, so that the laser's drift is not motion",

@@ -13,6 +13,6 @@ def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collisi
     before = base_fit(Rig(together(motions), base_named("paper")), given, calm)
     assert given.reduced_chi2 > DRAWN_FAR and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff
-    start, best, _ = explored(before, given, motions, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
-    assert start is before and best.names == ("cubic_stiffness",)
+    best, trail = explored(before, given, motions, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
+    assert trail.start is before and best.names == ("cubic_stiffness",)
     assert abs(best.point.values[0]["cubic_stiffness"]["coefficient_n_per_m3"] / 3e5 - 1) < 1e-3

@@ -13,5 +13,5 @@ def test_two_effects_that_look_like_a_third_are_found_by_another_way() -> None:
     catalogue = [KINDS[name] for name in (*true, "viscous_drag", "frame_vibration")]
     greedy, trail = explore(before, catalogue, calm, most=2)
     assert "viscous_drag" in greedy.names
-    best = another_way(before, greedy, catalogue, trail, calm)
+    best = another_way(greedy, trail)
     assert set(best.names) == true and best.bic < greedy.bic - 100

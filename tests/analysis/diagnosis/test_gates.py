@@ -6,10 +6,12 @@ from typing import Any, cast
 import pytest
 
 from analysis.diagnosis import gates
+from analysis.diagnosis.explore import Trail
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.misfit import Misfit
 from analysis.diagnosis.remainder import Remainder
 from analysis.diagnosis.result import FoundEffect, Verdict
+from tests.analysis.diagnosis.shots import calm
 
 CALM = Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), 5e-5)
 WANDERING = Floor(1e-10, (1e-10, 0.0), (1e-2, 1e-2), 5e-5)
@@ -46,5 +48,5 @@ def test_the_more_effects_the_more_each_must_stand_out(
     monkeypatch.setattr(gates, "projector_of", lambda _fit, _trail: None)
     monkeypatch.setattr(gates, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name)))
     monkeypatch.setattr(gates, "pays", lambda *_: True)
-    best, _ = gates.without_the_faint(cast(Any, Fit(())), cast(Any, Fit(tuple(sizes))), cast(Any, None), lambda: False)
+    best, _ = gates.without_the_faint(cast(Any, Fit(tuple(sizes))), Trail(cast(Any, Fit(())), (), calm))
     assert len(best.names) == kept

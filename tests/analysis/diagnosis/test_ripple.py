@@ -11,12 +11,12 @@ from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 def test_a_ripple_too_weak_for_averaged_samples_is_seen_at_the_records_rate() -> None:
     motions = shots({RIPPLE: {"amplitude_m": 1.5e-10, "order": 2.0}})
     before = base_fit(motions)
-    found = seen_finely(before, before, Trail(), motions, list(KINDS.values()), calm)
+    found = seen_finely(before, Trail(before, list(KINDS.values()), calm), motions)
     assert found is not None
-    _, best, _ = found
+    best, _ = found
     assert best.names == (RIPPLE,)
     assert best.hypothesis.rig.shots[0].spacing_s == pytest.approx(1 / FINE_RATE_HZ)
     assert before.hypothesis.rig.shots[0].spacing_s == pytest.approx(1 / RATE_HZ)
     clean = shots({})
     alone = base_fit(clean)
-    assert seen_finely(alone, alone, Trail(), clean, list(KINDS.values()), calm) is None
+    assert seen_finely(alone, Trail(alone, list(KINDS.values()), calm), clean) is None

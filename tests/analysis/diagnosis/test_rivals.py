@@ -13,12 +13,10 @@ def test_the_better_of_two_look_alikes_takes_the_place() -> None:
     at = projector(before)
     wrong = refit(at, KINDS[first], scores(at, KINDS[first])[0].start, calm)
     assert wrong is not None
-    trail = Trail()
-    trail.keep(before)
+    trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
-    catalogue = [KINDS[true], KINDS[first]]
-    best, _, far = challenged(before, wrong, projector(wrong), catalogue, trail, lambda _: True, calm)
+    best, _, far = challenged(wrong, projector(wrong), trail, lambda _: True)
     assert best.names == (true,) and best.bic < wrong.bic - LEAST_LEAD
     assert list(far) == [true]
-    kept, _, _ = challenged(before, wrong, projector(wrong), catalogue, trail, lambda _: False, calm)
+    kept, _, _ = challenged(wrong, projector(wrong), trail, lambda _: False)
     assert kept is wrong  # what does not foretell a held-out shot takes no place

@@ -48,12 +48,11 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
     shots = []
     freedom = sum(int(s.valid.sum()) for s in rig.shots) - hypothesis.size
     chi2 = 0.0
-    for index, (motion, shot) in enumerate(zip(motions, rig.shots, strict=True)):
+    for index, (motion, shot, white) in enumerate(zip(motions, rig.shots, fitted.whitened(), strict=True)):
         run = hypothesis.run(index, point)
         kinds = ("touch", "release")
         events = tuple((kinds[k % 2], t) for k, t in enumerate(run.changes_s))
-        white = fitted.floor.whiten(fitted.residual_m[index][:, None], shot.valid, shot.weight)
-        chi2 += float(np.sum(white**2))
+        chi2 += float(white @ white)
         own = slice(count + 3 * index, count + 3 * index + 3)
         values, spread = point.own[index], std[own]
         shots.append(
@@ -64,7 +63,7 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
                 offset_m=Quantity(float(values[2]), float(spread[2]), "joint fit"),
                 overlay=lay_over(motion, run.displacement_m, run.plate_m, run.gap_m, events),
                 residual_m=np.where(shot.used, motion.displacement_m - run.displacement_m, np.nan),
-                reduced_chi2=float(np.sum(white**2)) / max(1, white.size - hypothesis.size),
+                reduced_chi2=float(white @ white) / max(1, white.size - hypothesis.size),
             )
         )
     return Fit(

@@ -43,6 +43,14 @@ class Fitted:
         """Get the number of valid averaged samples."""
         return sum(int(shot.valid.sum()) for shot in self.hypothesis.rig.shots)
 
+    def whitened(self, floor: Floor | None = None) -> list[Floats]:
+        """Return what is left over at the valid samples, shot by shot, in units of ``floor`` (its own)."""
+        shots = self.hypothesis.rig.shots
+        return [
+            (floor or self.floor).whiten(left[:, None], shot.valid, shot.weight)[:, 0]
+            for left, shot in zip(self.residual_m, shots, strict=True)
+        ]
+
     @property
     def bic(self) -> float:
         """Get the Bayesian information criterion (Schwarz 1978): k ln n - 2 ln L; smaller is better."""

@@ -17,12 +17,12 @@ from analysis.diagnosis.gates import CLEAR_OF_A_MISFIT, clear, pass_gates
 from analysis.diagnosis.held_out import Foretold, choose, foretell
 from analysis.diagnosis.hypothesis import Rig
 from analysis.diagnosis.knobs import Kind, kinds
+from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.remainder import Remainder, describe, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.ripple import seen_finely
 from analysis.diagnosis.rivals import apart
 from analysis.diagnosis.samples import together
-from analysis.diagnosis.screen import Projector, projector
 from analysis.diagnosis.separate import Separation, least_seen, missed_without
 from analysis.diagnosis.settle import settle
 from analysis.fit import Fit
@@ -133,7 +133,7 @@ def _found(best: Fitted, name: str, remainder: Remainder, far: Separation, trail
                 others.append(new)
     parameters = effect_parameters(best)[name]
     evidence = {
-        "snr": far.snr if fewer is None else min(far.snr, missed_without(best, fewer)),
+        "snr": min(far.snr, missed_without(best, fewer)),
         "delta_bic": -float(fall),
         "least_separation": float(min(far.from_other.values(), default=0.0)),
     }

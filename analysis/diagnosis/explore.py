@@ -12,7 +12,8 @@ from analysis.diagnosis.compare import Fitted, finish, fit, search, whitened_res
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, Point, delay
 from analysis.diagnosis.knobs import Kind
-from analysis.diagnosis.screen import Projector, Score, fixed_of, projector, scores
+from analysis.diagnosis.projector import Projector, projector
+from analysis.diagnosis.screen import Score, fixed_of, scores
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side

@@ -4,9 +4,9 @@ from analysis.diagnosis import words
 from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.explore import Trail, pays, without
 from analysis.diagnosis.held_out import Foretold, foretell
+from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.remainder import Remainder
 from analysis.diagnosis.result import FoundEffect, Verdict
-from analysis.diagnosis.screen import Projector, projector
 from analysis.diagnosis.separate import LEAST_SEPARATION, missed_without, snr
 
 # Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
@@ -65,9 +65,7 @@ def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
 
 def _size(best: Fitted, at: Projector, name: str, trail: Trail) -> float:
     """Return how far an effect stands out, to first order or along the bent path, whichever is less."""
-    fewer = without(best, name, trail)
-    linear = snr(best, at, name)
-    return linear if fewer is None else min(linear, missed_without(best, fewer))
+    return min(snr(best, at, name), missed_without(best, without(best, name, trail)))
 
 
 def pass_gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[list[FoundEffect], Verdict]:

@@ -1,22 +1,19 @@
 """Lines in what a fit leaves over: which frequencies stand out, whatever rings there."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.knobs import Kind
-
-if TYPE_CHECKING:
-    from analysis.diagnosis.screen import Projector
+from analysis.diagnosis.projector import Projector
 
 Floats = NDArray[np.float64]
 _LOUD = 5  # lines that are looked at more closely
 _APART = 1.0  # in widths of a line, that is in one over the record's length
 
 
-def scan(at: "Projector") -> tuple[Floats, Floats]:
+def scan(at: Projector) -> tuple[Floats, Floats]:
     """Return frequencies in Hz, dense against one over the record, and the gain of a line there; each shape (k,).
 
     Any amplitude and phase a shot.
@@ -27,7 +24,7 @@ def scan(at: "Projector") -> tuple[Floats, Floats]:
     return known[1:]
 
 
-def _scan(at: "Projector") -> tuple[Floats, Floats]:
+def _scan(at: Projector) -> tuple[Floats, Floats]:
     shots = at.fitted.hypothesis.rig.shots
     length = max(shot.length_s for shot in shots)
     steps, f = [], 2.5 / length
@@ -61,7 +58,7 @@ def _scan(at: "Projector") -> tuple[Floats, Floats]:
     return grid, total
 
 
-def near_loud_lines(at: "Projector", kind: Kind) -> list[Mapping[str, float]]:
+def near_loud_lines(at: Projector, kind: Kind) -> list[Mapping[str, float]]:
     """Return starts of a line that hardly fades, at and beside the frequencies that stand out.
 
     Such a line is as narrow as one over the record, which at a kilohertz no grid of some per cent would meet.

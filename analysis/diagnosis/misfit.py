@@ -17,8 +17,8 @@ from scipy.stats import chi2 as chi2_law
 from analysis.diagnosis.compare import Fitted, learn_floor
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.laws import free_laws
+from analysis.diagnosis.projector import Projector
 from analysis.diagnosis.samples import Samples
-from analysis.diagnosis.screen import Projector
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]

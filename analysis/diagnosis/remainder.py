@@ -11,8 +11,8 @@ from scipy.stats import chi2 as chi2_law
 from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.misfit import NOTHING, Misfit, colour, gain, worst
+from analysis.diagnosis.projector import Projector
 from analysis.diagnosis.samples import Samples
-from analysis.diagnosis.screen import Projector
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
@@ -64,9 +64,7 @@ class Remainder:
 def judge(fitted: Fitted, at: Projector) -> Remainder:
     """Test what a fit leaves over."""
     shots = fitted.hypothesis.rig.shots
-    white = [
-        fitted.floor.whiten(r[:, None], s.valid, s.weight)[:, 0] for r, s in zip(fitted.residual_m, shots, strict=True)
-    ]
+    white = fitted.whitened()
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
     slow = colour(white)
@@ -191,9 +189,8 @@ def _line(fitted: Fitted) -> float | None:
     shots = fitted.hypothesis.rig.shots
     total: Floats | None = None
     size = min(int(s.valid.sum()) for s in shots)
-    for residual, shot in zip(fitted.residual_m, shots, strict=True):
-        white = fitted.floor.whiten(residual[:, None], shot.valid, shot.weight)[:size, 0] * np.hanning(size)
-        power = np.abs(np.fft.rfft(white)) ** 2
+    for white in fitted.whitened():
+        power = np.abs(np.fft.rfft(white[:size] * np.hanning(size))) ** 2
         total = power if total is None else total + power
     assert total is not None
     middle = float(np.median(total[3:]))

@@ -12,8 +12,9 @@ from analysis.diagnosis.compare import Fitted, fit, learn_floor, residuals
 from analysis.diagnosis.explore import Trail, least_fall, polish, prune, refit
 from analysis.diagnosis.hypothesis import Rig
 from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.projector import projector
 from analysis.diagnosis.samples import FINE_RATE_HZ, together
-from analysis.diagnosis.screen import projector, scores
+from analysis.diagnosis.screen import scores
 from analysis.motion import Motion
 from analysis.shot import Stop
 

@@ -10,8 +10,9 @@ from functools import partial
 from analysis.diagnosis.compare import Fitted, fit
 from analysis.diagnosis.explore import Trail, better, refit, without
 from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.remainder import Remainder, judge
-from analysis.diagnosis.screen import Projector, projector, scores
+from analysis.diagnosis.screen import scores
 from analysis.diagnosis.separate import Separation, separation
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.hypothesis import Point, delay
 from analysis.diagnosis.knobs import Kind
-from analysis.diagnosis.screen import Projector, scores
+from analysis.diagnosis.projector import Projector, orthonormal
+from analysis.diagnosis.screen import scores
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
@@ -41,10 +42,7 @@ def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
     hypothesis = fitted.hypothesis
     own = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.knobs) if effect == name]
     keep = np.setdiff1d(np.arange(hypothesis.size), own)
-    columns = at.tangents[:, keep]
-    scale = np.linalg.norm(columns, axis=0)
-    basis, triangle = np.linalg.qr(columns / np.where(scale > 0, scale, 1.0))
-    basis = basis[:, np.abs(np.diag(triangle)) > 1e-9]
+    basis = orthonormal(at.tangents[:, keep])
     point = fitted.point
     kind = next(k for k in hypothesis.effects if k.name == name)
     shots = hypothesis.rig.shots
@@ -61,19 +59,15 @@ def snr(fitted: Fitted, at: Projector, name: str) -> float:
     return float(np.linalg.norm(beside(fitted, at, name).left))
 
 
-def missed_without(fitted: Fitted, fewer: Fitted) -> float:
+def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
     """Return the size of what a fit without an effect leaves more than the fit with it, in units of the noise.
 
-    Not to first order: what an effect does may be large, and nearly all of it undone along a bent path.
+    Not to first order: what an effect does may be large, and nearly all of it undone along a bent path.  Infinite where
+    there is no fit without it.
     """
-    shots = fitted.hypothesis.rig.shots
-    chi2 = [
-        sum(
-            float(np.sum(fitted.floor.whiten(left[:, None], shot.valid, shot.weight) ** 2))
-            for left, shot in zip(one.residual_m, shots, strict=True)
-        )
-        for one in (fewer, fitted)
-    ]
+    if fewer is None:
+        return float("inf")
+    chi2 = [sum(float(left @ left) for left in one.whitened(fitted.floor)) for one in (fewer, fitted)]
     return float(np.sqrt(max(0.0, chi2[0] - chi2[1])))
 
 

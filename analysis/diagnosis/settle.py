@@ -6,9 +6,9 @@ from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.explore import Trail, another_way, better
 from analysis.diagnosis.gates import Told, paying, without_the_faint
 from analysis.diagnosis.held_out import foretell
+from analysis.diagnosis.projector import Projector
 from analysis.diagnosis.remainder import Remainder, judge
 from analysis.diagnosis.rivals import Separations, apart, challenged, unmissed
-from analysis.diagnosis.screen import Projector
 from analysis.shot import Progress
 
 

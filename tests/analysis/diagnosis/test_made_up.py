@@ -10,9 +10,10 @@ from analysis.diagnosis.compare import fit
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import kinds
+from analysis.diagnosis.projector import projector
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.samples import together
-from analysis.diagnosis.screen import projector, scores
+from analysis.diagnosis.screen import scores
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
 from analysis.model.effects.row import Sensed

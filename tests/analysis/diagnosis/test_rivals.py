@@ -2,8 +2,9 @@
 
 from analysis.diagnosis.diagnose import LEAST_LEAD
 from analysis.diagnosis.explore import Trail, refit
+from analysis.diagnosis.projector import projector
 from analysis.diagnosis.rivals import challenged
-from analysis.diagnosis.screen import projector, scores
+from analysis.diagnosis.screen import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 

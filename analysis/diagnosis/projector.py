@@ -1,0 +1,70 @@
+"""A fit made linear about its best point, and what its own parameters could do taken out of anything else."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.floor import Floor
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Projector:
+    """Takes out what the fitted parameters could do themselves; whitened rows of all shots, one after another."""
+
+    fitted: Fitted
+    floor: Floor
+    basis: Floats  # orthonormal columns, shape (rows, p)
+    left: Floats  # the whitened remainder, projected
+    tangents: Floats  # the whitened derivatives by the fitted parameters, shape (rows, p)
+    whole: Floats  # the whitened remainder, as it is
+    lines: tuple[tuple[Floats, Floats], ...]  # averaged displacement and derivatives, shot by shot
+    done: dict[str, Any] = field(default_factory=dict)  # whitened columns of effects already computed here
+    _doing: dict[str, Lock] = field(default_factory=dict)
+
+    def whitened(self, columns: Sequence[Floats]) -> Floats:
+        """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
+        shots = self.fitted.hypothesis.rig.shots
+        return np.concatenate([self.floor.whiten(c, s.valid, s.weight) for c, s in zip(columns, shots, strict=True)])
+
+    def once(self, key: str, make: Callable[[], Any]) -> Any:
+        """Return what is known under ``key``, made by the first who asks; others wait for it."""
+        with self._doing.setdefault(key, Lock()):
+            if key not in self.done:
+                self.done[key] = make()
+        return self.done[key]
+
+    def projected(self, rows: Floats) -> Floats:
+        """Return ``rows``, shape (rows, k), without what the fitted parameters span."""
+        return np.asarray(rows - self.basis @ (self.basis.T @ rows))
+
+
+def projector(
+    fitted: Fitted, floor: Floor | None = None, lines: Sequence[tuple[Floats, Floats]] | None = None
+) -> Projector:
+    """Linearise a fit about its best point; ``lines`` are its displacement and derivatives where they are known."""
+    floor = floor or fitted.floor
+    shots = fitted.hypothesis.rig.shots
+    lines = lines or fitted.hypothesis.linearised(fitted.z)
+    rows = np.concatenate(
+        [
+            floor.whiten(np.column_stack([s.displacement_m - x, j]), s.valid, s.weight)
+            for s, (x, j) in zip(shots, lines, strict=True)
+        ]
+    )
+    basis = orthonormal(rows[:, 1:])
+    left = rows[:, 0] - basis @ (basis.T @ rows[:, 0])
+    return Projector(fitted, floor, basis, left, rows[:, 1:], rows[:, 0], tuple(lines))
+
+
+def orthonormal(columns: Floats) -> Floats:
+    """Return orthonormal columns that span what ``columns``, shape (rows, k), do; at most k."""
+    scale = np.linalg.norm(columns, axis=0)
+    basis, triangle = np.linalg.qr(columns / np.where(scale > 0, scale, 1.0))
+    return np.asarray(basis[:, np.abs(np.diag(triangle)) > 1e-9])

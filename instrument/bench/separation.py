@@ -65,21 +65,18 @@ def separation(truth: Truth, tangents: Tangents | None = None) -> dict[str, floa
         if value < least.get(name, np.inf):
             least[name], best_at[name] = value, place
     own = [values["frequency_hz"] for values in truth.effects.values() if "frequency_hz" in values]
-    for name, weak in _LINES.items():
-        if name not in truth.effects:
-            # a line is narrower than any grid, and one line is best imitated by another at its own frequency
-            for hz in own or [best_at[name]]:
-                least[name] = min(least[name], _finest(_resting(name, weak, rest, moved), hz))
-    for name, free in _FREE.items():
-        if name not in truth.effects:
-            least[name] = min(least[name], _nearest(_resting_at(name, free, rest, moved), best_at[name]))
+
+    def closest(name: str, place: float) -> float:
+        """Return the least rest near a grid's point: a line is narrower than any grid, a reach ends sharply."""
+        if name in _LINES:  # one line is best imitated by another at its own frequency
+            return min(_finest(lambda at: rest(name, moved(name, _LINES[name](*at))), hz) for hz in own or [place])
+        usual, free = _usual_but_weak(name), _FREE[name]
+        return _nearest(lambda value: rest(name, moved(name, {**usual, free: value})), place)
+
+    for name, place in best_at.items():
+        if name in _LINES or name in _FREE:
+            least[name] = min(least[name], closest(name, place))
     return least
-
-
-def _resting(
-    name: str, weak: Weak, rest: Callable[[str, Floats], float], moved: Mover
-) -> Callable[[tuple[float, float]], float]:
-    return lambda at: rest(name, moved(name, weak(*at)))
 
 
 def _finest(rest: Callable[[tuple[float, float]], float], frequency_hz: float) -> float:
@@ -91,10 +88,6 @@ def _finest(rest: Callable[[tuple[float, float]], float], frequency_hz: float) -
         options={"maxfev": 30, "xatol": 1e-2, "fatol": 1e-2, "initial_simplex": [[0.0, 0.0], [0.3, 0.0], [0.0, 1.5]]},
     )
     return float(found.fun)
-
-
-def _resting_at(name: str, free: str, rest: Callable[[str, Floats], float], moved: Mover) -> Callable[[float], float]:
-    return lambda value: rest(name, moved(name, {**_usual_but_weak(name), free: value}))
 
 
 def _nearest(rest: Callable[[float], float], place: float) -> float:

@@ -13,6 +13,7 @@ from analysis.diagnosis.first_order import Shot, along, path_of, responses, step
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
 from analysis.diagnosis.knobs import kind_of
+from analysis.diagnosis.projector import projector
 from analysis.diagnosis.quick_shot import Optics, respond
 from analysis.diagnosis.samples import together
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
@@ -131,10 +132,10 @@ def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pyt
         replace(kind, starts=tuple({**s, "mass_kg": 2.0} if kind.inverse else s for s in kind.starts[::5]))
         for kind in kinds
     ]
-    quick = [screen.scores(screen.projector(fitted), kind) for kind in kinds]
+    quick = [screen.scores(projector(fitted), kind) for kind in kinds]
     monkeypatch.setattr(screen, "MANY_STARTS", 10**9)
     monkeypatch.setattr(hypothesis, "COARSE", 0.06)  # what both trajectories err must not stand in their difference
-    slow = [screen.scores(screen.projector(fitted), kind) for kind in kinds]
+    slow = [screen.scores(projector(fitted), kind) for kind in kinds]
     for one, other in zip(quick, slow, strict=True):
         assert len(one) == len(other), one[0].kind.name
         assert abs(one[0].start[0]["frequency_hz"] / other[0].start[0]["frequency_hz"] - 1) < 0.01

@@ -141,8 +141,14 @@ class Hypothesis:
     def fine(self, index: int, point: Point) -> Floats:
         """Return one shot's displacement on the motion's grid: what is compared with data."""
         if has_tangents(self):
-            return solved(self, index, point)[1].displacement_m
+            return solved(self, index, point, averaged=False)[1].displacement_m
         return self.run(index, point).displacement_m
+
+    def averaged(self, index: int, point: Point) -> Floats:
+        """Return one shot's displacement on the motion's grid, averaged like the data."""
+        if has_tangents(self):
+            return solved(self, index, point)[1].displacement_m
+        return self.rig.shots[index].averaged(self.run(index, point).displacement_m)
 
     def coarse(self, index: int, point: Point) -> Floats:
         """Return one shot's displacement at the averaged samples' centres, quickly: right to parts in a thousand.
@@ -171,7 +177,7 @@ class Hypothesis:
         if known is not None:
             return [x for x, _ in known]
         point = self.unpack(z)
-        return side_by_side(lambda i: self.rig.shots[i].averaged(self.fine(i, point)), range(len(self.rig.shots)))
+        return side_by_side(lambda i: self.averaged(i, point), range(len(self.rig.shots)))
 
     def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
         """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
@@ -204,7 +210,7 @@ class Hypothesis:
     def _differenced_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
         shot = self.rig.shots[index]
         point = self.unpack(z)
-        here = shot.averaged(self.run(index, point).displacement_m)
+        here = self.averaged(index, point)
         run = self.run(index, point, coarse=True)
         rough = run.displacement_m
         columns = np.zeros((rough.size, self.size))

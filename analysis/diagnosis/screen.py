@@ -90,7 +90,7 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
 def _shown(hypothesis: Hypothesis, index: int, point: Point, sensor: bool) -> Floats:
     if not sensor:
         return hypothesis.coarse(index, point)
-    return hypothesis.rig.shots[index].averaged(hypothesis.fine(index, point))
+    return hypothesis.averaged(index, point)
 
 
 def _columns(

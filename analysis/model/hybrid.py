@@ -14,40 +14,26 @@ import numpy as np
 from numba import njit, types
 
 from analysis.model.effects import kernel
-from analysis.model.phases import CONTACT, FREE, MAX_EVENTS, OVERLAPPED, PARTING
+from analysis.model.phases import CONTACT, FREE, MAX_EVENTS
 from analysis.model.rates import (
-    DASH,
     INSIDE,
     MOVES,
     NEAR_0,
-    PARTED,
     PLATE,
     RANGE_AT,
     RIDES,
     SIGN,
     SLOT_PARAMETERS,
-    SPRING,
     cooper_verner,
     derivative_rates,
     inlined,
     state_rates,
     tight,
 )
+from analysis.model.switches import WATCHED, expect, gone, rates, set_phase, switch
 
 DIP = 100
-TURN = 90  # event kind: the block's velocity changes its sign
-RANGE = 95  # plus slot: the bodies leave or enter the range of a force
 _SHRINK, _SMALLEST = 0.25, 1e-4
-_WATCHED = 4  # xi, xi', F, v; then a range a slot
-
-
-@tight
-def _rates(z, out, rows, which, p, slots, flags, real, carrying, s, values, effect, cs, c_values, c_effect, told):  # type: ignore[no-untyped-def]
-    """Write d/dt of the state and of its derivatives, and tell what is watched; return the block's inertia in kg."""
-    mass = state_rates(z, out, p, slots, flags, real, s, values, effect, told)
-    if rows > 1:
-        derivative_rates(z, out, rows, which, p, slots, flags, carrying, cs, c_values, c_effect, told, mass)
-    return mass
 
 
 @inlined
@@ -91,29 +77,6 @@ def _reach(  # type: ignore[no-untyped-def]
 
 
 @tight
-def _expect(phase, variant, flags, slots, before_touch, expected):  # type: ignore[no-untyped-def]
-    """Write which sign each watched quantity has in this phase; 0: not watched."""
-    for i in range(expected.size):
-        expected[i] = 0.0
-    if not before_touch:
-        expected[3] = flags[SIGN]
-        if flags[PLATE] > 0.5:
-            expected[0] = -1.0 if phase == FREE else 1.0
-            if variant == 1 and phase == CONTACT:
-                expected[1] = 1.0
-            if phase == PARTING:
-                expected[1] = -1.0
-            if variant == 2 and phase == CONTACT:
-                expected[0] = 0.0
-                expected[2] = 1.0
-            if phase == OVERLAPPED:
-                expected[2] = -1.0
-    for slot in range(slots.shape[0]):
-        if slots[slot, RANGE_AT] >= 0.0 and phase == FREE:
-            expected[4 + slot] = -1.0 if flags[NEAR_0 + slot] > 0.5 else 1.0
-
-
-@tight
 def _value(item, z, told, p, slots):  # type: ignore[no-untyped-def]
     """Return a watched quantity at a state whose rates were just told."""
     if item < 3:
@@ -154,13 +117,6 @@ def _slope(item, f, told, p, slots):  # type: ignore[no-untyped-def]
         if slots[slot, MOVES] != 0.0:
             second += slots[slot, MOVES] * f[0, 5 + 2 * slot]
     return second if item == 1 else p[2] * told[0, 1] + p[3] * second
-
-
-@tight
-def _set(phase, flags):  # type: ignore[no-untyped-def]
-    flags[SPRING] = 1.0 if phase in (CONTACT, PARTING) else 0.0
-    flags[DASH] = 1.0 if phase == CONTACT else 0.0
-    flags[PARTED] = 1.0 if phase == OVERLAPPED else 0.0
 
 
 @tight
@@ -208,15 +164,15 @@ def _march(  # type: ignore[no-untyped-def]
     z, z_end = np.zeros((rows, size)), np.zeros((rows, size))
     k, trial = np.zeros((11, rows, size)), np.zeros((rows, size))
     f_end, f_after = np.zeros((rows, size)), np.zeros((rows, size))
-    told, told_end, told_any = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
+    told, told_end, told_any = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((max(rows, 2), 3))
     s, values, effect = np.zeros(kernel.STATES), np.zeros(3), np.zeros(kernel.OUTPUTS)
     cs = np.zeros(kernel.STATES, dtype=np.complex128)
     c_values = np.zeros(3, dtype=np.complex128)
     c_effect = np.zeros(kernel.OUTPUTS, dtype=np.complex128)
     nothing = np.full(1, -1, dtype=np.int64)
     single, couple = rows - rows + 1, rows - rows + 2  # of the type of ``rows``, so that one compiled kernel serves
-    pair, pair_rate, pair_told = np.zeros((2, size)), np.zeros((2, size)), np.zeros((2, 3))
-    flags, expected = np.zeros(NEAR_0 + slots.shape[0]), np.zeros(_WATCHED + slots.shape[0])
+    pair, pair_rate = np.zeros((2, size)), np.zeros((2, size))
+    flags, expected = np.zeros(NEAR_0 + slots.shape[0]), np.zeros(WATCHED + slots.shape[0])
     z[0, 0], z[0, 1], z[0, 2], z[0, 3] = p[5], p[4], p[5], p[6]
     for j in range(1, rows):
         by = which[j - 1]
@@ -234,13 +190,13 @@ def _march(  # type: ignore[no-untyped-def]
     flags[SIGN] = -1.0
     if forward:
         flags[PLATE] = flags[INSIDE] = 1.0
-        _set(phase, flags)
+        set_phase(phase, flags)
     else:
         for slot in range(slots.shape[0]):
             if slots[slot, RANGE_AT] >= 0.0:
                 flags[NEAR_0 + slot] = 1.0
-    _expect(phase, variant, flags, slots, not forward, expected)
-    inertia = _rates(
+    expect(phase, variant, flags, slots, not forward, expected)
+    inertia = rates(
         z, k[0], rows, which, p, slots, flags, real, carrying,
         s, values, effect, cs, c_values, c_effect, told,
     )  # fmt: skip
@@ -337,76 +293,24 @@ def _march(  # type: ignore[no-untyped-def]
         else:
             if events >= MAX_EVENTS:
                 return -1
-            slope = 1.0
-            if rows > 1:  # how fast what is watched crosses: its derivative along the motion
-                for c in range(size):
-                    pair[0, c] = z[0, c]
-                    pair[1, c] = f_end[0, c]
-                _rates(
-                    pair, pair_rate, couple, nothing, p, slots, flags, real, carrying,
-                    s, values, effect, cs, c_values, c_effect, pair_told,
-                )  # fmt: skip
-                slope = pair_told[1, item] if item < 3 else (f_end[0, 1] if item == 3 else -pair_told[1, 0])
-            code = TURN if item == 3 else RANGE + item - 4
-            before = phase
-            if item == 0:
-                phase = CONTACT if phase == FREE else FREE
-            elif item == 1:
-                phase = PARTING if phase == CONTACT else CONTACT
-            elif item == 2:
-                phase = OVERLAPPED if phase == CONTACT else CONTACT
-            elif item == 3:
-                flags[SIGN] = -flags[SIGN]
-            else:
-                flags[NEAR_0 + item - 4] = 1.0 - flags[NEAR_0 + item - 4]
-            if item < 3:
-                code = 10 * before + phase
-                for slot in range(slots.shape[0]):
-                    if slots[slot, RANGE_AT] >= 0.0:
-                        flags[NEAR_0 + slot] = 1.0 if phase == FREE else 0.0
-            _set(phase, flags)
-            _rates(
-                z, f_after, rows, which, p, slots, flags, real, carrying,
-                s, values, effect, cs, c_values, c_effect, told_any,
+            phase = switch(
+                item, phase, t, forward, z, f_end, f_after, told, pair, pair_rate, told_any, nothing, couple,
+                rows, which, p, slots, flags, real, carrying, s, values, effect, cs, c_values, c_effect,
+                events, event_time, event_kind, event_state, event_d_time, event_d_state,
             )  # fmt: skip
-            for j in range(1, rows):
-                if item < 3:
-                    change = told[j, item]
-                elif item == 3:
-                    change = z[j, 1]
-                else:
-                    change = -told[j, 0]
-                    if which[j - 1] == SLOT_PARAMETERS + 3 * (item - 4) + int(slots[item - 4, RANGE_AT]):
-                        change -= 1.0
-                moved = -change / slope
-                if forward:
-                    event_d_time[events, j - 1] = moved
-                for c in range(size):
-                    z[j, c] += (f_end[0, c] - f_after[0, c]) * moved
-                    if forward:
-                        event_d_state[events, j - 1, c] = z[j, c] + f_after[0, c] * moved
             if forward:
-                event_time[events] = t
-                event_kind[events] = code
-                event_state[events] = z[0]
                 events += 1
             approaching = 0
             h = longest * _SMALLEST
-        if forward and phase == FREE and flags[PLATE] > 0.5 and z[0, 1] > 0.0:
-            reach = 2e-5 + 1.5 * (math.sqrt(z[0, 2] ** 2 + (z[0, 3] / omega) ** 2) if omega > 0.0 else abs(z[0, 2]))
-            near = 0.0
-            for slot in range(slots.shape[0]):
-                if slots[slot, MOVES] != 0.0:
-                    reach += 3.0 * abs(z[0, 4 + 2 * slot]) + abs(z[0, 5 + 2 * slot]) / 60.0
-                near += flags[NEAR_0 + slot]
-            if z[0, 0] > reach and near == 0.0 and (omega > 0.0 or z[0, 3] <= 0.0):
-                flags[PLATE] = 0.0
-                gone_at = t
-                approaching = 0
-                item = 0
+        free = forward and phase == FREE and flags[PLATE] > 0.5
+        if free and gone(z[0, 0], z[0, 1], z[0, 2], z[0, 3], z[0, 4:], slots, flags, omega):
+            flags[PLATE] = 0.0
+            gone_at = t
+            approaching = 0
+            item = 0
         if item >= 0:
-            _expect(phase, variant, flags, slots, not forward, expected)
-            _rates(
+            expect(phase, variant, flags, slots, not forward, expected)
+            rates(
                 z, k[0], rows, which, p, slots, flags, real, carrying,
                 s, values, effect, cs, c_values, c_effect, told,
             )  # fmt: skip

@@ -123,7 +123,7 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The model of one shot on its samples, arrays of shape (n,).
+    """The model of one shot on its samples (or on means of some), arrays of shape (n,).
 
     ``displacement_m`` is what the optics would show, offset included; ``derivatives``, shape (n, p), are by (shared,
     own).  ``velocity_out`` is the block's velocity after its last release with its derivatives by (shared, own).
@@ -139,11 +139,18 @@ class Response:
 
 
 def respond(
-    model: Model, shot: ShotData, shared: Floats, own: Floats, *, derivatives: bool = True, stride: float = 1.0
+    model: Model,
+    shot: ShotData,
+    shared: Floats,
+    own: Floats,
+    *,
+    derivatives: bool = True,
+    stride: float = 1.0,
+    block: int = 1,
 ) -> Response:
     """Solve the model for one shot; ``own`` begins with (v_i, touch time, offset).  Infeasible where it cannot be.
 
-    ``stride`` is that of ``general.solve``.
+    ``stride`` is that of ``general.solve``; with ``block`` all arrays are means over so many samples.
     """
     values = model.values(shared, own) if model.effects else {}
     start = (values.get("plate_motion.displacement_m", 0.0), values.get("plate_motion.velocity_m_per_s", 0.0))
@@ -158,11 +165,12 @@ def respond(
     names = (*model.shared_names, *model.own_names)
     wanted = {name: _direction(model, active, name) for name in names} if derivatives else {}
     times = shot.time_s - own[1]
-    if active:
-        response = _general(collision, active, times, wanted, names, stride)
+    sensors = [e for e in model.effects if e.sensor is not None]
+    inner = 1 if sensors else block  # a sensor sees every sample
+    if active or inner > 1:
+        response = _general(collision, active, times, wanted, names, stride, inner)
     else:
         response = _exact(collision, times, wanted, names)
-    sensors = [e for e in model.effects if e.sensor is not None]
     x, columns = response.displacement_m, response.derivatives
     if derivatives:
         columns[:, names.index("touch_time_s")] = -response.velocity_m_per_s
@@ -170,12 +178,13 @@ def respond(
         x, columns = _sense(effect, shot, values, x, columns, names, response.velocity_m_per_s)
     if derivatives:
         columns[:, names.index("offset_m")] = 1.0
+    left = block // inner
     return Response(
-        x + own[2],
-        columns,
-        response.velocity_m_per_s,
-        response.plate_displacement_m,
-        response.gap_m,
+        general.averaged(x, left) + own[2],
+        general.averaged(columns, left),
+        general.averaged(response.velocity_m_per_s, left),
+        general.averaged(response.plate_displacement_m, left),
+        general.averaged(response.gap_m, left),
         response.events,
         response.velocity_out,
     )
@@ -223,15 +232,16 @@ def _general(
     wanted: dict[str, int | None],
     names: Sequence[str],
     stride: float,
+    block: int,
 ) -> Response:
     if swings(collision, active).every * (times[-1] - times[0]) > _MOST_RADIANS:
         raise Infeasible("an effect would swing faster than any that a record can show")
     directions = [at for at in wanted.values() if at is not None]
     try:
-        run = general.solve(collision, active, times, directions=directions, stride=stride)
+        run = general.solve(collision, active, times, directions=directions, stride=stride, block=block)
     except (TooManyEvents, general.RunsAway) as why:
         raise Infeasible(str(why)) from why
-    columns = np.zeros((times.size if wanted else 0, len(wanted)))
+    columns = np.zeros((run.time_s.size if wanted else 0, len(wanted)))
     slope = np.zeros(len(wanted))
     released = run.released
     used = 0

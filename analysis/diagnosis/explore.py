@@ -147,7 +147,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
         # The floor was learnt from what is left and may have taken it for noise: ask as if nothing wandered, too.
         still = replace(here.floor, rms_m=(0.0, 0.0))
         names = {score.kind.name for score in tried}
-        other = _ranked(projector(here, still, at.lines), free, trail)[:UNDER_THE_FLOOR]
+        other = _ranked(at.under(still), free, trail)[:UNDER_THE_FLOOR]
         tried += [listed[0] for listed in other if listed[0].kind.name not in names]
     refitted = side_by_side(lambda score: refit(at, score.kind, score.start, trail.stop), tried)
     quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)

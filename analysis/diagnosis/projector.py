@@ -26,6 +26,7 @@ class Projector:
     whole: Floats  # the whitened remainder, as it is
     lines: tuple[tuple[Floats, Floats], ...]  # averaged displacement and derivatives, shot by shot
     done: dict[str, Any] = field(default_factory=dict)  # whitened columns of effects already computed here
+    bare: dict[str, Any] = field(default_factory=dict)  # and what holds under any floor: paths, columns not whitened
     _doing: dict[str, Lock] = field(default_factory=dict)
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
@@ -33,12 +34,17 @@ class Projector:
         shots = self.fitted.hypothesis.rig.shots
         return np.concatenate([self.floor.whiten(c, s.valid, s.weight) for c, s in zip(columns, shots, strict=True)])
 
-    def once(self, key: str, make: Callable[[], Any]) -> Any:
+    def once(self, key: str, make: Callable[[], Any], *, under_any_floor: bool = False) -> Any:
         """Return what is known under ``key``, made by the first who asks; others wait for it."""
-        with self._doing.setdefault(key, Lock()):
-            if key not in self.done:
-                self.done[key] = make()
-        return self.done[key]
+        known = self.bare if under_any_floor else self.done
+        with self._doing.setdefault(f"{key} bare" if under_any_floor else key, Lock()):
+            if key not in known:
+                known[key] = make()
+        return known[key]
+
+    def under(self, floor: Floor) -> "Projector":
+        """Return the projector of the same fit beside another floor, which shares what does not depend on it."""
+        return projector(self.fitted, floor, self.lines, self.bare)
 
     def projected(self, rows: Floats) -> Floats:
         """Return ``rows``, shape (rows, k), without what the fitted parameters span."""
@@ -46,9 +52,15 @@ class Projector:
 
 
 def projector(
-    fitted: Fitted, floor: Floor | None = None, lines: Sequence[tuple[Floats, Floats]] | None = None
+    fitted: Fitted,
+    floor: Floor | None = None,
+    lines: Sequence[tuple[Floats, Floats]] | None = None,
+    bare: dict[str, Any] | None = None,
 ) -> Projector:
-    """Linearise a fit about its best point; ``lines`` are its displacement and derivatives where they are known."""
+    """Linearise a fit about its best point.
+
+    ``lines`` are its displacement and derivatives, ``bare`` what else is known of it, where they are.
+    """
     floor = floor or fitted.floor
     shots = fitted.hypothesis.rig.shots
     lines = lines or fitted.hypothesis.linearised(fitted.z)
@@ -60,7 +72,9 @@ def projector(
     )
     basis = orthonormal(rows[:, 1:])
     left = rows[:, 0] - basis @ (basis.T @ rows[:, 0])
-    return Projector(fitted, floor, basis, left, rows[:, 1:], rows[:, 0], tuple(lines))
+    return Projector(
+        fitted, floor, basis, left, rows[:, 1:], rows[:, 0], tuple(lines), bare={} if bare is None else bare
+    )
 
 
 def orthonormal(columns: Floats) -> Floats:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +108,7 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
     return collision, sorted(active, key=lambda one: one.effect.hidden == 0), reach / abs(float(own[0]))
 
 
-def seen(x: Floats, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Floats:
+def seen(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Any:
     """Return what the optics show of motions ``x``, shape (n,) or (n, k), about one of velocity ``v``, shape (n,).
 
     These are the sensor's effects.  ``x`` may be complex, its imaginary part carrying a derivative.

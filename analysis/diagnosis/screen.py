@@ -60,6 +60,7 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
     base = at.once(
         f"base seen finely {sensor}",
         lambda: [_shown(at.fitted.hypothesis, i, point, sensor) for i in range(len(shots))],
+        under_any_floor=True,
     )
     freedom = len(kind.shared) + len(kind.own) * len(shots)
 
@@ -74,15 +75,18 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
 
     if kind.own:
         return _own_amplitudes(at, kind, column, freedom)
-    if kind.name not in at.done:
-        at.done[kind.name] = _columns(at, kind, kind.starts, column)
-    starts, bare = at.done[kind.name]
-    out = _linear(at, kind, starts, bare, freedom)
+    grid = partial(_columns, at, kind, kind.starts, column)
+    starts, bare = at.once(f"columns of {kind.name}", grid, under_any_floor=True)
+    out = _linear(at, kind, starts, at.once(kind.name, lambda: at.whitened(bare)), freedom)
+
+    def more(some: Sequence[Mapping[str, float]]) -> list[Score]:
+        inside, columns = _columns(at, kind, some, column)
+        return _linear(at, kind, inside, at.whitened(columns), freedom)
+
     if "frequency_hz" in kind.starts[0]:
-        out += _linear(at, kind, *_columns(at, kind, near_loud_lines(at, kind), column), freedom)
+        out += more(near_loud_lines(at, kind))
     if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > WORTH_REFINING:
-        finer = _between(out, kind)
-        out += _linear(at, kind, *_columns(at, kind, finer, column), freedom)
+        out += more(_between(out, kind))
     out.sort(key=lambda score: -score.gain)
     return out
 
@@ -98,8 +102,8 @@ def _columns(
     kind: Kind,
     starts: Sequence[Mapping[str, float]],
     column: Callable[[Mapping[str, float]], list[Floats] | None],
-) -> tuple[list[Mapping[str, float]], Floats]:
-    """Return the starts that have a trajectory and their whitened columns, shape (rows, starts)."""
+) -> tuple[list[Mapping[str, float]], list[Floats]]:
+    """Return the starts that have a trajectory and their columns, shot by shot of shape (n, starts)."""
     shots = at.fitted.hypothesis.rig.shots
     inside = [start for start in starts if within(start, shots)]
     if len(inside) > MANY_STARTS:
@@ -108,14 +112,14 @@ def _columns(
             return inside, found
     each = side_by_side(column, inside)
     good = [(start, c) for start, c in zip(inside, each, strict=True) if c is not None]
-    if not good:
-        return [], np.empty((at.left.size, 0))
-    joined = [np.concatenate([c[s] for _, c in good], axis=1) for s in range(len(shots))]
-    return [start for start, _ in good], at.whitened(joined)
+    joined = [
+        np.concatenate([np.empty((s.valid.size, 0)), *(c[i] for _, c in good)], axis=1) for i, s in enumerate(shots)
+    ]
+    return [start for start, _ in good], joined
 
 
-def _first_order(at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]]) -> Floats | None:
-    """Return the whitened columns of starts to first order, or None where that does not serve this effect."""
+def _first_order(at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]]) -> list[Floats] | None:
+    """Return the columns of starts to first order, or None where that does not serve this effect."""
     effect = named(kind.name)
     shots = [at.fitted.hypothesis.seen_at(i, at.fitted.point) for i in range(len(at.fitted.hypothesis.rig.shots))]
     steps = np.array([first_order.steps_for(shots[0], effect, start) for start in starts])
@@ -123,7 +127,8 @@ def _first_order(at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]
     def of_shot(index: int) -> Floats | None:
         out = np.empty((shots[index].time_s.size, len(starts)))
         for some in np.unique(steps):
-            path = at.once(f"path {index} {some}", partial(first_order.path_of, shots[index], int(some)))
+            make = partial(first_order.path_of, shots[index], int(some))
+            path = at.once(f"path {index} {some}", make, under_any_floor=True)
             which = np.flatnonzero(steps == some)
             part = first_order.responses(shots[index], path, effect, [starts[int(k)] for k in which])
             if part is None:
@@ -136,7 +141,7 @@ def _first_order(at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]
     except Infeasible:
         return None
     every = [columns for columns in found if columns is not None and np.all(np.isfinite(columns))]
-    return at.whitened(every) if len(every) == len(shots) else None
+    return every if len(every) == len(shots) else None
 
 
 def _between(listed: Sequence[Score], kind: Kind) -> list[Mapping[str, float]]:
@@ -213,7 +218,10 @@ def _own_amplitudes(
             parts = [{**start, "phase_rad": 0.0}, {**start, "phase_rad": math.pi / 2}]
         else:
             parts = [{**start, **{n: 0.0 for n in kind.amplitude if n != name}} for name in kind.amplitude]
-        found = [column(part) for part in parts]
+        makes = [partial(column, part) for part in parts]
+        found = [
+            at.once(f"column of {kind.name} {p}", m, under_any_floor=True) for p, m in zip(parts, makes, strict=True)
+        ]
         if any(f is None for f in found):
             continue
         blocks = []

@@ -129,8 +129,7 @@ def averaged(columns: Floats, block: int) -> Floats:
     if block == 1:
         return columns
     count = columns.shape[0] // block
-    blocks = columns[: count * block].reshape(count, block, -1)
-    return np.asarray(blocks.mean(axis=1)).reshape((count, *columns.shape[1:]))
+    return np.asarray(columns[: count * block].reshape((count, block, *columns.shape[1:])).mean(axis=1))
 
 
 _KIND = {

@@ -269,20 +269,27 @@ def _sense(
     """Return displacement and derivatives as a sensor with this effect shows them (by complex steps)."""
     assert effect.sensor is not None
     seen = Sensed(shot.time_s, velocity_m_per_s, shot.wavelength_m, shot.rate_hz)
-    own = np.array([values[f"{effect.name}.{p.name}"] for p in effect.parameters], dtype=np.complex128)
-    count = columns.shape[1]
-    steps = np.zeros((x.size, 1 + count), dtype=np.complex128)
+    own = np.zeros((3, 1))
+    own[: len(effect.parameters), 0] = [values[f"{effect.name}.{p.name}"] for p in effect.parameters]
+    if not columns.shape[1]:
+        return np.asarray(effect.sensor(seen, x[:, None], own)[:, 0]), columns
+    # One that remembers nothing turns every derivative at an instant by the same factor.
+    moves = columns if effect.remembers else np.ones((x.size, 1))
+    count, places = moves.shape[1], list(names)
+    full = [f"{effect.name}.{p.name}" for p in effect.parameters]
+    moved = [(place, places.index(name)) for place, name in enumerate(full) if name in places]
+    steps = np.zeros((x.size, 1 + count + len(moved)), dtype=np.complex128)
     steps[:] = x[:, None]
-    parameters = np.zeros((3, 1 + count), dtype=np.complex128)
-    parameters[: own.size] = own[:, None]
-    if count:
-        steps[:, 1:] += 1j * _STEP * columns
-        for place, parameter in enumerate(effect.parameters):
-            name = f"{effect.name}.{parameter.name}"
-            if name in names:
-                parameters[place, 1 + list(names).index(name)] += 1j * _STEP
+    steps[:, 1 : 1 + count] += 1j * _STEP * moves
+    parameters = np.repeat(own.astype(np.complex128), steps.shape[1], axis=1)
+    for k, (place, _) in enumerate(moved):
+        parameters[place, 1 + count + k] += 1j * _STEP
     shown = effect.sensor(seen, steps, parameters)
-    return shown[:, 0].real.copy(), np.ascontiguousarray(shown[:, 1:].imag / _STEP)
+    slopes = shown.imag / _STEP
+    out = slopes[:, 1 : 1 + count] * (1.0 if effect.remembers else columns)
+    for k, (_, at) in enumerate(moved):
+        out[:, at] += slopes[:, 1 + count + k]
+    return shown[:, 0].real.copy(), out
 
 
 __all__ = ["OWN_NAMES", "Base", "Model", "Response", "ShotData", "respond"]

@@ -89,6 +89,7 @@ ROWS = (
         (Parameter("time_s", "s", 1e-5, lower=2e-7, upper=5e-4, logarithmic=True),),
         "time_s",
         sensor=demodulation_lag,
+        remembers=True,
     ),
     Effect(
         "frame_vibration",

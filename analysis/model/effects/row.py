@@ -94,6 +94,7 @@ class Effect:
     rough: bool = False
     range_at: int = -1  # which parameter is the range within which the bodies must be
     inverse: bool = False
+    remembers: bool = False  # what the sensor shows at an instant depends on what it saw before
     optical: bool = False  # has a meaning only where light of a known wavelength measures
     fastest: Rate = field(default=lambda _values, _collision: 0.0)
     stiffens: Rate = field(default=lambda _values, _collision: 1.0)

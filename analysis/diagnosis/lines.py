@@ -1,6 +1,7 @@
 """Lines in what a fit leaves over: which frequencies stand out, whatever rings there."""
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from analysis.diagnosis.projector import Projector
 
 Floats = NDArray[np.float64]
 _LOUD = 5  # lines that are looked at more closely
+_TURNED = 32  # samples from one whose waves are known
 _APART = 1.0  # in widths of a line, that is in one over the record's length
 
 
@@ -38,12 +40,9 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
         part = slice(before, before + int(shot.valid.sum()))
         before = part.stop
         key = f"lines {part.start}"
-        if key not in at.done:
-            angle = 2 * np.pi * grid[None, :] * shot.centre_s[:, None]
-            at.done[key] = at.floor.whiten(
-                np.concatenate([np.cos(angle), np.sin(angle)], axis=1), shot.valid, shot.weight
-            )
-        both = at.done[key]
+        make = partial(_waves, grid, shot.centre_s)
+        bare = at.once(key, make, under_any_floor=True)
+        both = at.once(key, partial(at.floor.whiten, bare, shot.valid, shot.weight))
         # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
         inner = at.basis[part].T @ both
         cross = both.T @ at.left[part]
@@ -56,6 +55,15 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
         x, y = (d * p - b * q) / determinant, (a * q - b * p) / determinant
         total += x * p + y * q
     return grid, total
+
+
+def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:
+    """Return cosines and sines, shape (n, 2 k), at even times; about 10 ns a value, by turning those of some on."""
+    spacing = (time_s[-1] - time_s[0]) / (time_s.size - 1)
+    near = np.exp(2j * np.pi * spacing * np.arange(_TURNED)[:, None] * frequency_hz)
+    far = np.exp(2j * np.pi * time_s[::_TURNED, None] * frequency_hz)
+    turned = (far[:, None, :] * near[None, :, :]).reshape(-1, frequency_hz.size)[: time_s.size]
+    return np.concatenate([turned.real, turned.imag], axis=1)
 
 
 def near_loud_lines(at: Projector, kind: Kind) -> list[Mapping[str, float]]:

@@ -45,7 +45,6 @@ Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
 _CORRECTIONS = 6
 _STEEP = 1e-5  # of damping, relative: directions flatter than that are not corrected
-_HOPELESS = 10.0  # of chi^2 above where the step began: the derivatives there are not worth their price
 
 
 def minimise(
@@ -98,7 +97,7 @@ def minimise(
         expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
         back = None if residual is None else _back_to_the_valley(residual, square, here, moved, free, (low, high))
         try:
-            if back is not None and back[1] > square.chi2 + _HOPELESS:
+            if back is not None and back[1] >= square.chi2:  # it will be refused: spare the derivatives there
                 raise Infeasible("the step leads out of the valley")
             there = there if back is None else back[0]
             trial = function(there)

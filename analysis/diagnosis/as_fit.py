@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.diagnosis.compare import Fitted
-from analysis.diagnosis.hypothesis import parameters_of
 from analysis.fit import Fit, ShotFit
 from analysis.model.overlay import lay_over
 from analysis.motion import Motion
@@ -15,8 +14,12 @@ from analysis.quantity import Quantity
 def effect_parameters(fitted: Fitted) -> dict[str, dict[str, Quantity]]:
     """Return every effect's parameters; what is each shot's own is that of the first, ``.2``, ``.3`` of the others."""
     out: dict[str, dict[str, Quantity]] = {name: {} for name in fitted.names}
-    for name, parameter, shot, value, std in parameters_of(fitted.hypothesis, fitted.z, fitted.inverse):
-        out[name][parameter if shot < 1 else f"{parameter}.{shot + 1}"] = Quantity(value, std, "joint fit")
+    hypothesis, point = fitted.hypothesis, fitted.point
+    std = fitted.std
+    for k, (name, knob, shot) in enumerate(hypothesis.knobs):
+        parameter = knob.name if shot < 1 else f"{knob.name}.{shot + 1}"
+        value = point.values[max(shot, 0)][name][knob.name]
+        out[name][parameter] = Quantity(value, float(std[hypothesis.offset + k]), "joint fit")
     for name, fixed in fitted.hypothesis.fixed.items():
         if name in out:
             out[name].update({key: Quantity(value, 0.0, "tried") for key, value in fixed.items()})
@@ -28,23 +31,16 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
     hypothesis, point = fitted.hypothesis, fitted.point
     rig = hypothesis.rig
     count = rig.count
-    _, slope = hypothesis.coordinates.to_parameters(fitted.z[: hypothesis.offset])
-    whole = np.eye(hypothesis.size)
-    whole[: hypothesis.offset, : hypothesis.offset] = slope
-    for k, (_, knob, _) in enumerate(hypothesis.knobs):
-        at = hypothesis.offset + k
-        whole[at, at] = knob.slope(float(fitted.z[at]))
-    inverse = whole @ fitted.inverse @ whole.T
-    std = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    std = fitted.std
     parameters = {
         name: Quantity(float(point.base[i]), float(std[i]), "joint fit") for i, name in enumerate(rig.base.names)
     }
     places = list(range(count))
+    effects = effect_parameters(fitted)
     for k, (name, knob, of) in enumerate(hypothesis.knobs):
-        at = hypothesis.offset + k
-        key = f"{name}.{knob.name}" if of < 1 else f"{name}.{knob.name}.{of + 1}"
-        parameters[key] = Quantity(knob.to_value(float(fitted.z[at])), float(std[at]), "joint fit")
-        places.append(at)
+        parameter = knob.name if of < 1 else f"{knob.name}.{of + 1}"
+        parameters[f"{name}.{parameter}"] = effects[name][parameter]
+        places.append(hypothesis.offset + k)
     shots = []
     freedom = sum(int(s.valid.sum()) for s in rig.shots) - hypothesis.size
     chi2 = 0.0
@@ -69,7 +65,7 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
     return Fit(
         model=model,
         parameters=parameters,
-        covariance=inverse[np.ix_(places, places)],
+        covariance=fitted.covariance[np.ix_(places, places)],
         shots=tuple(shots),
         reduced_chi2=chi2 / max(1, freedom),
         noise_std_m=fitted.floor.std_m,

@@ -7,9 +7,10 @@ import numpy as np
 from analysis.diagnosis.compare import Fitted, finish, fit, search
 from analysis.diagnosis.explore import Trail, better, climb, explore
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
+from analysis.diagnosis.hypothesis import Hypothesis, Rig
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.quick_shot import too_fast
+from analysis.diagnosis.seen import Point
 from analysis.fit import Fit
 from analysis.model.fitting import first_guesses, prepare
 from analysis.model.least_squares import Infeasible

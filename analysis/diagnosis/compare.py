@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.floor import Floor, learn
-from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
+from analysis.diagnosis.hypothesis import Hypothesis, Rig
+from analysis.diagnosis.seen import Point
 from analysis.model.least_squares import Infeasible, Minimum, Square, covariance, minimise
 from analysis.shot import Stop
 
@@ -37,6 +38,17 @@ class Fitted:
     def names(self) -> tuple[str, ...]:
         """Get the names of the effects."""
         return tuple(kind.name for kind in self.hypothesis.effects)
+
+    @property
+    def covariance(self) -> Floats:
+        """Get the covariance of the parameters, in the vector's order."""
+        slope = self.hypothesis.slope(self.z)
+        return np.asarray(slope @ self.inverse @ slope.T)
+
+    @property
+    def std(self) -> Floats:
+        """Get the standard deviations of the parameters, in the vector's order."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def samples(self) -> int:

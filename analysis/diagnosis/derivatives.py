@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.quick_shot import Values, too_fast
 from analysis.diagnosis.samples import Samples
+from analysis.diagnosis.seen import Point
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
 from analysis.model.response import Model, Response, ShotData, respond
 from analysis.noise import Noise
 
 if TYPE_CHECKING:
-    from analysis.diagnosis.hypothesis import Hypothesis, Point
+    from analysis.diagnosis.hypothesis import Hypothesis
 
 Floats = NDArray[np.float64]
 _STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
@@ -63,21 +64,15 @@ def linearised_shot(hypothesis: "Hypothesis", index: int, z: Floats) -> tuple[Fl
     model, response = solved(hypothesis, index, hypothesis.unpack(z), derivatives=True)
     by = dict(zip((*model.shared_names, *model.own_names), response.derivatives.T, strict=True))
 
-    columns = np.zeros((shot.valid.size, hypothesis.size))
-    physical = np.zeros((shot.valid.size, hypothesis.offset))
+    physical = np.zeros((shot.valid.size, hypothesis.size))
     for place, name in enumerate(rig.base.names):
         physical[:, place] = by[name]
     for place, name in enumerate(("velocity_in_m_per_s", "touch_time_s", "offset_m")):
         physical[:, rig.count + 3 * index + place] = by[name]
-    _, slope = hypothesis.coordinates.to_parameters(z[: hypothesis.offset])
-    columns[:, : hypothesis.offset] = physical @ slope
     for k, (name, knob, of) in enumerate(hypothesis.knobs):
         if of in (-1, index):
-            column = by[f"{name}.{knob.name}"]
-            if name == "demodulation_lag":  # the touch that is searched is the one that is seen
-                column = column - by["touch_time_s"]
-            columns[:, hypothesis.offset + k] = column * knob.slope(float(z[hypothesis.offset + k]))
-    return response.displacement_m, columns
+            physical[:, hypothesis.offset + k] = by[f"{name}.{knob.name}"]
+    return response.displacement_m, physical @ hypothesis.slope(z)
 
 
 def _chosen(hypothesis: "Hypothesis", values: Values) -> tuple[tuple[str, float], ...]:

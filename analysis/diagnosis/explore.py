@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.compare import Fitted, finish, fit, search, whitened_residual
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Point, delay
+from analysis.diagnosis.hypothesis import Hypothesis
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.screen import Score, fixed_of, scores
+from analysis.diagnosis.seen import Point, as_seen
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
@@ -187,16 +188,15 @@ def refit(at: Projector, kind: Kind, start: Sequence[Mapping[str, float]], stop:
         (*here.hypothesis.effects, kind),
         {**here.hypothesis.fixed, kind.name: fixed_of(kind, start[0])},
     )
-    point = here.point
+    seen = as_seen(here.point)
     low, high = hypothesis.bounds
     if stop():
         raise Cancelled
     for share in _OF_THE_START:  # a linear step may lead further than any trajectory goes
-        weaker = [_weakened(kind, given, share) for given in start]
-        values = tuple({**v, kind.name: given} for v, given in zip(point.values, weaker, strict=True))
-        own = point.own - [[0.0, delay({kind.name: given}), 0.0] for given in weaker]
+        weaker = [times(kind, given, share) for given in start]
+        values = tuple({**v, kind.name: given} for v, given in zip(seen.values, weaker, strict=True))
         try:
-            z = np.clip(hypothesis.pack(Point(point.base, own, values)), low, high)
+            z = np.clip(hypothesis.pack_seen(Point(seen.base, seen.own, values)), low, high)
             z = _made_room(at, hypothesis, z)
             return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=7, cancelled=stop))
         except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
@@ -238,9 +238,9 @@ def _giving_way(tangents: Floats) -> Floats:
     return np.asarray(np.linalg.pinv(tangents / scale, rcond=1e-4) / scale[:, None])
 
 
-def _weakened(kind: Kind, values: Mapping[str, float], share: float) -> Mapping[str, float]:
-    """Return an effect's values at which it does ``share`` of what it did."""
-    factor = 1 / share if kind.inverse else share
+def times(kind: Kind, values: Mapping[str, float], factor: float) -> Mapping[str, float]:
+    """Return an effect's values at which it does ``factor`` times what it did, in first order."""
+    factor = 1 / factor if kind.inverse else factor
     return {**values, **{name: values[name] * factor for name in kind.amplitude}}
 
 
@@ -260,11 +260,12 @@ def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
         tuple(kind for kind in fitted.hypothesis.effects if kind.name != name),
         {key: value for key, value in fitted.hypothesis.fixed.items() if key != name},
     )
-    point = fitted.point
-    values = tuple({key: value for key, value in v.items() if key != name} for v in point.values)
+    seen = as_seen(fitted.point)
+    values = tuple({key: value for key, value in v.items() if key != name} for v in seen.values)
     try:
-        own = point.own + [[0.0, delay({name: v[name]}), 0.0] for v in point.values]
-        trial = fit(hypothesis, hypothesis.pack(Point(point.base, own, values)), fitted.floor, cancelled=trail.stop)
+        trial = fit(
+            hypothesis, hypothesis.pack_seen(Point(seen.base, seen.own, values)), fitted.floor, cancelled=trail.stop
+        )
     except Infeasible:
         return known
     trail.keep(trial)

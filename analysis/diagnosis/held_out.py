@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.compare import Fitted, search, square_of
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
+from analysis.diagnosis.hypothesis import Hypothesis, Rig
+from analysis.diagnosis.seen import Point
 from analysis.model.least_squares import Infeasible, Square, covariance, minimise
 from analysis.shot import Stop
 from analysis.side_by_side import side_by_side

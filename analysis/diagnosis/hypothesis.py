@@ -1,7 +1,6 @@
 """One hypothesis: the base model with some effects, its parameters laid out for a search over all shots at once."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -13,6 +12,7 @@ from analysis.diagnosis.first_order import Shot
 from analysis.diagnosis.knobs import Kind, Knob
 from analysis.diagnosis.quick_shot import COARSE, FINE, Optics, Run, Values, respond
 from analysis.diagnosis.samples import Samples
+from analysis.diagnosis.seen import Point, as_is, as_seen, slope
 from analysis.model.coordinates import Coordinates
 from analysis.model.effects import named
 from analysis.model.response import Base
@@ -41,27 +41,13 @@ class Rig:
         return len(self.base.names)
 
 
-@dataclass(frozen=True, slots=True)
-class Point:
-    """Parameters of a hypothesis: base, shape (b,); own (v_i, touch, offset) a shot, shape (s, 3); effects a shot."""
-
-    base: Floats
-    own: Floats
-    values: tuple[Values, ...]
-
-
-def delay(values: Values) -> float:
-    """Return by how much the optics show everything late, in s: a growing lag must not move the touch as it is seen."""
-    return values.get("demodulation_lag", {}).get("time_s", 0.0)
-
-
 @dataclass(frozen=True)
 class Hypothesis:
     """Base and ``effects`` (in that order): the map between a search vector and parameters, and what they give.
 
-    The vector holds the base and own parameters of ``Coordinates`` (the touch as it is seen, after the optics' delay),
-    then each effect's shared knobs, then each shot's own knobs of every effect.  ``fixed`` holds what is not searched
-    (a cyclic error's order).
+    The vector holds the base and own parameters in ``Coordinates``, then each effect's shared knobs, then each shot's
+    own knobs of every effect: all of them as they are seen (``as_seen``).  ``fixed`` holds what is not searched (a
+    cyclic error's order).
     """
 
     rig: Rig
@@ -102,16 +88,34 @@ class Hypothesis:
 
     def pack(self, point: Point) -> Floats:
         """Return the search vector of a point."""
+        return self.pack_seen(as_seen(point))
+
+    def pack_seen(self, seen: Point) -> Floats:
+        """Return the search vector of a point as it is seen."""
         z = np.empty(self.size)
-        own = point.own + [[0.0, delay(values), 0.0] for values in point.values]
-        z[: self.offset] = self.coordinates.to_search(np.concatenate([point.base, own.ravel()]))
+        z[: self.offset] = self.coordinates.to_search(np.concatenate([seen.base, seen.own.ravel()]))
         for k, (name, knob, shot) in enumerate(self.knobs):
-            z[self.offset + k] = knob.to_search(point.values[max(shot, 0)][name][knob.name])
+            z[self.offset + k] = knob.to_search(seen.values[max(shot, 0)][name][knob.name])
         return z
 
     def unpack(self, z: Floats) -> Point:
         """Return the point of a search vector; Infeasible off the map."""
-        parameters, _ = self.coordinates.to_parameters(z[: self.offset])
+        return as_is(self._seen(z)[0])
+
+    def slope(self, z: Floats) -> Floats:
+        """Return the derivatives of the parameters, in the vector's order, by the vector, shape (size, size)."""
+        seen, of_base = self._seen(z)
+        out = np.diag(
+            [1.0] * self.offset + [knob.slope(float(z[self.offset + k])) for k, (_, knob, _) in enumerate(self.knobs)]
+        )
+        out[: self.offset, : self.offset] = of_base
+        shared = {(name, knob.name): self.offset + k for k, (name, knob, shot) in enumerate(self.knobs) if shot < 0}
+        touches = [self.rig.count + 3 * i + 1 for i in range(len(self.rig.shots))]
+        return np.asarray(slope(seen, self.size, shared, touches) @ out)
+
+    def _seen(self, z: Floats) -> tuple[Point, Floats]:
+        """Return the point of a vector as it is seen, and the derivatives of base and own parameters."""
+        parameters, of_base = self.coordinates.to_parameters(z[: self.offset])
         values: list[dict[str, dict[str, float]]] = []
         for _ in self.rig.shots:
             values.append({kind.name: dict(self.fixed.get(kind.name, {})) for kind in self.effects})
@@ -119,8 +123,8 @@ class Hypothesis:
             value = knob.to_value(float(z[self.offset + k]))
             for index in range(len(values)) if shot < 0 else (shot,):
                 values[index][name][knob.name] = value
-        own = parameters[self.rig.count :].reshape(-1, 3) - [[0.0, delay(given), 0.0] for given in values]
-        return Point(parameters[: self.rig.count], own, tuple(values))
+        own = parameters[self.rig.count :].reshape(-1, 3)
+        return Point(parameters[: self.rig.count], own, tuple(values)), of_base
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -239,15 +243,3 @@ class Hypothesis:
             columns[:, column] = (self.coarse(index, self.unpack(moved)) - rough) / step
         columns[:, own + 2] = 1.0
         return here, columns
-
-
-def parameters_of(hypothesis: Hypothesis, z: Floats, inverse: Floats) -> Sequence[tuple[str, str, int, float, float]]:
-    """Return (effect, parameter, shot or -1, value, std) of the effects, ``inverse`` the covariance of ``z``."""
-    out = []
-    for k, (name, knob, shot) in enumerate(hypothesis.knobs):
-        at = hypothesis.offset + k
-        value = knob.to_value(float(z[at]))
-        out.append(
-            (name, knob.name, shot, value, float(np.sqrt(max(inverse[at, at], 0.0))) * abs(knob.slope(float(z[at]))))
-        )
-    return out

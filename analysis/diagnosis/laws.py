@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.diagnosis.hypothesis import Hypothesis, Point
+from analysis.diagnosis.hypothesis import Hypothesis
 from analysis.diagnosis.quick_shot import Run
+from analysis.diagnosis.seen import Point
 
 Floats = NDArray[np.float64]
 _SPEED = np.array([0.0, 0.15, 0.35, 0.65, 1.0])  # knots, in the highest speed of all shots

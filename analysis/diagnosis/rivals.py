@@ -8,20 +8,23 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from analysis.diagnosis.compare import Fitted, fit
-from analysis.diagnosis.explore import Trail, better, refit, without
+from analysis.diagnosis.explore import Trail, better, refit, times, without
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.remainder import Remainder, judge
 from analysis.diagnosis.screen import scores
 from analysis.diagnosis.separate import Separation, separation
+from analysis.model.effects import named
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
 
 Separations = Mapping[str, Separation]
+Start = tuple[Mapping[str, float], ...]  # an effect's values a shot
 
 _FITTED = 2  # look-alikes of an effect at most
 _ALIKE = 0.6  # of an effect's size is left beside a look-alike that is worth a fit
 _ONE_LINE = 0.03  # of the frequency
+_STRONGER = 10.0
 _HOPELESS = 150.0  # of the criterion behind the best after a short search
 _NEARLY = 20.0  # of the criterion behind the best: likely enough to be asked where the best misses something
 
@@ -118,15 +121,27 @@ def _instead(
     """
     if stop():
         raise Cancelled
-    start = far.starts[kind.name]
-    if frequency_hz is not None and "frequency_hz" in start[0]:
-        near = [score.start for score in scores(at, kind) if _close(score.start[0], frequency_hz)]
-        # No further off than a line is wide, or the search ends on the line's next lobe.
-        start = min(near, key=lambda one: abs(one[0]["frequency_hz"] - frequency_hz), default=start)
-    trial = refit(at, kind, start, stop)
+    starts = [far.starts[kind.name]]
+    if frequency_hz is not None and "frequency_hz" in starts[0][0]:
+        starts = _of_one_line(at, kind, starts[0], frequency_hz)
+    trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
+    trial = min(trials, key=lambda fitted: fitted.bic, default=None)
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial
     return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
+
+
+def _of_one_line(at: Projector, kind: Kind, start: Start, frequency_hz: float) -> list[Start]:
+    """Return starts of a line at the frequency of another; no further off than a line is wide, or it ends on a lobe.
+
+    What rings and bends the base with it is found more surely from a mode that is too strong than from a weak one.
+    """
+    near = [score.start for score in scores(at, kind) if _close(score.start[0], frequency_hz)]
+    nearest = min(near, key=lambda one: abs(one[0]["frequency_hz"] - frequency_hz), default=start)
+    if not named(kind.name).hidden:
+        return [nearest]
+    strong = tuple(times(kind, {**values, "frequency_hz": frequency_hz}, _STRONGER) for values in nearest)
+    return [nearest, strong]
 
 
 def _close(values: Mapping[str, float], frequency_hz: float) -> bool:

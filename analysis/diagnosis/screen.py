@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis import first_order
-from analysis.diagnosis.hypothesis import Hypothesis, Point, delay
+from analysis.diagnosis.hypothesis import Hypothesis
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.lines import near_loud_lines, scan
 from analysis.diagnosis.projector import Projector
 from analysis.diagnosis.samples import Samples
+from analysis.diagnosis.seen import Point, as_is, as_seen
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
 from analysis.side_by_side import side_by_side
@@ -54,6 +55,7 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
         {**at.fitted.hypothesis.fixed, kind.name: fixed_of(kind, kind.starts[0])},
     )
     point = at.fitted.point
+    seen = as_seen(point)
     shots = at.fitted.hypothesis.rig.shots
     # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
     sensor = named(kind.name).sensor is not None
@@ -65,9 +67,9 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
     freedom = len(kind.shared) + len(kind.own) * len(shots)
 
     def column(start: Mapping[str, float]) -> list[Floats] | None:
-        values = tuple({**v, kind.name: start} for v in point.values)
+        values = tuple({**v, kind.name: start} for v in seen.values)
         try:
-            moved = Point(point.base, point.own - [0.0, delay({kind.name: start}), 0.0], values)
+            moved = as_is(Point(seen.base, seen.own, values))
             x = [_shown(with_it, i, moved, sensor) for i in range(len(shots))]
         except Infeasible:
             return None

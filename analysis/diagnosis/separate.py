@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.compare import Fitted
-from analysis.diagnosis.hypothesis import Point, delay
 from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.projector import Projector, orthonormal
 from analysis.diagnosis.screen import scores
+from analysis.diagnosis.seen import Point, as_is, as_seen
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
@@ -46,9 +46,9 @@ def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
     point = fitted.point
     kind = next(k for k in hypothesis.effects if k.name == name)
     shots = hypothesis.rig.shots
-    nothing = tuple({**v, name: _nothing(kind, v[name])} for v in point.values)
-    seen_at = point.own + [[0.0, delay({name: v[name]}), 0.0] for v in point.values]
-    without = Point(point.base, seen_at, nothing)
+    seen = as_seen(point)
+    nothing = tuple({**v, name: _nothing(kind, v[name])} for v in seen.values)
+    without = as_is(Point(seen.base, seen.own, nothing))
     rows = [(hypothesis.coarse(i, point) - hypothesis.coarse(i, without))[:, None] for i in range(len(shots))]
     done = at.whitened(rows)[:, 0]
     return replace(at, basis=basis, left=done - basis @ (basis.T @ done))

@@ -11,11 +11,12 @@ from analysis.diagnosis import hypothesis, screen
 from analysis.diagnosis.compare import fit
 from analysis.diagnosis.first_order import Shot, along, path_of, responses, steps_for
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
+from analysis.diagnosis.hypothesis import Hypothesis, Rig
 from analysis.diagnosis.knobs import kind_of
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.quick_shot import Optics, respond
 from analysis.diagnosis.samples import together
+from analysis.diagnosis.seen import Point
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.model.fitting import base_named

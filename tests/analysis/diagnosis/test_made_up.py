@@ -8,12 +8,13 @@ import pytest
 from analysis.diagnosis import diagnose
 from analysis.diagnosis.compare import fit
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Point, Rig
+from analysis.diagnosis.hypothesis import Hypothesis, Rig
 from analysis.diagnosis.knobs import kinds
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.samples import together
 from analysis.diagnosis.screen import scores
+from analysis.diagnosis.seen import Point
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
 from analysis.model.effects.row import Sensed

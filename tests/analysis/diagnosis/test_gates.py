@@ -24,6 +24,12 @@ class Fit:
     names: tuple[str, ...]
     floor: Floor = CALM
     converged: bool = True
+    worth: float = 200.0  # of the criterion, each of its effects
+
+    @property
+    def bic(self) -> float:
+        """Get the criterion."""
+        return -self.worth * len(self.names)
 
 
 def effect(snr: float) -> FoundEffect:
@@ -38,15 +44,28 @@ def test_beside_a_wandering_floor_an_effect_does_more_than_the_next_freedom(floo
     assert verdict is (Verdict.EFFECT_FOUND if named else Verdict.UNEXPLAINED)
 
 
-@pytest.mark.parametrize(("least", "kept"), [(11.0, 1), (20.0, 2), (40.0, 3)])
-def test_the_more_effects_the_more_each_must_stand_out(
-    least: float, kept: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sizes = {"plate_damping": 90.0, "sensor_drift": max(least, 11.5), "tilt": least}
+def kept(sizes: dict[str, float], worth: float, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
+    """Return which effects of these sizes and this worth each are not too faint."""
     monkeypatch.setattr(gates, "snr", lambda _fit, _at, name: sizes[name])
     monkeypatch.setattr(gates, "missed_without", lambda *_: 100.0)
     monkeypatch.setattr(gates, "projector_of", lambda _fit, _trail: None)
-    monkeypatch.setattr(gates, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name)))
-    monkeypatch.setattr(gates, "pays", lambda *_: True)
-    best, _ = gates.without_the_faint(cast(Any, Fit(tuple(sizes))), Trail(cast(Any, Fit(())), (), calm))
-    assert len(best.names) == kept
+    monkeypatch.setattr(
+        gates, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name), worth=fit.worth)
+    )
+    every = Fit(tuple(sizes), worth=worth)
+    return gates.without_the_faint(cast(Any, every), Trail(cast(Any, Fit(())), (), calm))[0].names
+
+
+@pytest.mark.parametrize(("least", "left"), [(11.0, 1), (20.0, 2), (40.0, 3)])
+def test_the_more_effects_the_more_each_must_stand_out(
+    least: float, left: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes = {"plate_damping": 90.0, "sensor_drift": max(least, 11.5), "tilt": least}
+    assert len(kept(sizes, 200.0, monkeypatch)) == left
+
+
+@pytest.mark.parametrize(("worth", "left"), [(98.0, 1), (138.0, 2)])
+def test_each_of_several_pays_more_than_what_mends_a_misfit(
+    worth: float, left: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert len(kept({"adhesion": 92.0, "plate_motion": 13.0}, worth, monkeypatch)) == left

@@ -5,7 +5,7 @@ cannot imitate of the true remainder, in units of the noise, is how far apart th
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -34,10 +34,12 @@ _RELAXATION_S = np.geomspace(1e-4, 0.5, 24)
 _RANGE_M = np.geomspace(5e-6, 3e-3, 24)  # a reach ends sharply: what it imitates, it imitates at one only
 
 
-def separation(truth: Truth, tangents: Tangents | None = None) -> dict[str, float]:
-    """Return, for every catalogue effect that is not in ``truth``, the norm of what it cannot imitate, over the noise.
+def separation(
+    truth: Truth, tangents: Tangents | None = None, among: Collection[str] = tuple(CATALOGUE)
+) -> dict[str, float]:
+    """Return, for every effect ``among`` these that is not in ``truth``, the norm of what it cannot imitate.
 
-    White noise of ``truth.noise.white_m``.  Cost: about 4 s a set of three.
+    In units of white noise of ``truth.noise.white_m``.  Cost: about 4 s a set of three.
     """
     tangents = tangents or base_tangents(truth)
     whole = remainder_m(truth, tangents)
@@ -60,7 +62,7 @@ def separation(truth: Truth, tangents: Tangents | None = None) -> dict[str, floa
     least: dict[str, float] = {}
     best_at: dict[str, float] = {}
     moved = _mover(truth)
-    for name, place, shapes in _shapes(truth, moved):
+    for name, place, shapes in _shapes(truth, moved, [name for name in among if name not in truth.effects]):
         value = rest(name, shapes)
         if value < least.get(name, np.inf):
             least[name], best_at[name] = value, place
@@ -128,18 +130,15 @@ _LINES: Mapping[str, Weak] = {
 _FREE: Mapping[str, str] = {"viscoelastic_arm": "relaxation_time_s", "adhesion": "range_m"}
 
 
-def _shapes(truth: Truth, moved: Mover) -> Iterator[tuple[str, float, Floats]]:
-    """Yield (name, place, columns): the directions in which a weak effect of that name can move the set.
+def _shapes(truth: Truth, moved: Mover, names: Collection[str]) -> Iterator[tuple[str, float, Floats]]:
+    """Yield (name, place, columns): the directions in which a weak effect of one of ``names`` can move the set.
 
-    The place is a frequency, a time, a range or 0.  Columns hold every sample, or every fourth already; effects of
-    ``truth`` itself are left out.
+    The place is a frequency, a time, a range or 0.  Columns hold every sample, or every fourth already.
     """
     plain = replace(truth, effects={})
     shots = range(len(truth.speeds_m_per_s))
 
-    for name in CATALOGUE:
-        if name in truth.effects:
-            continue
+    for name in names:
         usual = _usual_but_weak(name)
         if name in _LINES:
             for hz in _LINES_HZ[name]:

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-FULL = {"clean": 300, "single": 20, "natural": 4, "pair": 40, "beyond": 20, "raw": 12}
+FULL = {"clean": 300, "single": 20, "natural": 4, "pair": 60, "beyond": 20, "raw": 12}
 QUICK = {"clean": 4, "single": 1, "natural": 1, "pair": 2, "beyond": 1, "raw": 1}
 
 

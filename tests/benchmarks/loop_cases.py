@@ -19,7 +19,7 @@ from instrument.bench.noise import Noise, NoiseKind
 from instrument.bench.optics import Optics
 from instrument.bench.separation import separation
 from instrument.bench.simulate import record_shot
-from instrument.bench.strength import at_snr, base_tangents, cramer_rao, residual_snr
+from instrument.bench.strength import Tangents, at_snr, base_tangents, cramer_rao, residual_snr
 
 SNRS = (13.0, 20.0, 40.0, 100.0, 300.0)
 RAW = ("eight_bit", "low_light", "no_reference")
@@ -56,8 +56,8 @@ class Outcome:
     noise_m: float = 0.0
     seconds: float = 0.0
     problem: str = ""
-    nearest: str = ""  # the catalogue effect that could imitate it best
-    apart: float | None = None  # what even that one cannot imitate, over the noise
+    nearest: str = ""  # the catalogue effect that could imitate it best; of two, the one that is imitated more
+    apart: float | None = None  # what even that one cannot imitate, over the noise; of two, the other
 
     def as_json(self) -> dict[str, Any]:
         """Return a plain dictionary."""
@@ -126,7 +126,19 @@ def draw(case: Case) -> Drawn:
         others = separation(truth, tangents)
         nearest = min(others, key=others.__getitem__)
         apart = others[nearest]
+    if case.kind == "pair" and reached >= LEAST_SNR:
+        nearest, apart = min(_beside(truth, tangents), key=lambda one: one[1])
     return Drawn(truth, reached, cramer_rao(truth, tangents), nearest, apart)
+
+
+def _beside(truth: Truth, tangents: Tangents) -> list[tuple[str, float]]:
+    """Return each effect of two with what the other cannot imitate of it, over the noise."""
+    found = []
+    for name in truth.effects:
+        (other,) = set(truth.effects) - {name}
+        alone = replace(truth, effects={name: truth.effects[name]})
+        found.append((name, separation(alone, tangents, (other,))[other]))
+    return found
 
 
 def motions(truth: Truth, case: Case) -> tuple[Motion, ...]:

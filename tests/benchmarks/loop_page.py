@@ -37,8 +37,8 @@ def page(outcomes: Sequence[Outcome], command: str) -> str:
         "shares no code with the analysis. The signal-to-noise ratio (SNR) of an effect is the norm of what the best "
         "base fit leaves of the noise-free set, over the noise of one sample; figures are for SNR >= "
         f"{LEAST_SNR:g} unless said otherwise. An effect can be told where the nearest other effect of the catalogue, "
-        f"offered its best imitation with the base parameters free, still leaves {APART:g} noise norms. Intervals are "
-        "Wilson's at 95 %.\n\n"
+        f"offered its best imitation with the base parameters free, still leaves {APART:g} noise norms; two effects "
+        f"are each seen beside the other where that leaves {LEAST_SNR:g} of either. Intervals are Wilson's at 95 %.\n\n"
     )
     table = ["| figure | measured | target | met |", "|---|---|---|---|"]
     marks = {True: "yes", False: "**no**", None: ""}

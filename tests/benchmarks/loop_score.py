@@ -81,6 +81,10 @@ def _tellable(outcome: Outcome) -> bool:
     return outcome.apart is not None and outcome.apart >= APART
 
 
+def _both_seen(outcome: Outcome) -> bool:
+    return outcome.apart is not None and outcome.apart >= LEAST_SNR
+
+
 def _no_lone_wrong_name(outcome: Outcome) -> bool:
     pairs = zip(outcome.named, outcome.classes, strict=True)
     return not any(not others and name not in outcome.case.names for name, others in pairs)
@@ -113,6 +117,8 @@ def lines(outcomes: Sequence[Outcome]) -> list[Line]:
     alike = [o for o in strong if not _tellable(o)]
     at_least("one effect, look-alike too near: no lone wrong name", share(alike, _no_lone_wrong_name), 0.99)
     at_least("one effect, true one reported", share(strong, truth_reported), 0.99)
+    both = [o for o in pairs if _both_seen(o)]
+    at_least("two effects, each seen beside the other, reported", share(both, truth_reported), 0.99)
     at_least("two effects, true ones reported", share(pairs, truth_reported), 0.99)
     result.append(Line("two effects, both exact", str(share(pairs, exact)), "shown", None))
     for noise in sorted({o.case.noise for o in outcomes if o.case.kind == "clean"}):

@@ -68,9 +68,15 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
         covariance=fitted.covariance[np.ix_(places, places)],
         shots=tuple(shots),
         reduced_chi2=chi2 / max(1, freedom),
-        noise_std_m=fitted.floor.std_m,
+        noise_std_m=_of_one_sample(fitted),
         converged=fitted.converged and bool(np.all(np.isfinite(std))),
         effects=fitted.names,
         flags=() if fitted.converged else ("fit_not_converged",),
         seconds=seconds,
     )
+
+
+def _of_one_sample(fitted: Fitted) -> float:
+    """Return the noise of one sample of the motion, which is averaged away less than the floor that was learnt."""
+    floor, factor = fitted.floor, fitted.hypothesis.rig.shots[0].factor
+    return float(np.sqrt(factor * floor.white_m**2 + floor.rms_m[0] ** 2 + floor.rms_m[1] ** 2))

@@ -4,7 +4,7 @@ import numpy as np
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import Diagnosis, Errors
+from analysis.diagnosis.result import Diagnosis, Errors, Verdict
 from analysis.shot import Shot
 from app.pens import thin
 from app.plots.cursor_readout import CursorReadout
@@ -63,13 +63,18 @@ class Residuals(QWidget):
         zero, words = time_zero(shot)
         self.stack.label_time(words)
         self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {shot.name} (band: noise, ±2 σ)")
+        # What stays unexplained is not noise, though a floor that wanders may take it for some.
+        known = diagnosis.verdict is not Verdict.UNEXPLAINED
+        noise_m = (
+            np.full_like(motion.displacement_m, diagnosis.fit_after.noise_std_m) if known else motion.displacement_std_m
+        )
         start, step = 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz
         for fit, curve, band in zip(
             (diagnosis.fit_before, diagnosis.fit_after), self._curves, self._bands, strict=True
         ):
             if shown < len(fit.shots):
                 curve.show_samples(start, step, 1e9 * np.asarray(fit.shots[shown].residual_m))
-                band.show_band(start, step, 2e9 * motion.displacement_std_m)
+                band.show_band(start, step, 2e9 * noise_m)
         self.reset()
 
     @Slot()

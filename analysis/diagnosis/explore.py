@@ -1,19 +1,20 @@
 """Which effects, and how many: score all, refit the best jointly from several starts, keep what pays its way."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted, finish, fit, search, whitened_residual
+from analysis.diagnosis.compare import Fitted, fit
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis
 from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.one_more import refit, united
 from analysis.diagnosis.projector import Projector, projector
-from analysis.diagnosis.screen import Score, fixed_of, scores
+from analysis.diagnosis.screen import Score, scores
 from analysis.diagnosis.seen import Point, as_seen
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Stop
@@ -32,8 +33,6 @@ MOST_EFFECTS = 3
 OTHER_FIRSTS = 2  # to begin with where what was found leaves something unexplained
 CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
 _A_STOP = 1.0  # of the criterion: searches of the same fit end that near each other
-_OF_THE_START = (1.0, 0.3, 0.1)
-_ROOM = 4  # steps at most
 
 
 @dataclass
@@ -151,6 +150,9 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
         other = _ranked(at.under(still), free, trail)[:UNDER_THE_FLOOR]
         tried += [listed[0] for listed in other if listed[0].kind.name not in names]
     refitted = side_by_side(lambda score: refit(at, score.kind, score.start, trail.stop), tried)
+    known = {score.kind.name: trail.of((*trail.start.names, score.kind.name)) for score in tried if not first}
+    alone = [fitted for fitted in known.values() if fitted is not None and pays(fitted, trail.start)]
+    refitted += side_by_side(lambda fitted: united(here, fitted, trail.start, trail.stop), alone)
     quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
 
     def finished(place: int) -> Fitted:
@@ -178,70 +180,6 @@ def _ranked(at: Projector, free: Sequence[Kind], trail: Trail) -> list[list[Scor
     # The longest first: nobody is left to work alone for long.
     found = side_by_side(scored, sorted(free, key=lambda kind: -len(kind.starts)))
     return sorted(filter(None, found), key=lambda listed: -listed[0].worth(at.left.size))
-
-
-def refit(at: Projector, kind: Kind, start: Sequence[Mapping[str, float]], stop: Stop) -> Fitted | None:
-    """Fit quickly with one effect more from its start values a shot; None where there is no trajectory."""
-    here = at.fitted
-    hypothesis = Hypothesis(
-        here.hypothesis.rig,
-        (*here.hypothesis.effects, kind),
-        {**here.hypothesis.fixed, kind.name: fixed_of(kind, start[0])},
-    )
-    seen = as_seen(here.point)
-    low, high = hypothesis.bounds
-    if stop():
-        raise Cancelled
-    for share in _OF_THE_START:  # a linear step may lead further than any trajectory goes
-        weaker = [times(kind, given, share) for given in start]
-        values = tuple({**v, kind.name: given} for v, given in zip(seen.values, weaker, strict=True))
-        try:
-            z = np.clip(hypothesis.pack_seen(Point(seen.base, seen.own, values)), low, high)
-            z = _made_room(at, hypothesis, z)
-            return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=7, cancelled=stop))
-        except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
-            continue
-    return None
-
-
-def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
-    """Return ``z`` with what was fitted before moved out of the new effect's way, by the derivatives at hand.
-
-    An effect may do a thousand times more than what it does beside the base parameters.
-    """
-    before = at.fitted.hypothesis
-    places = {(name, knob.name, shot): hypothesis.offset + k for k, (name, knob, shot) in enumerate(hypothesis.knobs)}
-    knobs = [places[name, knob.name, shot] for name, knob, shot in before.knobs]
-    moving = np.array([*range(before.offset), *knobs])
-    giving_way = at.once("giving way", lambda: _giving_way(at.tangents))
-    low, high = hypothesis.bounds
-    left = whitened_residual(hypothesis, at.floor, z)
-    chi2 = float(left @ left)
-    for _ in range(_ROOM):
-        there = z.copy()
-        there[moving] -= giving_way @ left
-        there = np.clip(there, low, high)
-        try:
-            left = whitened_residual(hypothesis, at.floor, there)
-        except Infeasible:
-            break
-        if not float(left @ left) < 0.99 * chi2:
-            break
-        z, chi2 = there, float(left @ left)
-    return z
-
-
-def _giving_way(tangents: Floats) -> Floats:
-    """Return what turns a remainder, shape (rows,), into the moves of the parameters that leave it."""
-    scale = np.linalg.norm(tangents, axis=0)
-    scale[scale == 0] = 1.0
-    return np.asarray(np.linalg.pinv(tangents / scale, rcond=1e-4) / scale[:, None])
-
-
-def times(kind: Kind, values: Mapping[str, float], factor: float) -> Mapping[str, float]:
-    """Return an effect's values at which it does ``factor`` times what it did, in first order."""
-    factor = 1 / factor if kind.inverse else factor
-    return {**values, **{name: values[name] * factor for name in kind.amplitude}}
 
 
 def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis import quick
-from analysis.model.effects import CATALOGUE
+from analysis.model.effects import CATALOGUE, sensors
 from analysis.model.effects.row import Sensed
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision
@@ -116,9 +116,10 @@ def seen(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> A
     wavelength = optics.wavelength_m
     sensed = Sensed(time_s, v, math.nan if wavelength is None else wavelength, optics.sample_rate_hz)
     out = x.reshape(x.shape[0], -1)
-    for name, given in values.items():
-        row = CATALOGUE[name]
-        if row.sensor is None or (row.optical and wavelength is None) or given[row.amplitude] == 0.0:
+    for row in sensors(values):
+        assert row.sensor is not None
+        given = values[row.name]
+        if (row.optical and wavelength is None) or given[row.amplitude] == 0.0:
             continue
         p = np.zeros((3, out.shape[1]), dtype=out.dtype)
         for place, parameter in enumerate(row.parameters):

@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from analysis.diagnosis.compare import Fitted, fit, learn_floor, residuals
-from analysis.diagnosis.explore import Trail, least_fall, polish, prune, refit
+from analysis.diagnosis.explore import Trail, least_fall, polish, prune
 from analysis.diagnosis.hypothesis import Rig
 from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.one_more import refit
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.samples import FINE_RATE_HZ, together
 from analysis.diagnosis.screen import scores

@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from analysis.diagnosis.compare import Fitted, fit
-from analysis.diagnosis.explore import Trail, better, refit, times, without
+from analysis.diagnosis.explore import Trail, better, without
 from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.one_more import refit, times
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.remainder import Remainder, judge
 from analysis.diagnosis.screen import scores

@@ -30,7 +30,7 @@ class Settled:
 def settle(best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress) -> Settled:
     """Return what stands of ``best``, or of what another way leads to where that leaves something unexplained."""
     stands = _settled(best, trail, held, tell)
-    if not stands.rest.significant or stands.best is trail.start:
+    if not stands.rest.significant:
         return stands
     tell("looking for another way", 0.75)
     other = another_way(stands.best, trail)

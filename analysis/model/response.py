@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model import general
+from analysis.model.effects import sensors
 from analysis.model.effects.row import Effect, Parameter, Sensed
 from analysis.model.exact import Event, TooManyEvents, solve
 from analysis.model.least_squares import Infeasible
@@ -174,7 +175,7 @@ def respond(
     x, columns = response.displacement_m, response.derivatives
     if derivatives:
         columns[:, names.index("touch_time_s")] = -response.velocity_m_per_s
-    for effect in sensors:
+    for effect in sensors(effect.name for effect in model.effects):
         x, columns = _sense(effect, shot, values, x, columns, names, response.velocity_m_per_s)
     if derivatives:
         columns[:, names.index("offset_m")] = 1.0

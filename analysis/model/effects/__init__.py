@@ -1,6 +1,6 @@
 """The catalogue of what the base model may lack: one small function and one row an effect."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from analysis.model.effects import in_contact, on_block, on_plate, on_sensor
 from analysis.model.effects.row import Acts, Effect, Parameter
@@ -11,6 +11,15 @@ CATALOGUE: Mapping[str, Effect] = {
 MOST_AT_ONCE = 3
 
 
+def sensors(names: Iterable[str]) -> list[Effect]:
+    """Return those of the named effects that act on what is measured, in the order in which they act.
+
+    A ripple of the light repeats with the path that is shown, lag and frame and all, whichever was found first.
+    """
+    wanted = set(names)
+    return [row for name, row in CATALOGUE.items() if name in wanted and row.sensor is not None]
+
+
 def named(name: str) -> Effect:
     """Return the effect called ``name``; ValueError lists those there are."""
     try:
@@ -19,4 +28,4 @@ def named(name: str) -> Effect:
         raise ValueError(f"no effect {name!r}; there are {', '.join(CATALOGUE)}") from None
 
 
-__all__ = ["CATALOGUE", "MOST_AT_ONCE", "Acts", "Effect", "Parameter", "named"]
+__all__ = ["CATALOGUE", "MOST_AT_ONCE", "Acts", "Effect", "Parameter", "named", "sensors"]

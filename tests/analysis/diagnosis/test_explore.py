@@ -1,6 +1,12 @@
 """The search for several effects takes more than one way."""
 
+import pytest
+
+from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.explore import another_way, explore
+from analysis.diagnosis.one_more import refit, united
+from analysis.diagnosis.projector import projector
+from analysis.diagnosis.screen import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
@@ -15,3 +21,32 @@ def test_two_effects_that_look_like_a_third_are_found_by_another_way() -> None:
     assert "viscous_drag" in greedy.names
     best = another_way(greedy, trail)
     assert set(best.names) == true and best.bic < greedy.bic - 100
+
+
+def test_a_mode_is_found_beside_a_ripple_from_where_it_was_found_alone() -> None:
+    ripple, mode = "cyclic_error", "second_plate_mode"
+    effects = {
+        ripple: {"amplitude_m": 1.08e-9, "order": 2.0},
+        mode: {"mass_kg": 0.0138, "frequency_hz": 3555.0, "damping_ratio": 0.0025},
+    }
+    start = base_fit(shots(effects))
+
+    def one_more(before: Fitted, name: str) -> Fitted:
+        at = projector(before)
+        found = refit(at, KINDS[name], scores(at, KINDS[name])[0].start, calm)
+        assert found is not None
+        return found
+
+    first = one_more(start, ripple)
+    both = united(first, one_more(start, mode), start, calm)
+    assert both is not None and both.names == (ripple, mode)
+    assert both.bic < one_more(first, mode).bic - 500  # which goes nowhere from there
+    assert both.point.values[0][mode]["mass_kg"] == pytest.approx(0.0138, rel=0.05)
+
+
+def test_two_that_nearly_undo_each_other_are_found_though_neither_pays_alone() -> None:
+    effects = {"contact_exponent": {"delta": 2.3e-5}, "coulomb_friction": {"force_n": 1.4e-8}}
+    before = base_fit(shots(effects, seed=5))
+    greedy, trail = explore(before, [KINDS[name] for name in (*effects, "cubic_stiffness")], calm)
+    assert greedy is before
+    assert set(another_way(greedy, trail).names) == set(effects)

@@ -1,7 +1,8 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
 from analysis.diagnosis.diagnose import LEAST_LEAD
-from analysis.diagnosis.explore import Trail, refit
+from analysis.diagnosis.explore import Trail
+from analysis.diagnosis.one_more import refit
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.rivals import challenged
 from analysis.diagnosis.screen import scores

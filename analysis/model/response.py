@@ -166,8 +166,8 @@ def respond(
     names = (*model.shared_names, *model.own_names)
     wanted = {name: _direction(model, active, name) for name in names} if derivatives else {}
     times = shot.time_s - own[1]
-    sensors = [e for e in model.effects if e.sensor is not None]
-    inner = 1 if sensors else block  # a sensor sees every sample
+    acting = sensors(e.name for e in model.effects)
+    inner = 1 if acting else block  # a sensor sees every sample
     if active or inner > 1:
         response = _general(collision, active, times, wanted, names, stride, inner)
     else:
@@ -175,7 +175,7 @@ def respond(
     x, columns = response.displacement_m, response.derivatives
     if derivatives:
         columns[:, names.index("touch_time_s")] = -response.velocity_m_per_s
-    for effect in sensors(effect.name for effect in model.effects):
+    for effect in acting:
         x, columns = _sense(effect, shot, values, x, columns, names, response.velocity_m_per_s)
     if derivatives:
         columns[:, names.index("offset_m")] = 1.0

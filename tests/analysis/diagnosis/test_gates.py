@@ -64,7 +64,7 @@ def test_the_more_effects_the_more_each_must_stand_out(
     assert len(kept(sizes, 200.0, monkeypatch)) == left
 
 
-@pytest.mark.parametrize(("worth", "left"), [(98.0, 1), (138.0, 2)])
+@pytest.mark.parametrize(("worth", "left"), [(85.0, 1), (100.0, 2)])
 def test_each_of_several_pays_more_than_what_mends_a_misfit(
     worth: float, left: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,21 +12,10 @@ import math
 import numpy as np
 from numba import njit, types
 
+from analysis.model.crossings import lowest, may_switch, may_touch, root
 from analysis.model.effects import kernel
 from analysis.model.phases import CONTACT, FREE, MAX_EVENTS
-from analysis.model.propagators import (
-    advance,
-    along,
-    form,
-    lowest,
-    may_touch,
-    propagate,
-    repeat,
-    root,
-    show,
-    step,
-    step_alone,
-)
+from analysis.model.propagators import advance, along, form, propagate, repeat, show, step, step_alone
 from analysis.model.rates import INSIDE, NEAR_0, PLATE, RIDES, SIGN
 from analysis.model.switches import WATCHED, expect, gone, rates, set_phase, switch
 
@@ -43,7 +32,7 @@ def _march(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """March from first touch to the last (or back to the first) sample; return the number of events, or why not.
 
-    Steps go from sample to sample, or over a block of them where nothing happens and nothing swings fast in it.
+    Steps go from sample to sample, or over a block of them where nothing happens in it.
     """
     rows, count = which.size + 1, which.size
     total = rows + n
@@ -72,6 +61,7 @@ def _march(  # type: ignore[no-untyped-def]
     square, other = np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
     d_term, d_new = np.empty((count, n + 1, n + 1)), np.empty((n + 1, n + 1))
     z, z_end = np.zeros((n + 1, wide)), np.zeros((n + 1, wide))
+    near, further = np.zeros((n + 1, 1)), np.zeros((n + 1, 1))
     probe, term, new = np.zeros((n + 1, wide)), np.zeros((n + 1, wide)), np.zeros((n + 1, wide))
     flags, expected = np.zeros(NEAR_0 + slots.shape[0]), np.zeros(WATCHED + slots.shape[0])
     z[0, 0], z[1, 0], z[2, 0], z[3, 0], z[n, 0] = p[5], p[4], p[5], p[6], 1.0
@@ -145,8 +135,8 @@ def _march(  # type: ignore[no-untyped-def]
                     # The overlap and the block's position make the contact point; left to itself, it is the plate.
                     shown_of[at, 4, c] = (value[0, c] if there else 0.0) if c != 0 and c != 2 else 0.0
                 shown_of[at, 4, 2] = 1.0
-                slow_of[at] = block > 1 and pieces_of[at] == 1 and not (there and swing * spacing * block > _STEP)
-                if slow_of[at]:
+                slow_of[at] = not (there and swing * spacing * block > _STEP)
+                if block > 1 and pieces_of[at] == 1:
                     repeat(
                         e_of[at], d_of[at], rows, block, shown_of[at], whole_of[at], d_whole_of[at],
                         mean_of[at], d_mean_of[at], square, d_work,
@@ -157,13 +147,14 @@ def _march(  # type: ignore[no-untyped-def]
         crossed, h, jumped = -1, 0.0, 1
         if left > 0 or abs(remaining) > 1e-15:
             even = left > 0 or abs(remaining - direction * spacing) < 2e-15
-            within = i % block
-            if (
-                slow
-                and even
-                and i != careful
-                and (within == 0 and i + block - 1 <= last if forward else within == block - 1)
-            ):
+            whole = i % block == 0 and i + block - 1 <= last if forward else i % block == block - 1
+            if whole and even and block > 1 and pieces == 1 and i != careful:
+                # Where something swings fast the state alone is looked at on every sample first.
+                looks = 1 if slow else block
+                apart = block * bit / looks
+                if may_switch(value, slope, expected, z, whole_of[at] if slow else e, apart, looks, near, further):
+                    careful = i
+                    continue
                 jumped, h = block, block * bit
                 ahead_e, ahead_d = whole_of[at], d_whole_of[at]
             else:
@@ -180,13 +171,9 @@ def _march(  # type: ignore[no-untyped-def]
             else:
                 step_alone(z, ahead_e, z_end)
             best = h
-            for item in range(WATCHED):
+            for item in range(WATCHED if jumped == 1 else 0):
                 sign = expected[item]
                 if sign == 0.0:
-                    continue
-                if jumped > 1:  # looked at sample by sample if it may be
-                    if along(value, item, z_end) * sign < 0.0 or may_touch(value, slope, item, sign, z, z_end, h):
-                        crossed = item
                     continue
                 if along(value, item, z_end) * sign < 0.0:
                     when = root(value, slope, item, sign, z, a, by_each, single, terms, 0.0, h, probe, term, new)
@@ -200,9 +187,6 @@ def _march(  # type: ignore[no-untyped-def]
                     continue
                 if crossed < 0 or when < best:
                     crossed, best = item, when
-            if crossed >= 0 and jumped > 1:
-                careful = i
-                continue
             if crossed >= 0:
                 h, left = best, 0
                 advance(z, rows, a, by_each, h, terms, z_end, term, new)

@@ -1,4 +1,4 @@
-"""Propagators of a linear phase and of its derivatives, and the times at which what is watched passes zero.
+"""Propagators of a linear phase and of its derivatives.
 
 The state is augmented by a constant 1, which carries what drives it: s' = A s.  Columns of ``z``, shape (n + 1, rows),
 are the state and its derivatives by the parameters, S' = A S + (dA/dtheta) s.
@@ -235,64 +235,3 @@ def advance(z, rows, a, by, h, terms, out, term, new):  # type: ignore[no-untype
                 out[i, k] += term[i, k]
         for k in range(rows):
             term[n - 1, k] = 0.0
-
-
-@tight
-def root(value, slope, item, sign, z, a, by, single, terms, low, high, probe, term, new):  # type: ignore[no-untyped-def]
-    """Return when a watched quantity (``slope``: its rate) passes zero against ``sign`` between two times after ``z``.
-
-    Newton's method in a bracket that each trial tightens.
-    """
-    at = 0.5 * (low + high)
-    for _ in range(90):
-        advance(z, single, a, by, at, terms, probe, term, new)
-        here, rate = along(value, item, probe), along(slope, item, probe)
-        if here * sign >= 0.0:
-            low = at
-        else:
-            high = at
-        there = at - here / rate
-        if not low < there < high:
-            there = 0.5 * (low + high)
-        if abs(there - at) <= 1e-17 + 2e-16 * abs(there):
-            return there
-        at = there
-    return at
-
-
-@tight
-def lowest(value, slope, item, sign, z, a, by, single, terms, high, probe, term, new):  # type: ignore[no-untyped-def]
-    """Return when a watched quantity, falling at ``z`` and rising at ``high``, is lowest, or some time when it is past.
-
-    Chords and halves in turn.
-    """
-    low, down, up = 0.0, along(slope, item, z) * sign, 0.0
-    advance(z, single, a, by, high, terms, probe, term, new)
-    up = along(slope, item, probe) * sign
-    at = 0.0
-    for trial in range(60):
-        there = low - down * (high - low) / (up - down) if trial % 2 == 0 else 0.5 * (low + high)
-        if abs(there - at) <= 1e-15 * abs(there):
-            break
-        at = there
-        advance(z, single, a, by, at, terms, probe, term, new)
-        if along(value, item, probe) * sign < 0.0:
-            break
-        rate = along(slope, item, probe) * sign
-        if rate < 0.0:
-            low, down = at, rate
-        else:
-            high, up = at, rate
-    return at
-
-
-@tight
-def may_touch(value, slope, item, sign, z, z_end, h):  # type: ignore[no-untyped-def]
-    """Return whether a watched quantity that turned within a step may have passed zero: twice as far as a parabola.
-
-    The velocity, the last of them, is not asked: what it turns does little in a step.
-    """
-    if item > 2:
-        return False
-    down, up = along(slope, item, z) * sign * h, along(slope, item, z_end) * sign * h
-    return down < 0.0 < up and along(value, item, z) * sign < down * down / (up - down)

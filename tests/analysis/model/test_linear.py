@@ -87,6 +87,20 @@ def test_means_are_those_of_the_samples(names: tuple[str, ...], asked: list[int]
     assert np.abs(means.contact_point_m - expected)[together].max() < 1e-10 * np.abs(expected).max()
 
 
+def test_means_hold_where_something_swings_faster_than_they_show(asked: list[int]) -> None:
+    effects = [general.Active(CATALOGUE["second_plate_mode"], (5e-3, 5000.0, 0.01))]
+    every = general.solve(PAPER, effects, TIME_S, directions=directions(effects))
+    means = general.solve(PAPER, effects, TIME_S, directions=directions(effects), block=5)
+    assert min(asked) > 0
+    assert [event.time_s for event in means.events] == pytest.approx([e.time_s for e in every.events], abs=1e-14)
+    for one, other in (
+        (means.displacement_m, every.displacement_m),
+        (means.displacement_derivatives, every.displacement_derivatives),
+    ):
+        expected = general.averaged(other, 5)
+        assert np.all(np.abs(one - expected).max(axis=0) < 1e-8 * np.abs(expected).max(axis=0))
+
+
 @pytest.mark.parametrize("name", OTHERS)
 def test_what_is_not_linear_is_seen(name: str, asked: list[int]) -> None:
     effects = active(name)

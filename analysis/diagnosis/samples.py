@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model import starts
+from analysis.model import general, starts
 from analysis.model.fitting import FITTED_CONTACT_TIMES
 from analysis.model.starts import Course
 from analysis.motion import Motion
@@ -41,10 +41,7 @@ class Samples:
 
     def averaged(self, columns: Floats) -> Floats:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
-        count = self.valid.size
-        return np.asarray(columns[: count * self.factor].reshape(count, self.factor, -1).mean(axis=1)).reshape(
-            (count, *columns.shape[1:])
-        )
+        return general.averaged(columns, self.factor)
 
     @property
     def length_s(self) -> float:

@@ -129,7 +129,8 @@ def averaged(columns: Floats, block: int) -> Floats:
     if block == 1:
         return columns
     count = columns.shape[0] // block
-    return np.asarray(columns[: count * block].reshape((count, block, *columns.shape[1:])).mean(axis=1))
+    blocks = columns[: count * block].reshape((count, block, *columns.shape[1:]))
+    return np.asarray(np.einsum("nb...->n...", blocks) / block)  # a mean over so short an axis takes four times as long
 
 
 _KIND = {

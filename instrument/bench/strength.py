@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 SHARED = ("plate_mass_kg", "plate_stiffness_n_per_m", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 _STEP = 1e-4
-_ROUNDS = 8
+_ROUNDS = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,23 +56,24 @@ def base_tangents(truth: Truth) -> Tangents:
 def remainder_m(truth: Truth, tangents: Tangents) -> Floats:
     """Return what the best base fit leaves of the noise-free set, all shots in one row, in m.
 
-    Steps of fixed tangents to convergence: a base parameter that swallows an effect does so beyond the linear.
+    Steps of fixed tangents to convergence: a base parameter that swallows an effect does so beyond the linear.  What
+    counts is what no further step could take: the way there may lead over a worse fit.
     """
     target = np.concatenate([clean_m(truth, shot) for shot in range(len(truth.speeds_m_per_s))])
     plain = replace(truth, effects={})
     parameters = np.zeros(tangents.columns.shape[1])
     scale = np.linalg.norm(tangents.columns, axis=0)
-    best: Floats = target - _base(plain, parameters)
-    left = best
+    best: Floats | None = None
     for _ in range(_ROUNDS):
-        step = np.linalg.lstsq(tangents.columns / scale, left, rcond=1e-12)[0] / scale
-        trial = parameters + step
-        trial[:4] = np.clip(trial[:4], -0.7, 2.0)
-        left = target - _base(plain, trial)
-        if not np.linalg.norm(left) < 0.999 * np.linalg.norm(best):
+        off = target - _base(plain, parameters)
+        left = off - tangents.orthogonal @ (tangents.orthogonal.T @ off)
+        if best is not None and not np.linalg.norm(left) < 0.999 * np.linalg.norm(best):
             break
-        parameters, best = trial, left
-    return best - tangents.orthogonal @ (tangents.orthogonal.T @ best)
+        best = left
+        parameters = parameters + np.linalg.lstsq(tangents.columns / scale, off, rcond=1e-12)[0] / scale
+        parameters[:4] = np.clip(parameters[:4], -0.7, 2.0)
+    assert best is not None
+    return best
 
 
 def residual_snr(truth: Truth, tangents: Tangents | None = None) -> float:

@@ -91,6 +91,13 @@ def test_a_change_of_the_base_is_no_effect(tilted):
     assert np.linalg.norm(projected) == pytest.approx(at_start, rel=0.01)
 
 
+def test_a_soft_clamp_that_the_plate_swallows_is_no_effect():
+    """Its mode hardly rings, and its softness is the plate's: the base fit comes there over a worse one."""
+    truth = replace(drawn(["support_compliance"], 2009388), noise=Noise(white_m=1e-10))
+    assert truth.effects["support_compliance"]["compliance_m_per_n"] > 3e-5
+    assert residual_snr(truth) < 5.0
+
+
 def test_snr_and_the_best_possible_uncertainty_agree(tilted):
     """For one linear parameter the SNR is its value over the Cramer-Rao bound."""
     truth, tangents = tilted

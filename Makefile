@@ -33,7 +33,7 @@ bench-streaming: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.benchmarks.streaming --seconds 60
 
 bench-loop: $(READY)
-	$(BIN)/python -m tests.benchmarks.loop --keep .bench/loop.jsonl --page docs/closed-loop-benchmark.md
+	$(BIN)/python -m tests.benchmarks.loop --seed 2 --keep .bench/loop.jsonl --page docs/closed-loop-benchmark.md
 
 screenshots: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m app.screenshots docs/images

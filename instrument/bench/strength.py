@@ -18,6 +18,9 @@ Floats = NDArray[np.float64]
 SHARED = ("plate_mass_kg", "plate_stiffness_n_per_m", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 _STEP = 1e-4
 _ROUNDS = 16
+_ANEW = 4
+_SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step
+_FAR = 2e-3  # relative: from here on tangents are taken anew
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,34 +56,50 @@ def base_tangents(truth: Truth) -> Tangents:
     return Tangents(columns, np.linalg.qr(columns / scale)[0])
 
 
-def remainder_m(truth: Truth, tangents: Tangents) -> Floats:
-    """Return what the best base fit leaves of the noise-free set, all shots in one row, in m.
+def best_base(truth: Truth, tangents: Tangents) -> tuple[Floats, Truth]:
+    """Return what the best base fit leaves of the noise-free set, in m, all shots in one row, and the rig of that fit.
 
-    Steps of fixed tangents to convergence: a base parameter that swallows an effect does so beyond the linear.  What
-    counts is what no further step could take: the way there may lead over a worse fit.
+    A base parameter that swallows an effect does so beyond the linear: steps of fixed tangents, shorter where a whole
+    one leads astray, and tangents taken anew where they led far.
     """
     target = np.concatenate([clean_m(truth, shot) for shot in range(len(truth.speeds_m_per_s))])
-    plain = replace(truth, effects={})
-    parameters = np.zeros(tangents.columns.shape[1])
-    scale = np.linalg.norm(tangents.columns, axis=0)
-    best: Floats | None = None
-    for _ in range(_ROUNDS):
-        off = target - _base(plain, parameters)
-        left = off - tangents.orthogonal @ (tangents.orthogonal.T @ off)
-        if best is not None and not np.linalg.norm(left) < 0.999 * np.linalg.norm(best):
+    left, plain, moved = _descended(target, replace(truth, effects={}), tangents)
+    for _ in range(_ANEW):
+        if moved < _FAR:
             break
-        best = left
-        parameters = parameters + np.linalg.lstsq(tangents.columns / scale, off, rcond=1e-12)[0] / scale
-        parameters[:4] = np.clip(parameters[:4], -0.7, 2.0)
-    assert best is not None
-    return best
+        left, plain, moved = _descended(target, plain, base_tangents(plain))
+    return left, plain
+
+
+def _descended(target: Floats, plain: Truth, tangents: Tangents) -> tuple[Floats, Truth, float]:
+    """Return what is left of ``target`` beside ``tangents``, the rig there, and the largest relative change of it."""
+    scale = np.linalg.norm(tangents.columns, axis=0)
+    parameters = np.zeros(tangents.columns.shape[1])
+    off: Floats = target - _base(plain, parameters)
+    for _ in range(_ROUNDS):
+        step = np.linalg.lstsq(tangents.columns / scale, off, rcond=1e-12)[0] / scale
+        for share in _SHARES:
+            trial = parameters + share * step
+            trial[:4] = np.clip(trial[:4], -0.7, 2.0)
+            there: Floats = target - _base(plain, trial)
+            if np.linalg.norm(there) < 0.999 * np.linalg.norm(off):
+                break
+        else:
+            break
+        parameters, off = trial, there
+    left = off - tangents.orthogonal @ (tangents.orthogonal.T @ off)
+    bodies = plain.bodies
+    for name, change in zip(SHARED, parameters, strict=False):
+        bodies = _scaled(bodies, name, 1 + float(change))
+    speeds = tuple(v + float(change) for v, change in zip(plain.speeds_m_per_s, parameters[4::3], strict=True))
+    return left, replace(plain, bodies=bodies, speeds_m_per_s=speeds), float(np.abs(parameters[:4]).max())
 
 
 def residual_snr(truth: Truth, tangents: Tangents | None = None) -> float:
     """Return the norm of the best base fit's remainder over the standard deviation of white noise."""
     if not truth.effects:
         return 0.0
-    left = remainder_m(truth, tangents or base_tangents(truth))
+    left, _ = best_base(truth, tangents or base_tangents(truth))
     return float(np.linalg.norm(left)) / truth.noise.white_m
 
 

@@ -128,6 +128,14 @@ def test_a_look_alike_is_offered_its_own_reach():
     assert reached == pytest.approx(40.0, rel=0.05) and separation(weak)["adhesion"] < 4.0
 
 
+def test_a_soft_clamp_is_a_second_mode_of_a_softer_plate():
+    """Not at its own frequency, but where it rings; and beside the base that was fitted, not beside the true one."""
+    truth = replace(drawn(["support_compliance"], 3), noise=Noise(white_m=1e-10))
+    soft = replace(truth, effects={"support_compliance": {"compliance_m_per_n": 1.9e-4, "frequency_hz": 2200.0}})
+    assert residual_snr(soft) > 25.0
+    assert separation(soft, among=("second_plate_mode",))["second_plate_mode"] < 2.0
+
+
 def test_two_formulations_agree():
     """The analysis, which shares no code with this rig, fits its clean sets to the noise and finds the plate."""
     truth = drawn((), 6, Noise(white_m=1e-12))

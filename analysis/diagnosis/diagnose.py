@@ -25,6 +25,7 @@ from analysis.diagnosis.rivals import apart
 from analysis.diagnosis.samples import together
 from analysis.diagnosis.separate import Separation, least_seen, missed_without
 from analysis.diagnosis.settle import settle
+from analysis.diagnosis.widen import widened
 from analysis.fit import Fit
 from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
@@ -72,7 +73,9 @@ def diagnose(
     best, at, far, rest, told = stands.best, stands.at, stands.far, stands.rest, stands.told
     tell("telling look-alikes apart", 0.8)
     while True:
-        found = [_found(best, n, rest, far[n], trail) for n in trail.added(best)]
+        sure = widened(best, stop)
+        parameters = effect_parameters(sure)
+        found = [_found(best, n, parameters[n], rest, far[n], trail) for n in trail.added(best)]
         effects, verdict = pass_gates(found, rest, best)
         unclear = [effect.name for effect in found if not clear(effect, rest, CLEAR_OF_A_MISFIT)]
         if effects or not rest.significant or len(unclear) in (0, len(found)):
@@ -86,7 +89,7 @@ def diagnose(
     if best is not stands.passed and told is not None:
         retold = foretell(best, held, best.floor, stop)
         told = (told[0], retold) if retold is not None else None
-    after = best if effects else before
+    after = sure if effects else before
     left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(best, trail, rest)
     if after is before and best is not before:
         told = (told[0], told[0]) if told else None
@@ -113,7 +116,9 @@ def diagnose(
     return diagnosis
 
 
-def _found(best: Fitted, name: str, remainder: Remainder, far: Separation, trail: Trail) -> FoundEffect:
+def _found(
+    best: Fitted, name: str, parameters: dict[str, Quantity], remainder: Remainder, far: Separation, trail: Trail
+) -> FoundEffect:
     """Return an effect with its evidence and with what else it may be."""
     trail.go_on()
     fewer = without(best, name, trail)
@@ -131,7 +136,6 @@ def _found(best: Fitted, name: str, remainder: Remainder, far: Separation, trail
             gap = min(gap, 2 * (best.log_likelihood - other.log_likelihood))
             if gap < LEAST_LEAD and new not in others:
                 others.append(new)
-    parameters = effect_parameters(best)[name]
     evidence = {
         "snr": min(far.snr, missed_without(best, fewer)),
         "delta_bic": -float(fall),

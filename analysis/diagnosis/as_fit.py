@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.knobs import Knob
 from analysis.fit import Fit, ShotFit
 from analysis.model.overlay import lay_over
 from analysis.motion import Motion
@@ -17,9 +18,8 @@ def effect_parameters(fitted: Fitted) -> dict[str, dict[str, Quantity]]:
     hypothesis, point = fitted.hypothesis, fitted.point
     std = fitted.std
     for k, (name, knob, shot) in enumerate(hypothesis.knobs):
-        parameter = knob.name if shot < 1 else f"{knob.name}.{shot + 1}"
         value = point.values[max(shot, 0)][name][knob.name]
-        out[name][parameter] = Quantity(value, float(std[hypothesis.offset + k]), "joint fit")
+        out[name][_called(knob, shot)] = Quantity(value, float(std[hypothesis.offset + k]), "joint fit")
     for name, fixed in fitted.hypothesis.fixed.items():
         if name in out:
             out[name].update({key: Quantity(value, 0.0, "tried") for key, value in fixed.items()})
@@ -38,7 +38,7 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
     places = list(range(count))
     effects = effect_parameters(fitted)
     for k, (name, knob, of) in enumerate(hypothesis.knobs):
-        parameter = knob.name if of < 1 else f"{knob.name}.{of + 1}"
+        parameter = _called(knob, of)
         parameters[f"{name}.{parameter}"] = effects[name][parameter]
         places.append(hypothesis.offset + k)
     shots = []
@@ -74,6 +74,10 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
         flags=() if fitted.converged else ("fit_not_converged",),
         seconds=seconds,
     )
+
+
+def _called(knob: Knob, shot: int) -> str:
+    return knob.name if shot < 1 else f"{knob.name}.{shot + 1}"
 
 
 def _of_one_sample(fitted: Fitted) -> float:

@@ -88,11 +88,12 @@ def _descended(target: Floats, plain: Truth, tangents: Tangents) -> tuple[Floats
             break
         parameters, off = trial, there
     left = off - tangents.orthogonal @ (tangents.orthogonal.T @ off)
-    bodies = plain.bodies
-    for name, change in zip(SHARED, parameters, strict=False):
-        bodies = _scaled(bodies, name, 1 + float(change))
     speeds = tuple(v + float(change) for v, change in zip(plain.speeds_m_per_s, parameters[4::3], strict=True))
-    return left, replace(plain, bodies=bodies, speeds_m_per_s=speeds), float(np.abs(parameters[:4]).max())
+    return (
+        left,
+        replace(plain, bodies=_changed(plain.bodies, parameters), speeds_m_per_s=speeds),
+        float(np.abs(parameters[:4]).max()),
+    )
 
 
 def residual_snr(truth: Truth, tangents: Tangents | None = None) -> float:
@@ -183,10 +184,14 @@ def _scaled(bodies: Bodies, name: str, factor: float) -> Bodies:
     return replace(bodies, **{name: getattr(bodies, name) * factor})
 
 
-def _base(plain: Truth, parameters: Sequence[float] | Floats) -> Floats:
-    bodies = plain.bodies
+def _changed(bodies: Bodies, parameters: Sequence[float] | Floats) -> Bodies:
     for name, change in zip(SHARED, parameters, strict=False):
         bodies = _scaled(bodies, name, 1 + float(change))
+    return bodies
+
+
+def _base(plain: Truth, parameters: Sequence[float] | Floats) -> Floats:
+    bodies = _changed(plain.bodies, parameters)
     parts = []
     for shot, speed in enumerate(plain.speeds_m_per_s):
         d_speed, d_time, offset = (float(p) for p in parameters[4 + 3 * shot : 7 + 3 * shot])

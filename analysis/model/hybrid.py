@@ -30,7 +30,19 @@ from analysis.model.rates import (
     state_rates,
     tight,
 )
-from analysis.model.switches import WATCHED, expect, gone, rates, set_phase, switch
+from analysis.model.switches import (
+    CUBE,
+    INTEGERS,
+    MATRIX,
+    VECTOR,
+    WATCHED,
+    after_touch,
+    expect,
+    gone,
+    rates,
+    set_phase,
+    switch,
+)
 
 DIP = 100
 _SHRINK, _SMALLEST = 0.25, 1e-4
@@ -321,15 +333,10 @@ def _march(  # type: ignore[no-untyped-def]
     return events
 
 
-_F = types.float64
-_VECTOR, _MATRIX, _CUBE = types.Array(_F, 1, "C"), types.Array(_F, 2, "C"), types.Array(_F, 3, "C")
-_INTEGERS = types.Array(types.int64, 1, "C")
-
-
 @njit(
     types.int64(
-        _VECTOR, _VECTOR, _INTEGERS, types.int64, _MATRIX, _VECTOR, _INTEGERS, _INTEGERS,
-        _MATRIX, _MATRIX, _VECTOR, _INTEGERS, _MATRIX, _MATRIX, _CUBE,
+        VECTOR, VECTOR, INTEGERS, types.int64, MATRIX, VECTOR, INTEGERS, INTEGERS,
+        MATRIX, MATRIX, VECTOR, INTEGERS, MATRIX, MATRIX, CUBE,
     ),
     cache=True, nogil=True, error_model="numpy",
 )  # fmt: skip
@@ -346,9 +353,7 @@ def integrate(  # type: ignore[no-untyped-def]
     and 1 ms for each derivative.
     """
     n = times.size
-    split = 0
-    while split < n and times[split] <= 0.0:
-        split += 1
+    split = after_touch(times, n)
     if split > 0:
         done = _march(
             split < 0, times, split - 1, n - n, p, which, variant, slots, steps, real, carrying,

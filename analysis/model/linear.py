@@ -17,7 +17,19 @@ from analysis.model.effects import kernel
 from analysis.model.phases import CONTACT, FREE, MAX_EVENTS
 from analysis.model.propagators import advance, along, form, propagate, repeat, show, step, step_alone
 from analysis.model.rates import INSIDE, NEAR_0, PLATE, RIDES, SIGN
-from analysis.model.switches import WATCHED, expect, gone, rates, set_phase, switch
+from analysis.model.switches import (
+    CUBE,
+    INTEGERS,
+    MATRIX,
+    VECTOR,
+    WATCHED,
+    after_touch,
+    expect,
+    gone,
+    rates,
+    set_phase,
+    switch,
+)
 
 NOT_LINEAR = -3
 _STEP = 0.7  # longest step times the fastest rate: nine steps a period, so that no touch is stepped over
@@ -238,15 +250,10 @@ def _march(  # type: ignore[no-untyped-def]
     return events
 
 
-_F = types.float64
-_VECTOR, _MATRIX, _CUBE = types.Array(_F, 1, "C"), types.Array(_F, 2, "C"), types.Array(_F, 3, "C")
-_INTEGERS = types.Array(types.int64, 1, "C")
-
-
 @njit(
     types.int64(
-        _VECTOR, types.int64, _VECTOR, _INTEGERS, types.int64, _MATRIX, types.int64, _VECTOR, _INTEGERS, _INTEGERS,
-        _MATRIX, _MATRIX, _VECTOR, _INTEGERS, _MATRIX, _MATRIX, _CUBE,
+        VECTOR, types.int64, VECTOR, INTEGERS, types.int64, MATRIX, types.int64, VECTOR, INTEGERS, INTEGERS,
+        MATRIX, MATRIX, VECTOR, INTEGERS, MATRIX, MATRIX, CUBE,
     ),
     cache=True, nogil=True, error_model="numpy",
 )  # fmt: skip
@@ -264,9 +271,7 @@ def integrate(  # type: ignore[no-untyped-def]
     """
     samples = block * (times.size // block)
     states[:], d_x[:] = 0.0, 0.0
-    split = 0
-    while split < samples and times[split] <= 0.0:
-        split += 1
+    split = after_touch(times, samples)
     if split > 0:
         done = _march(
             split < 0, times, split - 1, samples - samples, block, p, which, variant, slots, n, swings, real, carrying,

@@ -2,6 +2,8 @@
 
 import math
 
+from numba import types
+
 from analysis.model.phases import CONTACT, FREE, OVERLAPPED, PARTING
 from analysis.model.rates import (
     DASH,
@@ -21,6 +23,19 @@ from analysis.model.rates import (
 TURN = 90  # event kind: the block's velocity changes its sign
 RANGE = 95  # plus slot: the bodies leave or enter the range of a force
 WATCHED = 4  # xi, xi', F, v; then a range a slot
+# The types of the integrators' arguments: each is compiled once, when it is imported.
+_F = types.float64
+VECTOR, MATRIX, CUBE = types.Array(_F, 1, "C"), types.Array(_F, 2, "C"), types.Array(_F, 3, "C")
+INTEGERS = types.Array(types.int64, 1, "C")
+
+
+@tight
+def after_touch(times, samples):  # type: ignore[no-untyped-def]
+    """Return the first of so many ascending times that is past the first touch, which is time zero."""
+    split = 0
+    while split < samples and times[split] <= 0.0:
+        split += 1
+    return split
 
 
 @tight

@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 .PHONY: run test lint types unit bench bench-loop bench-soak bench-streaming screenshots session clean
 
 run: $(READY)
-	$(BIN)/python -m app.start
+	$(BIN)/python -m app.command_line.start
 
 test: lint types unit
 
@@ -36,7 +36,7 @@ bench-loop: $(READY)
 	$(BIN)/python -m tests.benchmarks.loop --seed 2 --keep .bench/loop.jsonl --page docs/closed-loop-benchmark.md
 
 screenshots: $(READY)
-	QT_QPA_PLATFORM=offscreen $(BIN)/python -m app.screenshots docs/images
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m app.window.screenshots docs/images
 
 # a whole session through the real window on virtual screens (Xvfb): light, dark, and twice as dense
 session: $(READY)

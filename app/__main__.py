@@ -1,5 +1,5 @@
 """``python -m app`` is ``levimass``."""
 
-from app.cli import main
+from app.command_line.cli import main
 
 raise SystemExit(main())

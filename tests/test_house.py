@@ -29,3 +29,24 @@ def test_imports_go_one_way(floor: str) -> None:
     assert sources
     wrong = {str(s.relative_to(HOUSE)): bad for s in sources if (bad := _imported(s) & FORBIDDEN[floor])}
     assert not wrong
+
+
+APP_FLOORS = ("words", "report", "session", "window")  # each may import those before it
+
+
+def _modules(source: Path) -> set[str]:
+    tree = ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+    return {node.module for node in tree if isinstance(node, ast.ImportFrom) and node.module}
+
+
+@pytest.mark.parametrize("floor", range(len(APP_FLOORS)))
+def test_imports_within_the_application_go_one_way(floor: int) -> None:
+    above = {f"app.{name}" for name in (*APP_FLOORS[floor + 1 :], "command_line")}
+    sources = sorted((HOUSE / "app" / APP_FLOORS[floor]).rglob("*.py"))
+    assert sources
+    wrong = {
+        str(source.relative_to(HOUSE)): bad
+        for source in sources
+        if (bad := {name for name in _modules(source) if ".".join(name.split(".")[:2]) in above})
+    }
+    assert not wrong

@@ -7,11 +7,11 @@ import numpy as np
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, Verdict
 from analysis.quantity import Quantity
 from analysis.shot import Shot
-from app.physics_words import effect_words, parameter_parts
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
+from app.words.physics_words import effect_words, parameter_parts
 from instrument.recording_error import one_line
 
 VERDICTS = {

@@ -7,8 +7,8 @@ from analysis.fit import Fit
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.series import read
 from analysis.shot import Shot
-from app.physics_words import parameter_parts
 from app.report.markup import Markup, joined, table, tag
+from app.words.physics_words import parameter_parts
 
 SCALES = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
 SMALL = 0.02  # of the combined uncertainty: what is below is told in one line

@@ -8,10 +8,10 @@ import numpy as np
 from analysis.quantity import Quantity
 from analysis.series import Series, Summary, Trend, series
 from analysis.shot import Shot
-from app.plots.shot_times import contact_span_ms, time_zero
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import SCALES, scaled
 from app.report.shot_figures import figure
+from app.report.shot_times import contact_span_ms, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
 
 COLOURS = 8  # of the style sheet: series-0 to series-7; further shots begin again

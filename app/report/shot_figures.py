@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from analysis.fit import Overlay
 from analysis.quantity import Quantity
 from analysis.shot import Shot
-from app.plots.shot_times import contact_span_ms, time_zero
 from app.report.markup import Markup, tag
+from app.report.shot_times import contact_span_ms, time_zero
 from app.report.svg_plot import WIDTH, Band, Line, Plot, draw
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 @pytest.fixture(scope="session")
 def warm_kernels():
     """Compile, or load from the cache, what the first shot needs."""
-    from app.warm import Kernels
+    from app.session.warm import Kernels
 
     Kernels().work(lambda what, share: None, lambda: False)
 
@@ -29,9 +29,9 @@ def appeared(qapp):
 
     names, watch = [], Watch()
 
-    def during(happening):
+    def during(event):
         qapp.installEventFilter(watch)
-        happening()
+        event()
         qapp.removeEventFilter(watch)
         return names
 

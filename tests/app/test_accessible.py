@@ -18,20 +18,20 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import keyboard
-from app.keys import KEYS
-from app.layout import Layout
-from app.plots.plot_view import PlotView
-from app.session import Session
-from app.settings import FIELDS
-from app.theme import Theme
+from app.session.session import Session
+from app.session.settings import FIELDS
+from app.window import keyboard
+from app.window.keys import KEYS
+from app.window.layout import Layout
+from app.window.plots.plot_view import PlotView
+from app.window.theme import Theme
 from tests.app import synthetic
 
 INTERACTIVE = (QAbstractButton, QAbstractItemView, QComboBox, QLineEdit, QProgressBar, QScrollArea, PlotView)
 
 
 class Pressed:
-    """A desk that does nothing but count."""
+    """A presenter that does nothing but count."""
 
     def __init__(self):
         self.actions = []

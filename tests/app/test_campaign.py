@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from app.campaign import JOURNAL
-from app.cli import main
+from app.command_line.campaign import JOURNAL
+from app.command_line.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +67,6 @@ def test_a_scheduler_that_does_not_answer(
     shots: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
-    monkeypatch.setattr("app.campaign.SCHEDULER_ANSWERS_S", 0.5)
+    monkeypatch.setattr("app.command_line.campaign.SCHEDULER_ANSWERS_S", 0.5)
     assert main(["--replay", str(shots / "a"), "--scheduler", "tcp://127.0.0.1:9"]) == 1
     assert "127.0.0.1:9" in capsys.readouterr().err

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from app import cli
-from app.cli import FAILED, INTERRUPTED, USAGE, main
+from app.command_line import cli
+from app.command_line.cli import FAILED, INTERRUPTED, USAGE, main
 
 HOUSE = Path(__file__).resolve().parents[2]
 
@@ -99,6 +99,8 @@ def test_ctrl_c_in_mid_run_is_a_line(monkeypatch: pytest.MonkeyPatch, capsys: py
 
 @POSIX
 def test_ctrl_c_while_modules_load_ends_the_process() -> None:
-    loading = "import os, signal, app.cli as c\nwith c._ended_by_ctrl_c(): os.kill(os.getpid(), signal.SIGINT)\n"
+    loading = (
+        "import os, signal, app.command_line.cli as c\nwith c._ended_by_ctrl_c(): os.kill(os.getpid(), signal.SIGINT)\n"
+    )
     ended = subprocess.run([sys.executable, "-c", loading], cwd=HOUSE, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr) == (-signal.SIGINT, "")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.plots.cursors import between
+from app.window.plots.cursors import between
 
 
 def test_measures_of_a_ramp():

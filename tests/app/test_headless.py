@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import main
+from app.command_line.cli import main
 
 
 def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -48,7 +48,7 @@ def test_no_qt_without_a_window(tmp_path: Path) -> None:
     """RECORDING.md: the other modes need no screen; Qt is not even imported."""
     code = (
         "import sys\n"
-        "from app.cli import main\n"
+        "from app.command_line.cli import main\n"
         f"assert main(['--simulate', {str(tmp_path)!r}, '--shots', '1']) == 0\n"
         f"assert main(['--replay', {str(tmp_path)!r}, '--no-diagnose']) == 0\n"
         "assert not any(name.startswith(('PySide6', 'pyqtgraph')) for name in sys.modules)\n"

@@ -3,7 +3,7 @@
 import threading
 
 from analysis.shot import Cancelled
-from app.jobs import Jobs
+from app.session.jobs import Jobs
 
 
 def _wait(job, jobs):

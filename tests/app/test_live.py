@@ -5,8 +5,8 @@ import pytest
 
 from analysis.recording import Channel, Role
 from analysis.signal.stream import LiveChunk
-from app.panels.live import LivePanel
-from app.theme import LIGHT
+from app.window.panels.live import LivePanel
+from app.window.theme import LIGHT
 from instrument.live_window import LiveWindow
 from instrument.snapshot import LiveView
 

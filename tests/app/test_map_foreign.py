@@ -9,10 +9,10 @@ import pytest
 from scipy.io import wavfile
 
 from analysis.recording import Recording
-from app.cli import main
-from app.export import MODEL_COLUMNS, MOTION_COLUMNS
-from app.export_hdf5 import export_hdf5
-from app.load import load_and_analyse
+from app.command_line.cli import main
+from app.report.export import MODEL_COLUMNS, MOTION_COLUMNS
+from app.report.export_hdf5 import export_hdf5
+from app.session.load import load_and_analyse
 from instrument.foreign.remembered import OF_FOLDER
 from instrument.recording_file import read_recording
 from tests.app.synthetic import shot

@@ -1,4 +1,4 @@
-"""The model as a file, from the window's own desk: saved, loaded, held against a shot, refused in one line."""
+"""The model as a file, from the window's own presenter: saved, loaded, held against a shot, refused in one line."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +11,9 @@ from pytestqt.qtbot import QtBot
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError
-from app.model_in_use import drift_words, load_model, model_words, save_model
-from app.session import Session
-from app.window import open_window
+from app.session.model_in_use import drift_words, load_model, model_words, save_model
+from app.session.session import Session
+from app.window.main_window import open_window
 from tests.app import rigs, synthetic
 
 WAIT_MS = 60_000
@@ -85,9 +85,9 @@ def test_saved_and_opened_by_keys(qtbot: QtBot, tmp_path: Path, warm_kernels: No
             qtbot.keyClick(window, Qt.Key.Key_O, both)
             answer(path)
             qtbot.waitUntil(lambda path=path: path.name in window.panels.work.notices.words, timeout=WAIT_MS)
-            assert window.bench.effects == effects
+            assert window.workbench.effects == effects
         assert not window.panels.model.known
-        entry = window.bench.add_shot(shot)
+        entry = window.workbench.add_shot(shot)
         window.pull()
         window.panels.table.select([entry.number])
         qtbot.waitUntil(lambda: "agrees with the model file" in window.panels.model.known, timeout=WAIT_MS)

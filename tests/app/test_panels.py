@@ -9,15 +9,15 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QPushButton
 
 from analysis.quantity import NotSeen
-from app.panels.compare import ComparePanel
-from app.panels.diagnosis import DiagnosisPanel
-from app.panels.notice import NoticeLine
-from app.panels.numbers import NumbersPanel
-from app.panels.session_table import NOTE, SessionTable
-from app.panels.shot import ShotPanel
-from app.plots import save
-from app.session import Session
-from app.theme import DARK, LIGHT, Tone
+from app.session.session import Session
+from app.window.panels.compare import ComparePanel
+from app.window.panels.diagnosis import DiagnosisPanel
+from app.window.panels.notice import NoticeLine
+from app.window.panels.numbers import NumbersPanel
+from app.window.panels.session_table import NOTE, SessionTable
+from app.window.panels.shot import ShotPanel
+from app.window.plots import save
+from app.window.theme import DARK, LIGHT, Tone
 from tests.app import synthetic
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtGui import QImage
 
-from app.paper import paper, table
+from app.command_line.paper import paper, table
 
 
 def test_table_and_result(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

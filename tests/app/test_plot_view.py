@@ -5,11 +5,11 @@ import pytest
 from PySide6.QtCore import QLocale, Qt
 from PySide6.QtGui import QAccessible, QGuiApplication
 
-from app.layout import Layout
-from app.plots.cursor_readout import CursorReadout
-from app.plots.plot_view import PlotView
-from app.session import Session
-from app.theme import Theme
+from app.session.session import Session
+from app.window.layout import Layout
+from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.plot_view import PlotView
+from app.window.theme import Theme
 from tests.app import synthetic
 
 SHIFT, CTRL = Qt.KeyboardModifier.ShiftModifier, Qt.KeyboardModifier.ControlModifier

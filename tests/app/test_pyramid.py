@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.plots.pyramid import Pyramid
+from app.window.plots.pyramid import Pyramid
 
 
 @settings(max_examples=60, deadline=None)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.cli import main
+from app.command_line.cli import main
 from instrument.recording_writer import write_recording
 from tests.analysis.collision import Rig, motion_of
 from tests.beats import recording_of

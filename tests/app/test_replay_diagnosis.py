@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from app.cli import main
+from app.command_line.cli import main
 
 
 def _diagnosis(capsys: pytest.CaptureFixture[str], *paths: Path) -> dict[str, Any]:

@@ -13,10 +13,10 @@ import pytest
 from analysis.budget import budget
 from analysis.diagnosis.result import FoundEffect
 from analysis.quantity import Quantity
-from app.cli import main
+from app.command_line.cli import main
 from app.report.markup import Markup, tag
+from app.report.page import MOST_DRAWN, report_of
 from app.report.svg_plot import Line, Plot, draw, thin_out, ticks
-from app.report_page import MOST_DRAWN, report_of
 from instrument.recording_file import read_recording, write_recording
 from tests.app.synthetic import diagnosis, shot
 

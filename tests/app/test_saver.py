@@ -3,8 +3,8 @@
 import threading
 from dataclasses import replace
 
-from app.saver import Saver
-from app.session import Session
+from app.session.saver import Saver
+from app.session.session import Session
 from tests.app import synthetic
 
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from analysis.shot import AnalysisSettings
-from app.session import Session
+from app.session.session import Session
 from tests.app import synthetic
 
 

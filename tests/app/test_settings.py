@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from app import settings_file
-from app.settings import FIELDS, Settings, WrongSettings
+from app.session import settings_file
+from app.session.settings import FIELDS, Settings, WrongSettings
 
 
 def test_what_is_saved_comes_back(tmp_path):

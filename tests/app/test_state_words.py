@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from analysis.recording import Role
-from app import state_words
-from app.theme import Tone
+from app.window import state_words
+from app.window.theme import Tone
 from instrument.acquisition import State
 from instrument.snapshot import ChannelSignal, SignalLine, Snapshot, empty_view
 

@@ -8,10 +8,10 @@ from pytestqt.qtbot import QtBot
 
 from analysis.budget import budget
 from analysis.paper import reproduce
-from app.export import export
-from app.panels.budget import BudgetPanel
-from app.panels.paper import PaperPanel
-from app.theme import DARK, LIGHT
+from app.report.export import export
+from app.window.panels.budget import BudgetPanel
+from app.window.panels.paper import PaperPanel
+from app.window.theme import DARK, LIGHT
 from tests.analysis.shots import at_speed, shot_of
 
 

@@ -9,9 +9,9 @@ from PySide6.QtWidgets import QFileDialog, QLineEdit
 from pytestqt.qtbot import QtBot
 
 from analysis.shot import AnalysisSettings
-from app.session import Session
-from app.window import open_window
-from app.workbench import Happening, Kind, Workbench
+from app.session.session import Session
+from app.session.workbench import Event, Kind, Workbench
+from app.window.main_window import open_window
 from instrument.open_recording import open_recording
 from instrument.recording_error import PartlySaved, RecordingError
 from instrument.recording_writer import RecordingWriter
@@ -42,7 +42,7 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         assert not button.isVisible()
         qtbot.keyClick(window, Qt.Key.Key_Space)
         qtbot.waitUntil(lambda: window.panels.banner.word != "READY", timeout=WAIT_MS)
-        qtbot.waitUntil(lambda: button.isVisible() and len(window.bench.session.entries) == 1, timeout=WAIT_MS)
+        qtbot.waitUntil(lambda: button.isVisible() and len(window.workbench.session.entries) == 1, timeout=WAIT_MS)
         assert button.text() == "Save 1 shot elsewhere …"
         assert "No space left" in window.panels.banner.detail and "memory" in window.panels.banner.detail
         window.close()
@@ -53,7 +53,7 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         (question,) = window.findChildren(QFileDialog)
         assert question.isVisible() and not question.isModal()
         question.close()
-        window.rig_desk.save_elsewhere_wanted.emit(tmp_path / "none")
+        window.rig_presenter.save_elsewhere_wanted.emit(tmp_path / "none")
         qtbot.waitUntil(lambda: "does not exist" in window.panels.work.notices.words, timeout=WAIT_MS)
         assert button.isVisible()
 
@@ -70,7 +70,7 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         qtbot.waitUntil(lambda: not button.isVisible(), timeout=WAIT_MS)
         (meta,) = elsewhere.glob("*.sigmf-meta")
         qtbot.waitUntil(lambda: "1 shot saved to" in window.panels.work.notices.words, timeout=WAIT_MS)
-        assert window.bench.session.entries[0].path == str(meta)
+        assert window.workbench.session.entries[0].path == str(meta)
         assert open_recording(meta).samples > 0
     finally:
         window._warned = True
@@ -82,25 +82,25 @@ def test_what_was_saved_before_the_disk_failed_keeps_its_path(qtbot: QtBot, tmp_
     def save(folder: Path) -> dict[str, Path]:
         raise PartlySaved(RecordingError(folder, "No space left on device"), {"shot-0001": folder / "a.sigmf-meta"})
 
-    bench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
+    workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
     try:
-        bench.session.add(synthetic.bare_shot("shot-0001"))
-        bench.save_elsewhere(save, tmp_path)
-        happened: list[Happening] = []
-        qtbot.waitUntil(lambda: bool(happened.extend(bench.poll()) or happened), timeout=WAIT_MS)
+        workbench.session.add(synthetic.bare_shot("shot-0001"))
+        workbench.save_elsewhere(save, tmp_path)
+        happened: list[Event] = []
+        qtbot.waitUntil(lambda: bool(happened.extend(workbench.poll()) or happened), timeout=WAIT_MS)
         assert happened[0].kind is Kind.PROBLEM
         assert "1 shot saved" in happened[0].words and "No space left" in happened[0].words
-        assert bench.session.entries[0].path == str(tmp_path / "a.sigmf-meta")
+        assert workbench.session.entries[0].path == str(tmp_path / "a.sigmf-meta")
     finally:
-        bench.close()
+        workbench.close()
 
 
 def test_a_shot_saved_before_it_was_analysed_keeps_its_path(qtbot: QtBot, tmp_path: Path) -> None:
-    bench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
+    workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
     try:
-        bench.save_elsewhere(lambda folder: {"shot-0001": folder / "a.sigmf-meta"}, tmp_path)
-        qtbot.waitUntil(lambda: bool(bench.poll()), timeout=WAIT_MS)
-        assert bench.add_shot(synthetic.bare_shot("shot-0001")).path == str(tmp_path / "a.sigmf-meta")
-        assert bench.add_shot(synthetic.bare_shot("shot-0001")).path is None  # another of that name
+        workbench.save_elsewhere(lambda folder: {"shot-0001": folder / "a.sigmf-meta"}, tmp_path)
+        qtbot.waitUntil(lambda: bool(workbench.poll()), timeout=WAIT_MS)
+        assert workbench.add_shot(synthetic.bare_shot("shot-0001")).path == str(tmp_path / "a.sigmf-meta")
+        assert workbench.add_shot(synthetic.bare_shot("shot-0001")).path is None  # another of that name
     finally:
-        bench.close()
+        workbench.close()

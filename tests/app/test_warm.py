@@ -3,7 +3,7 @@
 import pytest
 from numba import config
 
-from app import warm
+from app.session import warm
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ import pytest
 from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
 
-from app.layout import Layout
-from app.window import open_window
+from app.window.layout import Layout
+from app.window.main_window import open_window
 from instrument.acquisition import State
 from instrument.bench.simulate import simulate
 from tests.app import rigs
@@ -56,11 +56,11 @@ def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tm
 
     def taken():
         words.add(panels.banner.word)
-        return len(window.bench.session.entries) == 1
+        return len(window.workbench.session.entries) == 1
 
     qtbot.waitUntil(taken, timeout=WAIT_MS)
     assert {"ARMED", "ANALYSING"} <= words
-    entry = window.bench.session.entries[0]
+    entry = window.workbench.session.entries[0]
     assert entry.shot.problem is None
     assert entry.shot.impact.cor_quasi_static.value == pytest.approx(0.98756, abs=2e-3)
     assert panels.tabs.currentIndex() == Layout.SHOT
@@ -73,7 +73,7 @@ def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tm
     qtbot.keyClick(window, Qt.Key.Key_C)
     assert panels.shot.stack.cursors.shown
     assert "B-A" in panels.shot.stack.cursors.text()
-    window.session_desk.export_to(tmp_path / "csv")
+    window.session_presenter.export_to(tmp_path / "csv")
     qtbot.waitUntil(lambda: (tmp_path / "csv" / "shots.csv").exists(), timeout=WAIT_MS)
     with (tmp_path / "csv" / "shots.csv").open() as file:
         (row,) = csv.DictReader(file)
@@ -105,7 +105,7 @@ def test_abort_brings_back_ready_and_keeps_no_shot(opened, qtbot):
     assert not window.panels.controls.source.isEnabled()
     qtbot.keyClick(window, Qt.Key.Key_Escape)
     qtbot.waitUntil(lambda: window.panels.banner.word == "READY", timeout=WAIT_MS)
-    assert window.bench.session.entries == ()
+    assert window.workbench.session.entries == ()
 
 
 def test_a_fault_says_what_happened_what_was_saved_and_what_to_do(opened, qtbot):
@@ -164,15 +164,15 @@ def test_recordings_are_opened_by_dropping_them_and_a_broken_one_says_why(opened
         QPointF(5, 5), Qt.DropAction.CopyAction, data, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
     )
     window.dropEvent(event)
-    qtbot.waitUntil(lambda: len(window.bench.session.entries) == 2, timeout=WAIT_MS)
-    good, bad = window.bench.session.entries
+    qtbot.waitUntil(lambda: len(window.workbench.session.entries) == 2, timeout=WAIT_MS)
+    good, bad = window.workbench.session.entries
     assert good.shot.impact is not None
     assert "broken" in bad.shot.problem
     window.panels.table.select([1])
     window.panels.table.model.setData(window.panels.table.model.index(0, 11), "clean plate")
-    assert window.bench.session.entry(1).note == "clean plate"
+    assert window.workbench.session.entry(1).note == "clean plate"
     qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
-    assert window.bench.session.entry(1).note == ""
+    assert window.workbench.session.entry(1).note == ""
 
 
 def test_settings_are_refused_in_words_and_kept_when_right(opened, qtbot, tmp_path):
@@ -206,24 +206,24 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     effect = {"quadratic_drag": {"coefficient_n_s2_per_m2": 2e-3}}
     paths = simulate(tmp_path / "drag", 2, 5, effect)
     window = opened(rigs.still_bench)
-    window.session_desk.open_paths([Path(path) for path in paths])
-    qtbot.waitUntil(lambda: len(window.bench.session.entries) == 2, timeout=WAIT_MS)
+    window.session_presenter.open_paths([Path(path) for path in paths])
+    qtbot.waitUntil(lambda: len(window.workbench.session.entries) == 2, timeout=WAIT_MS)
     window.panels.table.select([1, 2])
     qtbot.keyClick(window, Qt.Key.Key_D)
     assert window.panels.tabs.currentIndex() == Layout.DIAGNOSIS
-    qtbot.waitUntil(lambda: window.bench.diagnosed is not None, timeout=3 * WAIT_MS)
-    found = window.bench.diagnosed.diagnosis
+    qtbot.waitUntil(lambda: window.workbench.diagnosed is not None, timeout=3 * WAIT_MS)
+    found = window.workbench.diagnosed.diagnosis
     assert pickle.loads(ForkingPickler.dumps(found)).sentence == found.sentence  # it may come from another process
     qtbot.waitUntil(lambda: window.panels.diagnosis.sentence == found.sentence, timeout=WAIT_MS)
     assert [named.name for named in found.effects] == ["quadratic_drag"]
-    assert "quadratic drag" in window.bench.session.entries[0].verdict
-    before = window.bench.session.entries[0].shot.fit.reduced_chi2
+    assert "quadratic drag" in window.workbench.session.entries[0].verdict
+    before = window.workbench.session.entries[0].shot.fit.reduced_chi2
     window.panels.diagnosis.effects.button("quadratic_drag").click()
-    assert window.bench.effects == ("quadratic_drag",)
-    after = window.bench.session.entries[0].shot.fit
+    assert window.workbench.effects == ("quadratic_drag",)
+    after = window.workbench.session.entries[0].shot.fit
     assert after.effects == ("quadratic_drag",)
     assert after.reduced_chi2 < 0.1 * before
-    window.bench.report([], tmp_path / "report.html")
+    window.workbench.report([], tmp_path / "report.html")
     qtbot.waitUntil((tmp_path / "report.html").exists, timeout=WAIT_MS)
 
 
@@ -242,9 +242,9 @@ def test_live_is_held_still_by_a_key_until_the_next_arming(opened, qtbot):
 
 def test_a_session_reopens_at_its_last_shot(opened, qtbot, recordings):
     window = opened(rigs.still_bench)
-    window.session_desk.open_paths(sorted((recordings / "plain").glob("*.sigmf-meta"))[:2])
-    qtbot.waitUntil(lambda: len(window.bench.session.entries) == 2, timeout=WAIT_MS)
-    name = window.bench.session.entries[-1].name
+    window.session_presenter.open_paths(sorted((recordings / "plain").glob("*.sigmf-meta"))[:2])
+    qtbot.waitUntil(lambda: len(window.workbench.session.entries) == 2, timeout=WAIT_MS)
+    name = window.workbench.session.entries[-1].name
     window.close()
     again = opened(rigs.still_bench)
     assert name in again.panels.numbers.title.text()

@@ -7,9 +7,9 @@ from PySide6.QtCore import QLocale
 
 from analysis.quantity import NotSeen, Quantity
 from analysis.signal.quality import MEANINGS
-from app import wording
-from app.physics_words import FLAG_WORDS
-from app.wording import number, parameter_words
+from app.words import wording
+from app.words.physics_words import FLAG_WORDS
+from app.words.wording import number, parameter_words
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import pytest
 
 from analysis.motion import ARRAYS
 from analysis.shot import AnalysisSettings
-from app.happening import Happening, Kind
-from app.session import Session
-from app.workbench import Workbench
+from app.session.event import Event, Kind
+from app.session.session import Session
+from app.session.workbench import Workbench
 from instrument.apart.work import WorkApart
 from instrument.bench.simulate import simulate
 
@@ -31,13 +31,13 @@ def recordings_of_bench(tmp_path_factory):
     return simulate(tmp_path_factory.mktemp("shots"), 1, duration_s=0.05)
 
 
-def until(bench: Workbench, true: Callable[[Happening], bool]) -> Happening:
-    """Return the first happening of which ``true`` holds."""
+def until(workbench: Workbench, true: Callable[[Event], bool]) -> Event:
+    """Return the first event of which ``true`` holds."""
     end = time.monotonic() + LONGEST_S
     while time.monotonic() < end:
-        for happening in bench.poll():
-            if true(happening):
-                return happening
+        for event in workbench.poll():
+            if true(event):
+                return event
         time.sleep(0.01)
     raise AssertionError("it never happened")
 
@@ -45,11 +45,11 @@ def until(bench: Workbench, true: Callable[[Happening], bool]) -> Happening:
 def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench, tmp_path, warm_kernels):
     here, there = Workbench(Session(), AnalysisSettings), Workbench(Session(), AnalysisSettings, apart=child)
     try:
-        for bench in (here, there):
-            assert bench.open_paths(recordings_of_bench) == 1
-            until(bench, lambda h: h.kind is Kind.SHOT)
-            bench.set_effect("quadratic_drag", True)
-            until(bench, lambda h: h.kind is Kind.CHANGED and h.numbers == (1,))
+        for workbench in (here, there):
+            assert workbench.open_paths(recordings_of_bench) == 1
+            until(workbench, lambda h: h.kind is Kind.SHOT)
+            workbench.set_effect("quadratic_drag", True)
+            until(workbench, lambda h: h.kind is Kind.CHANGED and h.numbers == (1,))
         ours, theirs = here.session.entries[0].shot, there.session.entries[0].shot
         for name in ARRAYS:
             assert np.array_equal(getattr(theirs.motion, name), getattr(ours.motion, name), equal_nan=True)
@@ -68,19 +68,19 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
 
 
 def test_a_diagnosis_there_tells_how_far_it_is_and_is_cancelled(child, recordings_of_bench, warm_kernels):
-    bench = Workbench(Session(), AnalysisSettings, apart=child)
+    workbench = Workbench(Session(), AnalysisSettings, apart=child)
     try:
-        bench.open_paths(recordings_of_bench)
-        until(bench, lambda h: h.kind is Kind.SHOT)
-        bench.diagnose([1])
-        job = bench.jobs.current
+        workbench.open_paths(recordings_of_bench)
+        until(workbench, lambda h: h.kind is Kind.SHOT)
+        workbench.diagnose([1])
+        job = workbench.jobs.current
         while job is None or job.kind != "diagnosis" or not job.what:
             time.sleep(0.005)
-            job = bench.jobs.current
+            job = workbench.jobs.current
         alive = child.child_id
         job.cancel()
         assert job.done.wait(LONGEST_S) and job.result is None and job.problem is None
         assert child.child_id == alive  # it heeded; it was not ended
-        assert bench.diagnosed is None
+        assert workbench.diagnosed is None
     finally:
-        assert bench.jobs.close() and bench.errands.close()
+        assert workbench.jobs.close() and workbench.errands.close()

@@ -222,7 +222,7 @@ def main(arguments: list[str]) -> int:
     home = Path(os.environ["LEVIMASS_SESSION_HOME"])
     story = Story(home, Path(arguments[0]), "dark" if "dark" in arguments else "light", "brief" in arguments)
 
-    from app.window import run
+    from app.window.main_window import run
 
     QTimer.singleShot(0, story.tell)
     status = run([])

@@ -18,12 +18,12 @@ import pyqtgraph as pg
 from PySide6.QtWidgets import QApplication
 
 from analysis.recording import Channel, Recording, Role, Setup
-from app.panels.compare import ComparePanel
-from app.panels.shot import ShotPanel
-from app.panels.shot_raw import curves_of
-from app.session import Session
-from app.theme import LIGHT
-from app.window import open_window
+from app.session.session import Session
+from app.window.main_window import open_window
+from app.window.panels.compare import ComparePanel
+from app.window.panels.shot import ShotPanel
+from app.window.panels.shot_raw import curves_of
+from app.window.theme import LIGHT
 from tests.app import rigs, synthetic
 
 FRAMES = 40
@@ -110,9 +110,9 @@ def _start(folder: Path, application: QApplication) -> None:
     usable = time.perf_counter() - begun
     print(f"{'window shown, and ARM answers (target 2 s)':<48}{shown:7.2f} s {usable:7.2f} s")
     longest, busiest, last, spent = 0.0, 0.0, time.perf_counter(), time.thread_time()
-    window.rig_desk.arm()
+    window.rig_presenter.arm()
     end = last + 60.0
-    while not window.bench.session.entries and last < end:
+    while not window.workbench.session.entries and last < end:
         application.processEvents()
         now, own = time.perf_counter(), time.thread_time()
         longest, busiest = max(longest, now - last), max(busiest, own - spent)

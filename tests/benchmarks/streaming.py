@@ -134,9 +134,9 @@ class _Application:
         from PySide6.QtCore import Qt, QTimer
         from PySide6.QtWidgets import QApplication
 
-        from app.settings import Settings
-        from app.settings_file import save
-        from app.window import open_window
+        from app.session.settings import Settings
+        from app.session.settings_file import save
+        from app.window.main_window import open_window
 
         self.application = QApplication.instance() or QApplication(["levimass"])
         chosen = Settings(sample_rate_hz=RATE_HZ, duration_s=SHOT.samples / RATE_HZ, folder=str(folder))
@@ -225,7 +225,9 @@ def main() -> None:
                 measured(capture.latest, lambda seen: without_window(capture, options.seconds, seen, folder))
         else:
             shown = _Application(folder, options)
-            shown.until(lambda: shown.rig.latest().signal.switch_toggles >= 2 and not shown.window.bench.jobs.open_jobs)
+            shown.until(
+                lambda: shown.rig.latest().signal.switch_toggles >= 2 and not shown.window.workbench.jobs.open_jobs
+            )
             shown.rig.set_rearm(True)
             shown.rig.arm()
             shown.until(lambda: shown.rig.latest().shots >= 2)  # the first analyses have compiled what they need

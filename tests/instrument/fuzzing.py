@@ -6,8 +6,8 @@ from collections import Counter
 from pathlib import Path
 
 from analysis.recording import Recording
-from app.settings import Settings
-from app.settings_file import load, save
+from app.session.settings import Settings
+from app.session.settings_file import load, save
 from instrument.motion_file import read_motion
 from instrument.recording_file import RecordingError, read_recording, verify, write_recording
 from tests.instrument.mutating import spoilt_bytes, spoilt_json

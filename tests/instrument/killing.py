@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
-from app.settings import Settings
-from app.settings_file import load
+from app.session.settings import Settings
+from app.session.settings_file import load
 from instrument.recording_file import RecordingError, read_recording, verify
 
 HOUSE = Path(__file__).resolve().parents[2]

@@ -5,8 +5,8 @@ import sys
 import time
 from pathlib import Path
 
-from app.settings import Settings
-from app.settings_file import save
+from app.session.settings import Settings
+from app.session.settings_file import save
 from instrument.capture import Capture, CaptureOptions
 from instrument.digitizer import CaptureSettings
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer

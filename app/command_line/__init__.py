@@ -1,0 +1,1 @@
+"""The command ``levimass`` and its modes; none but the window needs Qt."""

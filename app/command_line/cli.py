@@ -1,0 +1,298 @@
+"""The command ``levimass``: the window where nothing else is asked for, and every mode that needs no screen."""
+
+import argparse
+import contextlib
+import io
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+from app.command_line.model_choice import MODELS, is_model_file
+
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; return the exit status of RECORDING.md (0 analysed, 1 something failed, 2 wrong usage)."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # "±", or a name that is no text, must not cost a script its result
+        sys.stdout.reconfigure(errors="backslashreplace")
+    try:
+        with _ended_by_ctrl_c():
+            work = _work(arguments)
+        status = work()
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return status
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    except KeyboardInterrupt:
+        print("levimass: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader has seen enough
+        _drop_output()
+        return OK
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        print(f"levimass: standard output: {error.strerror or error}", file=sys.stderr)
+        _drop_output()
+        return FAILED
+
+
+def window(argv: Sequence[str] | None = None) -> int:
+    """Open the desktop application."""
+    from app.window.main_window import run
+
+    return run(list(sys.argv[1:] if argv is None else argv))
+
+
+@contextlib.contextmanager
+def _ended_by_ctrl_c() -> Iterator[None]:
+    """Let Ctrl-C end the process at once: nothing is under way yet, and an import cut short raises what it likes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _drop_output() -> None:
+    """Keep the interpreter from trying once more, at its end, to write what could not be written."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _work(arguments: Sequence[str]) -> Callable[[], int]:
+    """Return what the arguments ask for, its modules imported.  Raises SystemExit on wrong usage."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    _check(parser, options)
+    return _mode(options, arguments)
+
+
+def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[], int]:
+    if options.replay is not None and (options.jobs is not None or options.scheduler is not None):
+        from app.command_line.campaign import campaign
+
+        return partial(
+            campaign,
+            options.replay,
+            jobs=options.jobs,
+            scheduler=options.scheduler,
+            json_to=options.json,
+            export_to=options.export,
+            model=options.model,
+        )
+    if options.replay is not None:
+        from app.command_line.replay import replay
+
+        return partial(
+            replay,
+            options.replay,
+            json_to=options.json,
+            export_to=options.export,
+            diagnose=not options.no_diagnose,
+            model=options.model,
+            report_to=options.report,
+            hdf5=options.hdf5,
+            save_model_to=options.save_model,
+        )
+    if options.acquire is not None:
+        from app.command_line.acquire import acquire
+
+        return partial(
+            acquire,
+            options.acquire,
+            source=options.source,
+            out=options.out,
+            rate_hz=options.rate,
+            samples=options.samples,
+            timeout_s=options.timeout,
+        )
+    if options.simulate is not None:
+        from app.command_line.simulate import simulate
+
+        return partial(
+            simulate,
+            options.simulate,
+            shots=options.shots,
+            seed=options.seed,
+            effect=options.effect,
+            undeclared=options.undeclared,
+        )
+    if options.map is not None:
+        from app.command_line.map_foreign import map_foreign
+
+        return partial(
+            map_foreign,
+            options.map,
+            channels=options.channel,
+            volts=options.volts,
+            mass_kg=options.mass,
+            rate_hz=options.rate,
+            rest_hz=options.rest,
+            wavelength_m=options.wavelength,
+            bits=options.bits,
+            for_folder=options.for_folder,
+        )
+    if options.paper is not None:
+        from app.command_line.paper import paper
+
+        return partial(paper, options.json, options.figures, options.paper or None)
+    if options.doctor:
+        from app.command_line.doctor import doctor
+
+        return partial(doctor, source=options.source)
+    return partial(window, arguments)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="levimass",
+        description="Levitation Mass Method: from the beat of two light frequencies to force and restitution. "
+        "Without an option the desktop window opens.",
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    mode = parser.add_mutually_exclusive_group()
+    mode.add_argument("--replay", nargs="+", metavar="PATH", type=_path, help="analyse recordings (files or folders)")
+    mode.add_argument(
+        "--acquire", type=_positive_int, metavar="N", help="arm, wait for the light switch, record N shots"
+    )
+    mode.add_argument("--simulate", type=_path, metavar="DIR", help="write recordings from the simulated bench")
+    mode.add_argument(
+        "--paper",
+        nargs="?",
+        const=False,
+        type=_path,
+        metavar="RECORDING",
+        help="print the paper's numbers beside this program's (and beside a recording's)",
+    )
+    mode.add_argument("--map", type=_path, metavar="FILE", help="what a TDMS, HDF5, WAV or CSV file holds, and its use")
+    mode.add_argument("--doctor", action="store_true", help="check this machine, with --source its signals too")
+    group = parser.add_argument_group("with --replay")
+    group.add_argument("--json", metavar="FILE", type=_name, help="write the result (- for standard output)")
+    group.add_argument("--export", type=_path, metavar="DIR", help="write CSV: one motion file a shot, and shots.csv")
+    group.add_argument("--hdf5", action="store_true", help="with --export: a motion file a shot in HDF5 too")
+    group.add_argument("--report", type=_path, metavar="FILE", help="write a report that prints: one HTML file")
+    group.add_argument("--no-diagnose", action="store_true", help="stop after the base model's fit")
+    group.add_argument(
+        "--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)"
+    )
+    group.add_argument("--save-model", type=_path, metavar="FILE", help="write the model that the diagnosis arrived at")
+    group.add_argument("--jobs", type=_positive_int, metavar="N", help="a campaign over N processes, resumable")
+    group.add_argument("--scheduler", metavar="ADDRESS", help="a campaign over the machines of a dask scheduler")
+    group = parser.add_argument_group("with --paper (and --json)")
+    group.add_argument("--figures", type=_path, metavar="DIR", help="draw figures 4 to 7, PNG and SVG")
+    group = parser.add_argument_group("with --acquire")
+    group.add_argument(
+        "--source", metavar="SOURCE", help="bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE"
+    )
+    group.add_argument("--out", type=_path, metavar="DIR", help="folder for the recordings")
+    group.add_argument("--rate", type=_positive, metavar="HZ", help="sample rate")
+    group.add_argument("--samples", type=_positive_int, metavar="N", help="samples a channel and shot")
+    group.add_argument("--timeout", type=_positive, metavar="S", default=60.0, help="longest wait for a shot (60)")
+    group = parser.add_argument_group("with --map (and --rate)")
+    group.add_argument("--channel", action="append", metavar="ROLE=NAME", help="measurement, reference or switch")
+    group.add_argument("--volts", action="append", metavar="ROLE=VOLTS", help="volts of one stored unit")
+    group.add_argument("--mass", type=_positive, metavar="KG", help="mass of the moving part")
+    group.add_argument("--rest", type=_positive, metavar="HZ", help="rest frequency, where no channel is the reference")
+    group.add_argument("--wavelength", type=_positive, metavar="M", help="wavelength in air (632.8e-9)")
+    group.add_argument("--bits", type=_positive_int, metavar="N", help="bits of the digitizer, where counts are stored")
+    group.add_argument("--for-folder", action="store_true", help="for every file of this format in the folder")
+    group = parser.add_argument_group("with --simulate")
+    group.add_argument("--shots", type=_positive_int, default=3, metavar="N", help="shots to simulate (3)")
+    group.add_argument("--seed", type=_whole, default=1, metavar="S", help="seed of the draw (1)")
+    group.add_argument("--effect", metavar="NAME:PARAMETER=VALUE,...", help="an effect the base model lacks")
+    group.add_argument("--undeclared", action="store_true", help="draw an effect, or none, that is not told")
+    return parser
+
+
+def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Refuse options that would otherwise be passed over in silence."""
+    names = ("json", "export", "report", "model", "save_model", "jobs", "scheduler")
+    given = {name for name in names if getattr(options, name) is not None}
+    given |= {"no-diagnose"} if options.no_diagnose else set()
+    if options.paper is not None:
+        given -= {"json"}
+    if given and options.replay is None:
+        parser.error(f"--{sorted(given)[0]} goes with --replay")
+    if options.hdf5 and options.export is None:
+        parser.error("--hdf5 goes with --export")
+    mapping = ("channel", "volts", "mass", "rest", "wavelength", "bits")
+    if options.map is None and (options.for_folder or any(getattr(options, name) is not None for name in mapping)):
+        parser.error("--channel, --volts, --mass, --rest, --wavelength, --bits and --for-folder go with --map")
+    if options.figures is not None and options.paper is None:
+        parser.error("--figures goes with --paper")
+    if options.model is not None and options.model not in MODELS and not is_model_file(options.model):
+        parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
+    if options.save_model is not None and options.no_diagnose:
+        parser.error("--save-model writes what a diagnosis arrived at: leave --no-diagnose out")
+    if options.jobs is not None and options.scheduler is not None:
+        parser.error("--jobs and --scheduler: one of them")
+    of_one_call = options.report is not None or options.hdf5 or options.save_model is not None
+    if of_one_call and (options.jobs is not None or options.scheduler is not None):
+        parser.error("--report, --hdf5 and --save-model are of one call's shots: leave --jobs and --scheduler out")
+    if options.acquire is not None:
+        if options.source is None:
+            parser.error("--acquire needs --source")
+        if options.out is None:
+            parser.error("--acquire needs --out")
+    elif options.out is not None or (options.source is not None and not options.doctor):
+        parser.error("--source and --out go with --acquire, --source with --doctor too")
+    if options.simulate is None and (options.effect is not None or options.undeclared):
+        parser.error("--effect and --undeclared go with --simulate")
+    if options.effect is not None and options.undeclared:
+        parser.error("--undeclared draws the effect itself: leave --effect out")
+
+
+class _Version(argparse.Action):
+    """Print the version; what knows it is imported only then, as a usage error need not wait for it."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from analysis.report import program_version
+
+        print(f"levimass {program_version()}")
+        parser.exit()
+
+
+def _name(text: str) -> str:
+    if not text or "\0" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} names no file or folder")  # a script's variable that was never set
+    return text
+
+
+def _path(text: str) -> Path:
+    return Path(_name(text))
+
+
+def _whole(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is below zero")
+    return value
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def _positive_int(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a positive whole number")
+    return value
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,26 @@
+"""Whether a window can open on this machine, and what it lacks where none can."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+
+QT_LIBRARIES = "libegl1 libgl1 libxkbcommon0 libdbus-1-3 libfontconfig1 libxcb-cursor0"
+
+
+def why_no_window() -> str | None:
+    """Return why Qt cannot open a window on this machine, or None."""
+    platform = os.environ.get("QT_QPA_PLATFORM", "")
+    unix = os.name == "posix" and sys.platform != "darwin"
+    if unix and not platform and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return "no display"
+    if importlib.util.find_spec("PySide6") is None:
+        return "PySide6 is not installed"
+    # Qt ends the process when its platform cannot start: let another process try first
+    probe = [sys.executable, "-c", "from PySide6.QtWidgets import QApplication; QApplication([])"]
+    tried = subprocess.run(probe, capture_output=True, text=True, timeout=60, check=False)
+    if tried.returncode == 0:
+        return None
+    lines = [line for line in tried.stderr.strip().splitlines() if line.strip()]
+    cause = lines[-1].strip() if lines else f"status {tried.returncode}"
+    return f"Qt does not start: {cause}; on Debian: apt install {QT_LIBRARIES}"

@@ -1,0 +1,101 @@
+"""``levimass --paper``: every number of the paper beside this program's, and figures 4 to 7 from a recording."""
+
+import json
+import os
+import sys
+import textwrap
+from pathlib import Path
+
+from analysis.model.exact import TooManyEvents
+from analysis.paper import Reproduction, Status, reproduce, to_result
+from analysis.shot import Shot
+from app.command_line.outputs import in_a_line
+from app.report.paper_rows import SECTIONS, cells, shown
+from app.session.load import load_and_analyse
+from instrument.recording_error import RecordingError
+from instrument.recording_search import find_recordings
+from instrument.recording_writer import write_text_beside
+
+_WIDTHS = (42, 24, 10, 10, 10, 25, 24)
+_LINE = 120
+
+
+def paper(json_to: str | None, figures_to: Path | None, recording: Path | None) -> int:
+    """Print the reproduction; write it as JSON ("-": standard output) and figures 4 to 7 where asked for.
+
+    Returns the exit status: 1 where the recording could not be analysed or something could not be written.
+    """
+    shot, ok = _shot(recording)
+    try:
+        result = reproduce(shot)
+    except (TooManyEvents, ValueError) as error:
+        print(f"levimass: the paper's model could not be solved: {error}", file=sys.stderr)
+        return 1
+    text = json.dumps(to_result(result), indent=1, allow_nan=False) + "\n"
+    print(text if json_to == "-" else table(result), end="" if json_to == "-" else "\n")
+    try:
+        if json_to is not None and json_to != "-":
+            write_text_beside(Path(json_to), text, sync=True)
+        if figures_to is not None:
+            ok = _figures(shot, figures_to, quiet=json_to == "-") and ok
+    except (RecordingError, OSError) as error:
+        print(f"levimass: {in_a_line(error, figures_to or json_to)}", file=sys.stderr)
+        ok = False
+    return 0 if ok else 1
+
+
+def table(result: Reproduction) -> str:
+    """Return the reproduction for a terminal: a line a number, and below it what a difference was traced to."""
+    lines = [result.title, result.authors]
+    head = ("", "paper", "as printed", "simulated", "recomputed", "recording", "difference")
+    with_recording = result.recording is not None
+    for section, words in SECTIONS.items():
+        rows = [row for row in result.rows if row.section == section]
+        lines += ["", words, _columns(head, with_recording)]
+        for row in rows:
+            lines.append(_columns(cells(row), with_recording))
+            if row.traced_to:
+                lines += textwrap.wrap(row.traced_to, _LINE - 4, initial_indent="    ", subsequent_indent="    ")
+    count = {status: sum(row.status is status for row in result.rows) for status in Status}
+    lines += ["", f"{count[Status.AGREES]} agree as printed, {count[Status.TRACED]} traced, {count[Status.OPEN]} open:"]
+    lines += [f"  open: {row.what} ({shown(row, row.error_after, relative=True) or '–'})" for row in result.open_rows]
+    return "\n".join(lines)
+
+
+def _columns(texts: tuple[str, ...], with_recording: bool) -> str:
+    pairs = [pair for n, pair in enumerate(zip(texts, _WIDTHS, strict=True)) if with_recording or n != 5]
+    return " ".join(text.ljust(width) for text, width in pairs).rstrip()
+
+
+def _shot(recording: Path | None) -> tuple[Shot | None, bool]:
+    if recording is None:
+        return None, True
+    try:
+        found = list(find_recordings([recording]))
+    except RecordingError as error:
+        print(f"levimass: {error}", file=sys.stderr)
+        return None, False
+    if not found:
+        print(f"levimass: {recording}: no recording there", file=sys.stderr)
+        return None, False
+    shot = load_and_analyse(found[0])
+    if shot.problem:
+        print(f"levimass: {shot.path or shot.name}: {shot.problem}", file=sys.stderr)
+        return None, False
+    return shot, True
+
+
+def _figures(shot: Shot | None, folder: Path, *, quiet: bool) -> bool:
+    if not os.environ.get("QT_QPA_PLATFORM"):
+        os.environ["QT_QPA_PLATFORM"] = "offscreen"  # pictures need no screen
+    try:
+        from app.command_line.figures import write_figures
+    except ImportError as error:
+        print(f"levimass: figures need Qt, which does not start here: {error}", file=sys.stderr)
+        return False
+    for path in write_figures(shot, folder):
+        if not quiet:
+            print(path)
+    if shot is None:
+        print("levimass: no recording given: the figures show the simulation alone", file=sys.stderr)
+    return True

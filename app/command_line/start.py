@@ -1,0 +1,31 @@
+"""``make run``: the window on the simulated bench, or, where no window can open, one simulated shot in the terminal."""
+
+import sys
+import tempfile
+from pathlib import Path
+
+from app.command_line.cli import window
+from app.command_line.display import why_no_window
+
+
+def main() -> int:
+    """Open the window where there is a display; run one shot headless where there is none."""
+    problem = why_no_window()
+    if problem is None:
+        return window([])
+    print(f"levimass: no window here ({problem}); one simulated shot without it:\n", file=sys.stderr)
+    return headless_shot()
+
+
+def headless_shot() -> int:
+    """Simulate one shot, analyse it and print its numbers."""
+    from app.command_line.replay import replay
+    from app.command_line.simulate import simulate
+
+    with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
+        status = simulate(Path(folder), shots=1, seed=1, effect=None, undeclared=False)
+        return status or replay([Path(folder)], json_to=None, export_to=None, diagnose=False, model=None)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,111 @@
+"""The report of a shot or of a session: one HTML file that prints, needs nothing else, and says how to repeat it."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib import resources
+
+from analysis.budget import budget
+from analysis.diagnosis.result import Diagnosis
+from analysis.instrument_uncertainty import InstrumentUncertainty
+from analysis.shot import Shot
+from app.report import provenance
+from app.report.diagnosis_section import diagnosis_section
+from app.report.markup import Markup, joined, table, tag
+from app.report.number_tables import budgets, fitted, numbers
+from app.report.session_section import session_section
+from app.report.shot_figures import figures
+from app.words.physics_words import flag_words
+
+MOST_DRAWN = 24  # shots: beyond that a page of figures each would make a file no browser likes
+NO_LOADING = "default-src 'none'; style-src 'unsafe-inline'"
+
+
+def report_of(
+    shots: Sequence[Shot],
+    diagnosis: Diagnosis | None = None,
+    *,
+    instrument: InstrumentUncertainty | None = None,
+    title: str | None = None,
+    made_at: datetime | None = None,
+) -> str:
+    """Return the report as HTML.
+
+    One shot gives its own report; several give a session's, with overlay and trends before the shots themselves.
+    ``instrument`` is the type B part of the budgets (as stated by the rig's owner), ``made_at`` defaults to now.
+    Every figure is inline SVG, the style sheet is inside, nothing is loaded and nothing runs.
+    """
+    made = (made_at or datetime.now(UTC)).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    heading = title or (shots[0].name if len(shots) == 1 else f"Session of {len(shots)} shots")
+    style = resources.files("resources").joinpath("report.css").read_text(encoding="utf-8")
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=NO_LOADING),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("title", f"{heading} \u2013 Levimass report"),
+        tag("style", Markup(style)),
+    )
+    body = [tag("header", tag("h1", heading), tag("p", f"Levimass report, made {made}", class_="faint"))]
+    if not shots:
+        body.append(tag("p", "There is no shot in it.", class_="warning"))
+    if len(shots) > 1:
+        body.append(session_section(shots))
+    if diagnosis is not None:
+        body.append(diagnosis_section(diagnosis, shots))
+    drawn = len(shots) <= MOST_DRAWN
+    if not drawn:
+        said = f"Figures and budgets of single shots are left out beyond {MOST_DRAWN} shots; a report of one has them."
+        body.append(tag("p", said, class_="warning"))
+    for number, shot in enumerate(shots, 1):
+        others = [other for other in shots if other is not shot]
+        body.append(_shot(shot, others, instrument, number, drawn, single=len(shots) == 1))
+    body.append(_program())
+    return "<!DOCTYPE html>\n" + tag("html", head, tag("body", body), lang="en") + "\n"
+
+
+def _shot(
+    shot: Shot,
+    others: Sequence[Shot],
+    instrument: InstrumentUncertainty | None,
+    number: int,
+    drawn: bool,
+    *,
+    single: bool,
+) -> Markup:
+    heading = Markup() if single else tag("h2", shot.name)
+    parts: list[Markup] = [heading, _remarks(shot)]
+    of = budget(shot, instrument, others) if shot.impact is not None else None
+    if shot.impact is not None:
+        parts += [tag("h3", "Numbers"), numbers(shot, of)]
+    if shot.motion is not None:
+        parts += [tag("h3", "Model"), fitted(shot.fit)]
+    if drawn and shot.motion is not None:
+        parts += [tag("h3", "Figures"), *figures(shot)]
+    if drawn and of is not None:
+        parts += [tag("h3", "Uncertainty budget"), budgets(of)]
+    parts += [
+        tag("h3", "Taken with"), provenance.taken_with(shot),
+        tag("h3", "Analysed with"), provenance.analysed_with(shot),
+        tag("h3", "To repeat it"), provenance.repeated_by(shot),
+    ]  # fmt: skip
+    return tag("section", parts, id=f"shot-{number}", class_="shot")
+
+
+def _remarks(shot: Shot) -> Markup:
+    parts = []
+    if shot.problem:
+        parts.append(tag("p", f"Not analysed: {shot.problem}", class_="warning"))
+    if shot.flags:
+        parts.append(table([], [[flag, flag_words(flag)] for flag in shot.flags], "flags"))
+    if shot.note:
+        parts.append(tag("p", tag("b", "Note: "), shot.note, class_="note"))
+    return joined(*parts)
+
+
+def _program() -> Markup:
+    said = (
+        f"{provenance.program_words()}. ± is the standard uncertainty, type A from this measurement's own values, "
+        "type B from elsewhere; numbers are in the units stated, with a decimal point. Right is positive: the block "
+        "comes in with v < 0 and leaves with v > 0."
+    )
+    return tag("footer", tag("p", said))

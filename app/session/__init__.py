@@ -1,0 +1,1 @@
+"""A session away from the screen: its shots, settings, rig and work; no widget."""

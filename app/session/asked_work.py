@@ -1,0 +1,61 @@
+"""Work on the recording in front that the screen asks for once a shot, and takes when it is there."""
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from analysis.recording import Recording
+from app.session.jobs import Asked, Job, Jobs, Report
+from app.session.session import Entry
+from instrument.open_recording import open_recording
+from instrument.recording_error import RecordingError
+from instrument.recording_search import is_motion_record
+
+Result = TypeVar("Result")
+Work = Callable[[Entry, Recording, Report, Asked], Result]
+
+
+class AskedWork(Generic[Result]):
+    """Keeps to the last shot asked for; an earlier one is cancelled."""
+
+    def __init__(self, jobs: Jobs, kind: str, work: Work[Result]) -> None:
+        self._jobs, self._kind, self._work = jobs, kind, work
+        self._job: Job | None = None
+        self._number: int | None = None
+
+    def ask(self, entry: Entry, recording: Recording) -> bool:
+        """Start the work unless it is done or under way for this shot; return whether it was started."""
+        if self._number == entry.number:
+            return False
+        self._number = entry.number
+
+        def work(report: Report, cancelled: Asked) -> Result:
+            return self._work(entry, recording, report, cancelled)
+
+        self._jobs.cancel(self._kind)
+        self._job = self._jobs.submit(f"{self._kind} of {entry.name}", work, self._kind)
+        return True
+
+    def forget(self) -> None:
+        """Start anew when asked again, for the same shot too."""
+        self._number = None
+
+    def take(self) -> Result | None:
+        """Return the result once, when it is there."""
+        job = self._job
+        if job is None or not job.done.is_set():
+            return None
+        self._job = None
+        if job.cancelled or job.problem is not None:
+            self._number = None
+            return None
+        return job.result
+
+
+def raw_of(entry: Entry) -> Recording | None:
+    """Return an entry's raw recording, memory-mapped, or None where there is none to be read."""
+    if entry.path is None or is_motion_record(entry.path):
+        return None
+    try:
+        return open_recording(entry.path)
+    except (RecordingError, OSError):
+        return None

@@ -1,0 +1,44 @@
+"""The settings in use and the file they are kept in; read by the rig's threads, changed by the window."""
+
+from pathlib import Path
+
+from analysis.shot import AnalysisSettings
+from app.session import settings_file
+from app.session.setting_field import Value
+from app.session.settings import MOST_ADDRESSES, WrongSettings
+from instrument.capture_options import CaptureOptions
+from instrument.digitizer import Digitizer
+
+
+class Choices:
+    """One immutable Settings at a time."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.settings, self.warnings = settings_file.load(path)
+
+    def change(self, values: dict[str, Value]) -> str | None:
+        """Take other values and keep them; return why not, or None."""
+        try:
+            self.settings = self.settings.with_values(values)
+        except WrongSettings as error:
+            return str(error)
+        return settings_file.save(self._path, self.settings)
+
+    def remember_source(self, source: str) -> None:
+        """Open this source at the next start too; a recording played back is not remembered."""
+        if not source.startswith("replay"):
+            self.change({"source": source})
+
+    def remember_network(self, source: str) -> None:
+        """Offer this oscilloscope in the network from now on."""
+        known = (source, *(other for other in self.settings.network_sources if other != source))
+        self.change({"network": " ".join(known[:MOST_ADDRESSES])})
+
+    def analysis(self) -> AnalysisSettings:
+        """Return what concerns the analysis."""
+        return self.settings.analysis
+
+    def options(self, source: str, digitizer: Digitizer) -> CaptureOptions:
+        """Return how shots are taken with a source.  Raises OSError where the folder cannot be made."""
+        return self.settings.options(source, digitizer)

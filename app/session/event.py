@@ -1,0 +1,69 @@
+"""What the workbench's jobs hand back, and what the screen is told of it."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from analysis.diagnosis.model_file import SavedModel
+from analysis.diagnosis.result import Diagnosis
+from analysis.shot import Shot
+
+
+class Kind(StrEnum):
+    """What may happen."""
+
+    SHOT = "shot"  # a new entry, analysed
+    CHANGED = "changed"  # entries were read again or refitted
+    EXPORTED = "exported"
+    DIAGNOSED = "diagnosed"
+    MODEL = "model"  # a model file was loaded
+    PROBLEM = "problem"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One thing that ended, in words, with the entries it concerns."""
+
+    kind: Kind
+    words: str
+    numbers: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosed:
+    """A diagnosis and the entries it was made over, in the order of its fits."""
+
+    diagnosis: Diagnosis
+    numbers: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A model file that was read."""
+
+    model: SavedModel
+    path: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A shot that was read and analysed, perhaps as a copy."""
+
+    shot: Shot
+    copy_of: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class SavedElsewhere:
+    """Shots that were only in memory, and where they are now."""
+
+    paths: dict[str, Path]
+    folder: Path
+    problem: str | None = None  # why the others were not saved
+
+
+@dataclass(frozen=True, slots=True)
+class Filled:
+    """Entries of the session that have their shot, or another fit."""
+
+    shots: tuple[tuple[int, Shot], ...]

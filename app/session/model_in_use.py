@@ -1,0 +1,84 @@
+"""The model that the shots of a session are fitted with, away from the screen: refitting, saving, what has drifted."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from analysis.diagnosis.model_file import SavedModel, drift, from_text, saved, to_text
+from analysis.diagnosis.result import Diagnosis
+from analysis.fit import Fit
+from analysis.model.fitting import fit_shots
+from analysis.shot import AnalysisError, Shot
+from app.words.wording import effect_words, local, parameter_parts
+from instrument.recording_writer import write_text_beside
+
+DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
+Asked = Callable[[], bool]
+
+
+def refit(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Fit | None:
+    """Return the shot's fit with these effects, or None where the data do not carry it."""
+    if shot.motion is None:
+        return None
+    try:
+        return fit_shots([shot.motion], model=shot.settings.model, effects=effects, cancelled=cancelled)
+    except AnalysisError:
+        return None  # this shot does not carry the model; its old fit stays
+
+
+def save_model(
+    path: Path, shots: Sequence[Shot], effects: tuple[str, ...], diagnosis: Diagnosis | None, cancelled: Asked
+) -> str:
+    """Write the model as these shots show it, jointly, and return what was done in words.
+
+    A ``diagnosis`` of just these shots that arrived at these effects lends its fit and its errors; else the shots are
+    fitted anew.  Raises AnalysisError where no fit converges, RecordingError where the file cannot be written.
+    """
+    fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
+    if not fitted:
+        raise AnalysisError("no shot is fitted, so there is no model to save")
+    bases = sorted({shot.settings.model for shot in fitted})
+    if len(bases) > 1:
+        raise AnalysisError(f"the shots use different base models ({', '.join(bases)}): select shots of one")
+    if diagnosis is not None and set(diagnosis.fit_after.effects) == set(effects):
+        fit = diagnosis.fit_after
+    else:
+        diagnosis = None
+        motions = [shot.motion for shot in fitted if shot.motion is not None]
+        fit = fit_shots(motions, model=bases[0], effects=effects, cancelled=cancelled)
+    if not fit.converged:
+        raise AnalysisError("the joint fit did not converge: diagnose the shots first, the model lacks something")
+    model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis)
+    write_text_beside(path, to_text(model), sync=True)
+    return f"Model {model_words(model)} saved as {path}"
+
+
+def load_model(path: Path) -> SavedModel:
+    """Return the model of a file.  Raises AnalysisError, in one line that names the file."""
+    try:
+        return from_text(path.read_text(encoding="utf-8", errors="replace"))
+    except OSError as error:
+        raise AnalysisError(f"{path}: {error.strerror}") from error
+    except AnalysisError as error:
+        raise AnalysisError(f"{path}: {error}") from error
+
+
+def model_words(model: SavedModel) -> str:
+    """Return "paper + quadratic drag on the block, from 5 shots"."""
+    effects = " + ".join(effect_words(name) for name in model.effects) or "nothing"
+    count = len(model.shots)
+    return f"{model.base} + {effects}, from {count} shot{'' if count == 1 else 's'}"
+
+
+def drift_words(known: SavedModel, fit: Fit) -> str:
+    """Return which parameters of a fit lie further from the file's than chance, largest first; "" where none does."""
+    if fit.model != known.base or not fit.converged:
+        return ""
+    far = {name: deviation for name, deviation in drift(known, fit).items() if abs(deviation) > DRIFT_SIGMAS}
+    ordered = sorted(far.items(), key=lambda item: -abs(item[1]))
+    return ", ".join(f"{_named(name)} {local(f'{deviation:+.1f}')} σ" for name, deviation in ordered)
+
+
+def _named(name: str) -> str:
+    effect, dot, parameter = name.rpartition(".")
+    words = parameter_parts(parameter)[0]
+    return f"{effect_words(effect)}: {words}" if dot else words

@@ -1,0 +1,211 @@
+"""The shots of a session, with their notes and verdicts; written to disk at each change, so that a crash loses none."""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from analysis.shot import AnalysisSettings, Shot
+from app.words.physics_words import EFFECT_WORDS
+
+SCHEMA = "levimass.session/1"
+UNDO_DEPTH = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One line of the session.  ``shot`` is None until its recording has been read (again)."""
+
+    number: int
+    name: str
+    path: str | None
+    settings: AnalysisSettings
+    shot: Shot | None = None
+    note: str = ""
+    verdict: str = ""
+    copy_of: int | None = None  # the entry whose recording this one analyses with other settings
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    entries: tuple[Entry, ...]
+    what: str
+
+
+class Session:
+    """An ordered list of entries; every change can be undone and is on disk before the call returns.
+
+    ``save_by``: from then on saving is handed to this function, and ``problem`` and ``revision`` follow it.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._path = path
+        self._entries: tuple[Entry, ...] = ()
+        self._effects: tuple[str, ...] = ()
+        self._undo: list[_State] = []
+        self._next = 0  # highest number given: a removed shot may come back, so none is given twice
+        self.problem: str | None = None  # why the session could not be saved or read, in one line
+        self.revision = 0
+        self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """Get the entries, oldest first."""
+        return self._entries
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Get the effects accepted into the model."""
+        return self._effects
+
+    def set_effects(self, effects: tuple[str, ...]) -> None:
+        """Set the effects accepted into the model."""
+        self._effects = effects
+        self._set(self._entries)
+
+    @property
+    def path(self) -> Path | None:
+        """Get the file the session is kept in."""
+        return self._path
+
+    @property
+    def can_undo(self) -> bool:
+        """Get whether there is something to take back."""
+        return bool(self._undo)
+
+    def entry(self, number: int) -> Entry | None:
+        """Return the entry with this number."""
+        return next((entry for entry in self._entries if entry.number == number), None)
+
+    def add(self, shot: Shot, note: str | None = None, copy_of: int | None = None) -> Entry:
+        """Add an analysed shot and return its entry."""
+        number = self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
+        words = shot.note if note is None else note
+        entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, copy_of=copy_of)
+        self._set((*self._entries, entry))
+        return entry
+
+    def fill(self, number: int, shot: Shot) -> None:
+        """Give an entry its analysed shot (after reopening, or when the model changed)."""
+        self._change(number, lambda entry: replace(entry, shot=shot, name=shot.name, settings=shot.settings))
+
+    def set_path(self, name: str, path: str) -> bool:
+        """Say where a shot that was only in memory was saved, the newest of that name; return whether one is."""
+        entry = next((e for e in reversed(self._entries) if e.name == name and e.path is None), None)
+        if entry is not None:
+            shot = None if entry.shot is None else replace(entry.shot, path=path)
+            self._change(entry.number, lambda old: replace(old, path=path, shot=shot))
+        return entry is not None
+
+    def set_verdict(self, number: int, verdict: str) -> None:
+        """Set what the diagnosis said of an entry."""
+        self._change(number, lambda entry: replace(entry, verdict=verdict))
+
+    def set_note(self, number: int, note: str) -> None:
+        """Set the operator's note; can be undone."""
+        self._remember(f"the note of shot {number}")
+        self._change(number, lambda entry: replace(entry, note=note))
+
+    def remove(self, numbers: list[int]) -> None:
+        """Take entries off the list; their recordings stay on disk, and it can be undone."""
+        self._remember("the removal")
+        self._set(tuple(entry for entry in self._entries if entry.number not in numbers))
+
+    def undo(self) -> str | None:
+        """Take back the last note or removal; return what it was, or None."""
+        if not self._undo:
+            return None
+        state = self._undo.pop()
+        shots = {entry.number: entry for entry in self._entries}
+        restored = []
+        for old in state.entries:
+            new = shots.get(old.number)
+            restored.append(old if new is None else replace(new, note=old.note))
+        known = {entry.number for entry in restored}
+        restored += [entry for entry in self._entries if entry.number not in known]
+        self._set(tuple(sorted(restored, key=lambda entry: entry.number)))
+        return state.what
+
+    def _remember(self, what: str) -> None:
+        self._undo.append(_State(self._entries, what))
+        del self._undo[:-UNDO_DEPTH]
+
+    def _change(self, number: int, change: Callable[[Entry], Entry]) -> None:
+        self._set(tuple(change(entry) if entry.number == number else entry for entry in self._entries))
+
+    def _set(self, entries: tuple[Entry, ...]) -> None:
+        self._entries = entries
+        self.revision += 1
+        self._save()
+
+    def _save(self) -> None:
+        path, entries, effects = self._path, self._entries, self._effects
+        if path is not None:
+            self.save_by(lambda: self._write(path, entries, effects))
+
+    def _write(self, path: Path, entries: tuple[Entry, ...], effects: tuple[str, ...]) -> None:
+        shots = [_to_json(entry) for entry in entries if entry.path]
+        document = {"schema": SCHEMA, "effects": list(effects), "shots": shots}
+        beside = path.with_name(path.name + ".new")
+        problem = None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with beside.open("w", encoding="utf-8") as file:
+                json.dump(document, file, indent=1)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(beside, path)
+        except OSError as error:
+            problem = f"the session could not be saved: {error}"
+        if problem != self.problem:
+            self.problem = problem
+            self.revision += 1  # whoever looks tells it
+
+    @classmethod
+    def reopen(cls, path: Path) -> "Session":
+        """Return the session kept at ``path``, its shots not read yet; an unreadable file is set aside, not lost."""
+        session = cls(path)
+        if not path.exists():
+            return session
+        try:
+            document = json.loads(path.read_text(encoding="utf-8"))
+            if document.get("schema") != SCHEMA:
+                raise ValueError(f"schema {document.get('schema')!r} is not {SCHEMA}")
+            session._entries = tuple(_from_json(item) for item in document["shots"])
+            session._effects = tuple(name for name in document.get("effects", ()) if name in EFFECT_WORDS)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            aside = path.with_name(path.name + ".unreadable")
+            session.problem = f"the last session could not be read ({error}); it was kept as {aside.name}"
+            try:
+                os.replace(path, aside)
+            except OSError:
+                session._path = None
+        return session
+
+
+def _to_json(entry: Entry) -> dict[str, Any]:
+    return {
+        "number": entry.number,
+        "name": entry.name,
+        "path": entry.path,
+        "note": entry.note,
+        "verdict": entry.verdict,
+        "copy_of": entry.copy_of,
+        "settings": asdict(entry.settings),
+    }
+
+
+def _from_json(item: Mapping[str, Any]) -> Entry:
+    known = {field.name for field in fields(AnalysisSettings)}
+    chosen = {name: value for name, value in item["settings"].items() if name in known}
+    return Entry(
+        number=int(item["number"]),
+        name=str(item["name"]),
+        path=str(item["path"]),
+        settings=AnalysisSettings(**chosen),
+        note=str(item.get("note", "")),
+        verdict=str(item.get("verdict", "")),
+        copy_of=item.get("copy_of"),
+    )

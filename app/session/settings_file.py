@@ -1,0 +1,80 @@
+"""The settings on disk: versioned, written beside and renamed, the last good copy kept; spoilt ones stop no start."""
+
+import json
+import os
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from app.session.settings import Settings, WrongSettings
+
+VERSION = 1
+
+
+def load(path: Path) -> tuple[Settings, list[str]]:
+    """Return the settings and what a person should know about how they were found, in words."""
+    words: list[str] = []
+    for candidate, meaning in ((path, ""), (_last_good(path), "the last good copy is used")):
+        if not candidate.exists():
+            continue
+        try:
+            settings, unknown = _read(candidate)
+        except (OSError, ValueError, WrongSettings) as error:
+            words.append(f"The settings in {candidate.name} could not be used ({error})")
+            _set_aside(candidate)
+            continue
+        if unknown:
+            words.append(f"Settings unknown to this version were left out: {', '.join(unknown)}")
+        if words and meaning:
+            words[-1] += f"; {meaning}"
+        return settings, words
+    if words:
+        words[-1] += "; the program's own are used"
+    return Settings(), words
+
+
+def save(path: Path, settings: Settings) -> str | None:
+    """Write the settings; what stood there before becomes the last good copy.  Returns why not, or None."""
+    document = {"levimass_settings": VERSION, **settings.values()}
+    beside = path.with_name(path.name + ".new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with beside.open("w", encoding="utf-8") as file:
+            json.dump(document, file, indent=1)
+            file.flush()
+            os.fsync(file.fileno())
+        if path.exists():
+            os.replace(path, _last_good(path))
+        os.replace(beside, path)
+    except OSError as error:
+        return f"The settings could not be saved: {error}"
+    return None
+
+
+def _read(path: Path) -> tuple[Settings, list[str]]:
+    try:
+        document: Any = json.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    if not isinstance(document, dict):
+        raise ValueError("not an object")
+    version = document.pop("levimass_settings", None)
+    if not isinstance(version, int) or version > VERSION:
+        raise ValueError(f"version {version!r} is not known to this program")
+    known = {field.name for field in fields(Settings)}
+    unknown = sorted(set(document) - known)
+    try:
+        return Settings(**{key: value for key, value in document.items() if key in known}), unknown
+    except TypeError as error:
+        raise WrongSettings(str(error)) from None
+
+
+def _last_good(path: Path) -> Path:
+    return path.with_name(path.name + ".last-good")
+
+
+def _set_aside(path: Path) -> None:
+    try:
+        os.replace(path, path.with_name(path.name + ".unreadable"))
+    except OSError:
+        return  # it will be refused again at the next start

@@ -1,0 +1,59 @@
+"""What the workbench has done with shots, as functions that can be sent to another process."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from analysis.diagnosis.result import Diagnosis
+from analysis.fit import Fit
+from analysis.shot import AnalysisSettings, Progress, Shot
+from app.report.export import export
+from app.report.page import report_of
+from app.session.jobs import Asked
+from app.session.load import load_and_analyse
+from app.session.model_in_use import refit, save_model
+from instrument.recording_writer import write_text_beside
+
+
+def open_shot(
+    path: Path, settings: AnalysisSettings, effects: tuple[str, ...], *, progress: Progress, cancelled: Asked
+) -> Shot:
+    """Return the recording at ``path`` analysed, and fitted with the effects in the model where there are any."""
+    shot = load_and_analyse(path, settings=settings, progress=progress, cancelled=cancelled)
+    fit = refit(shot, effects, cancelled) if effects and shot.fit is not None else None
+    return shot if fit is None else replace(shot, fit=fit)
+
+
+def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, cancelled: Asked) -> Fit | None:
+    """Return a shot's fit with these effects, or None where the data do not carry it."""
+    return refit(shot, effects, cancelled)
+
+
+def write_model(
+    path: Path,
+    shots: Sequence[Shot],
+    effects: tuple[str, ...],
+    diagnosis: Diagnosis | None,
+    *,
+    progress: Progress,
+    cancelled: Asked,
+) -> str:
+    """Write the model as these shots show it, and return what was done in words."""
+    progress("fitting the shots jointly", 0.2)
+    return save_model(path, shots, effects, diagnosis, cancelled)
+
+
+def write_report(
+    path: Path, shots: Sequence[Shot], diagnosis: Diagnosis | None, *, progress: Progress, cancelled: Asked
+) -> str:
+    """Write the report of these shots, and return what was done in words."""
+    progress("drawing the report", 0.2)
+    write_text_beside(path, report_of(shots, diagnosis), sync=True)
+    return f"Report of {len(shots)} shots saved as {path}"
+
+
+def write_csv(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Asked) -> str:
+    """Export these shots to a folder, and return what was done in words."""
+    progress("writing CSV", 0.1)
+    written = export(shots, folder)
+    return f"{len(shots)} shots exported to {folder} ({len(written)} files)"

@@ -1,0 +1,299 @@
+"""What the window does with shots away from the rig: open, re-analyse, export, diagnose, change the model.
+
+Plain Python: every piece of work is a job, done in a process of its own where there is one, and comes back as a
+Event that the screen polls.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from analysis.diagnosis import diagnose
+from analysis.diagnosis.model_file import SavedModel
+from analysis.shot import AnalysisSettings, Shot
+from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, SavedElsewhere
+from app.session.jobs import Asked, Job, Jobs, Report
+from app.session.model_in_use import load_model, model_words
+from app.session.saver import Saver
+from app.session.session import Entry, Session
+from app.session.shot_work import open_shot, refit_shot, write_csv, write_model, write_report
+from app.words.verdict import verdict_words
+from instrument.apart.work import WorkApart
+from instrument.recording_error import PartlySaved
+from instrument.recording_file import find_recordings, rewrite_note
+
+
+class Workbench:
+    """Session, jobs and the effects now in the model."""
+
+    def __init__(
+        self,
+        session: Session,
+        settings: Callable[[], AnalysisSettings],
+        saver: Saver | None = None,
+        apart: WorkApart | None = None,
+    ) -> None:
+        """``saver``: the session is saved by it, in its thread; ``apart`` does the long work, else the jobs' thread."""
+        self.session = session
+        self._saver = saver
+        self._apart = apart
+        if saver is not None:
+            session.save_by = saver.submit
+        self.jobs = Jobs()
+        self.errands = Jobs()  # short work that must not wait behind a diagnosis
+        self._paths_ahead: dict[str, str] = {}  # of shots saved elsewhere before they were analysed, by name
+        self.known: SavedModel | None = None  # the model file in use
+        self.diagnosed: Diagnosed | None = None
+        self._settings = settings
+        self._waiting: list[Event] = []
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Get the effects now in the model."""
+        return self.session.effects
+
+    def close(self) -> bool:
+        """Cancel all work and wait for it; return whether the threads ended."""
+        ended = self.jobs.close() & self.errands.close()
+        if self._apart is not None:
+            self._apart.close()
+        return ended & (self._saver is None or self._saver.close())
+
+    # what is asked for ------------------------------------------------------------------------------------------
+
+    def open_paths(self, paths: Sequence[Path]) -> int:
+        """Queue every recording under these files and folders; return how many."""
+        found = find_recordings(paths)
+        for path in found:
+            self._submit_open(path, self._settings())
+        return len(found)
+
+    def read_unread(self) -> None:
+        """Queue the recordings of entries that a reopened session lists."""
+        for entry in self.session.entries:
+            if entry.shot is None and entry.path is not None:
+                self._submit_fill(entry)
+
+    def reanalyse(self, numbers: Sequence[int]) -> int:
+        """Queue copies of these entries with the present settings; return how many."""
+        count = 0
+        for entry in self._entries(numbers):
+            if entry.path is not None:
+                self._submit_open(Path(entry.path), self._settings(), copy_of=entry.number)
+                count += 1
+        return count
+
+    def add_shot(self, shot: Shot) -> Entry:
+        """Take a shot that the rig captured and analysed; the model's effects join it in a job."""
+        path = self._paths_ahead.pop(shot.name, None) if shot.path is None else None
+        entry = self.session.add(shot if path is None else replace(shot, path=path))
+        if self.effects and shot.motion is not None and shot.fit is not None:
+            self._submit_refit([entry])
+        return entry
+
+    def export(self, numbers: Sequence[int], folder: Path) -> None:
+        """Queue the export of these entries, or of all when none is named."""
+        shots = [
+            replace(entry.shot, note=entry.note)
+            for entry in (self._entries(numbers) or self.session.entries)
+            if entry.shot is not None
+        ]
+
+        self._submit_export("export", partial(write_csv, shots, folder))
+
+    def save_elsewhere(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
+        """Queue the saving of shots that are only in memory; ``save`` does it and returns each one's path by name."""
+
+        def work(_: Report, __: Asked) -> SavedElsewhere:
+            try:
+                return SavedElsewhere(save(folder), folder)
+            except PartlySaved as error:
+                return SavedElsewhere(error.saved, folder, str(error))
+
+        self.errands.submit("saving elsewhere", work, "save")
+
+    def diagnose(self, numbers: Sequence[int]) -> str | None:
+        """Queue the diagnosis of these entries; return why not, or None."""
+        chosen = [entry for entry in self._entries(numbers) if entry.shot is not None and entry.shot.motion is not None]
+        if not chosen:
+            return "select at least one analysed shot"
+        models = {entry.settings.model for entry in chosen}
+        if len(models) > 1:
+            return f"the selected shots use different base models ({', '.join(sorted(models))}): select shots of one"
+        motions = [entry.shot.motion for entry in chosen if entry.shot is not None]
+        ids = tuple(entry.number for entry in chosen)
+        (model,) = models
+        judging = partial(diagnose, motions, model=model, accepted=self.effects)
+
+        def work(report: Report, cancelled: Asked) -> Diagnosed:
+            return Diagnosed(self._do(judging, report, cancelled), ids)
+
+        self.jobs.submit("diagnosis", work, "diagnosis")
+        return None
+
+    def set_note(self, number: int, note: str) -> None:
+        """Keep the operator's note in the session, and in the recording itself by a job."""
+        self.session.set_note(number, note)
+        entry = self.session.entry(number)
+        if entry is None or entry.path is None or not entry.path.endswith(".sigmf-meta"):
+            return
+        path = Path(entry.path)
+
+        def work(_: Report, __: Asked) -> None:
+            rewrite_note(path, note)
+
+        self.jobs.submit(f"note of {entry.name}", work, "note")
+
+    def set_effect(self, name: str, wanted: bool) -> None:
+        """Add an effect to the model or take it out; every shot of the session is fitted again."""
+        kept = tuple(effect for effect in self.effects if effect != name)
+        self._use((*kept, name) if wanted else kept)
+
+    def add_effects(self, names: Sequence[str]) -> None:
+        """Add several effects at once, so that the shots are fitted again but once, or not at all after a diagnosis."""
+        self._use((*self.effects, *(name for name in names if name not in self.effects)))
+
+    def _use(self, effects: tuple[str, ...]) -> None:
+        self.session.set_effects(effects)
+        done = self._take_fits_of_diagnosis()
+        self._submit_refit([e for e in self.session.entries if e.shot is not None and e.number not in done])
+
+    def save_model(self, numbers: Sequence[int], path: Path) -> None:
+        """Queue the writing of the model as these entries show it, or as all do when none is named."""
+        entries = [e for e in (self._entries(numbers) or self.session.entries) if e.shot is not None]
+        shots = [entry.shot for entry in entries if entry.shot is not None]
+        found, effects = self.diagnosed, self.effects
+        same = found is not None and {e.number for e in entries} == set(found.numbers)
+        diagnosis = found.diagnosis if found is not None and same else None
+
+        self._submit_export("model file", partial(write_model, path, shots, effects, diagnosis))
+
+    def load_model(self, path: Path) -> None:
+        """Queue the reading of a model file; its effects then are the model's, and every shot is fitted again."""
+        self.errands.submit("model file", lambda _, __: Loaded(load_model(path), path), "model")
+
+    def _take_fits_of_diagnosis(self) -> tuple[int, ...]:
+        """Give the diagnosed shots the fit the diagnosis already made with exactly these effects; return whose."""
+        found = self.diagnosed
+        if found is None or set(self.effects) != set(found.diagnosis.fit_after.effects):
+            return ()
+        joint = found.diagnosis.fit_after
+        for number, part in zip(found.numbers, joint.shots, strict=True):
+            entry = self.session.entry(number)
+            if entry is not None and entry.shot is not None:
+                fit = replace(joint, shots=(part,), reduced_chi2=part.reduced_chi2)
+                self.session.fill(number, replace(entry.shot, fit=fit))
+        self._waiting.append(Event(Kind.CHANGED, "", found.numbers))
+        return found.numbers
+
+    def report(self, numbers: Sequence[int], path: Path) -> None:
+        """Queue the report of these entries, or of all when none is named, as one HTML file."""
+        entries = self._entries(numbers) or list(self.session.entries)
+        shots = [replace(entry.shot, note=entry.note) for entry in entries if entry.shot is not None]
+        found = self.diagnosed
+        same = found is not None and set(found.numbers) <= {entry.number for entry in entries}
+        diagnosis = found.diagnosis if found is not None and same else None
+
+        self._submit_export("report", partial(write_report, path, shots, diagnosis))
+
+    # what ended -------------------------------------------------------------------------------------------------
+
+    def poll(self) -> list[Event]:
+        """Return what ended since the last call."""
+        for job in (*self.jobs.finished(), *self.errands.finished()):
+            if job.cancelled:
+                continue
+            if job.problem is not None:
+                self._waiting.append(Event(Kind.PROBLEM, f"{job.name}: {job.problem}"))
+            elif job.result is not None:
+                self._take(job)
+        happened, self._waiting = self._waiting, []
+        return happened
+
+    def _take(self, job: Job) -> None:
+        result = job.result
+        if isinstance(result, Event):
+            self._waiting.append(result)
+        elif isinstance(result, Diagnosed):
+            self.diagnosed = result
+            for number in result.numbers:
+                self.session.set_verdict(number, verdict_words(result.diagnosis))
+            self._waiting.append(Event(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
+        elif isinstance(result, SavedElsewhere):
+            self._take_saved(result)
+        elif isinstance(result, Loaded):
+            self.known = result.model
+            self._use(result.model.effects)
+            words = f"Model {model_words(result.model)}, taken from {result.path}"
+            self._waiting.append(Event(Kind.MODEL, words))
+        elif isinstance(result, Opened):
+            entry = self.session.add(result.shot, copy_of=result.copy_of)
+            self._waiting.append(Event(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
+        elif isinstance(result, Filled):
+            for number, shot in result.shots:
+                self.session.fill(number, shot)
+            self._waiting.append(Event(Kind.CHANGED, "", tuple(number for number, _ in result.shots)))
+
+    def _take_saved(self, result: SavedElsewhere) -> None:
+        for name, path in result.paths.items():
+            if not self.session.set_path(name, str(path)):
+                self._paths_ahead[name] = str(path)  # its analysis is still under way
+        count = len(result.paths)
+        words = f"{count} shot{'s' if count > 1 else ''} saved to {result.folder}" if count else "no shot waits"
+        if result.problem is None:
+            self._waiting.append(Event(Kind.EXPORTED, words))
+        else:
+            before = f"{words}; " if count else ""
+            self._waiting.append(Event(Kind.PROBLEM, f"{before}the rest stays in memory: {result.problem}"))
+
+    # the jobs ---------------------------------------------------------------------------------------------------
+
+    def _entries(self, numbers: Sequence[int]) -> list[Entry]:
+        return [entry for entry in self.session.entries if entry.number in numbers]
+
+    def _do(self, work: Callable[..., Any], report: Report, cancelled: Asked) -> Any:
+        """Do the long part of a job where the screen does not feel it; called in the jobs' thread."""
+        if self._apart is not None:
+            return self._apart.run(work, report, cancelled)
+        return work(progress=report, cancelled=cancelled)
+
+    def _submit_export(self, name: str, write: Callable[..., str]) -> None:
+        def work(report: Report, cancelled: Asked) -> Event:
+            return Event(Kind.EXPORTED, self._do(write, report, cancelled))
+
+        self.jobs.submit(name, work, "export")
+
+    def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
+        opening = partial(open_shot, path, settings, self.effects)
+
+        def work(report: Report, cancelled: Asked) -> Opened:
+            return Opened(self._do(opening, report, cancelled), copy_of)
+
+        self.jobs.submit(f"{path.name}", work, "open")
+
+    def _submit_fill(self, entry: Entry) -> None:
+        number, opening = entry.number, partial(open_shot, Path(entry.path or ""), entry.settings, self.effects)
+
+        def work(report: Report, cancelled: Asked) -> Filled:
+            return Filled(((number, self._do(opening, report, cancelled)),))
+
+        self.jobs.submit(entry.name, work, "open")
+
+    def _submit_refit(self, entries: Sequence[Entry]) -> None:
+        effects = self.effects
+
+        def work(report: Report, cancelled: Asked) -> Filled:
+            done: list[tuple[int, Shot]] = []
+            for place, entry in enumerate(entries):
+                shot = entry.shot
+                if shot is None or shot.motion is None or shot.fit is None:
+                    continue
+                report(f"fitting {entry.name}", place / len(entries))
+                fit = self._do(partial(refit_shot, shot, effects), report, cancelled)
+                if fit is not None:
+                    done.append((entry.number, replace(shot, fit=fit)))
+            return Filled(tuple(done))
+
+        self.jobs.submit("fit with the new model", work, "refit")

@@ -1,0 +1,1 @@
+"""The desktop window: presenters between the session and the panels, panels, plots."""

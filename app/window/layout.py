@@ -1,0 +1,144 @@
+"""How the panels stand in the window; what they do with one another is in ``window``."""
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QTabWidget, QVBoxLayout, QWidget
+
+from app.window.panels.banner import Banner
+from app.window.panels.budget import BudgetPanel
+from app.window.panels.compare import ComparePanel
+from app.window.panels.controls import Controls
+from app.window.panels.diagnosis import DiagnosisPanel
+from app.window.panels.key_sheet import KeySheet
+from app.window.panels.live import LivePanel
+from app.window.panels.mapping_sheet import MappingSheet
+from app.window.panels.model import ModelPanel
+from app.window.panels.numbers import NumbersPanel
+from app.window.panels.paper import PaperPanel
+from app.window.panels.session_table import SessionTable
+from app.window.panels.settings_sheet import SettingsSheet
+from app.window.panels.setup_sheet import SetupSheet
+from app.window.panels.shot import ShotPanel
+from app.window.panels.signal_line import SignalLine
+from app.window.panels.spectrum import SpectrumPanel
+from app.window.panels.tour import Tour
+from app.window.panels.work_line import WorkLine
+from app.window.plots.plot_view import PlotView
+from app.window.theme import Theme
+
+
+class Layout(QWidget):
+    """All panels, placed; the two sheets lie over them and are hidden."""
+
+    LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS, BUDGET, PAPER = range(7)
+
+    def __init__(self, theme: Theme, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        c = theme.colours
+        self.controls = Controls(self)
+        self.banner = Banner(c, self)
+        self.signals = SignalLine(c, self)
+        self.live = LivePanel(c, self)
+        self.shot = ShotPanel(c, self)
+        self.compare = ComparePanel(c, self)
+        self.spectrum = SpectrumPanel(c, self)
+        self.diagnosis = DiagnosisPanel(c, self)
+        self.budget = BudgetPanel(self)
+        self.paper = PaperPanel(c, self)
+        self.numbers = NumbersPanel(c, self)
+        self.model = ModelPanel(c, self)
+        self.table = SessionTable(self)
+        self.work = WorkLine(c, self)
+        self.tabs = QTabWidget(self)
+        self.tabs.setDocumentMode(True)
+        self.tabs.setAccessibleName("Pages")
+        # none of the pages widens the window, whatever it shows
+        self.tabs.setMinimumWidth(54 * self.fontMetrics().horizontalAdvance("M"))
+        for name, page in (
+            ("LIVE", self.live),
+            ("SHOT", self.shot),
+            ("COMPARE", self.compare),
+            ("SPECTRUM", self.spectrum),
+            ("DIAGNOSIS", self.diagnosis),
+            ("BUDGET", self.budget),
+            ("PAPER", self.paper),
+        ):
+            index = self.tabs.addTab(page, name)
+            self.tabs.setTabToolTip(index, f"{name}  (Ctrl+{index + 1})")
+        self._place()
+        self.settings = SettingsSheet(c, self)
+        self.setup = SetupSheet(c, self)
+        self.mapping = MappingSheet(c, self)
+        self.keys = KeySheet(self)
+        self.tour = Tour(c, self)
+        self._theme = theme
+
+    def _place(self) -> None:
+        column = QVBoxLayout(self)
+        column.setContentsMargins(8, 8, 8, 6)
+        column.setSpacing(6)
+        top = QHBoxLayout()
+        top.setSpacing(10)
+        top.addWidget(self.controls)
+        top.addWidget(self.banner, 1)
+        column.addLayout(top)
+        column.addWidget(self.signals)
+        side = QFrame(self)
+        side.setProperty("card", True)
+        side_column = QVBoxLayout(side)
+        side_column.setContentsMargins(1, 1, 1, 1)
+        side_column.setSpacing(0)
+        side_column.addWidget(self.numbers, 1)
+        side_column.addWidget(self.model)
+        side.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Preferred)
+        across = QSplitter(Qt.Orientation.Horizontal, self)
+        across.addWidget(self.tabs)
+        across.addWidget(side)
+        across.setStretchFactor(0, 1)
+        across.setStretchFactor(1, 0)
+        across.setChildrenCollapsible(False)
+        down = QSplitter(Qt.Orientation.Vertical, self)
+        down.addWidget(across)
+        down.addWidget(self.table)
+        down.setStretchFactor(0, 1)
+        down.setStretchFactor(1, 0)
+        down.setSizes([720, 150])
+        down.setChildrenCollapsible(False)
+        column.addWidget(down, 1)
+        column.addWidget(self.work)
+
+    def dress(self) -> None:
+        """Give every panel the theme's colours."""
+        for panel in (
+            self.banner,
+            self.signals,
+            self.live,
+            self.shot,
+            self.compare,
+            self.spectrum,
+            self.diagnosis,
+            self.paper,
+            self.numbers,
+            self.model,
+            self.work.notices,
+            self.settings,
+            self.setup,
+            self.mapping,
+            self.tour,
+        ):
+            panel.dress(self._theme.colours)
+
+    def plot_in_front(self) -> PlotView | None:
+        """Return the plot that the keys act on: of the page in front the one in focus, else its first."""
+        page = self.tabs.currentWidget()
+        if isinstance(page, LivePanel | ShotPanel | ComparePanel | SpectrumPanel | DiagnosisPanel):
+            return page.plot_in_front()
+        return None
+
+    def place_sheets(self) -> None:
+        """Keep the sheets where they belong after a change of size."""
+        self.settings.place()
+        self.setup.place()
+        self.mapping.place()
+        self.tour.place()
+        if self.keys.isVisible():
+            self.keys.place()

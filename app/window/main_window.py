@@ -1,0 +1,208 @@
+"""The desktop window: composes panels and presenters, and pulls what is new 28 times a second."""
+
+import signal
+import sys
+from pathlib import Path
+
+from platformdirs import user_config_path
+from PySide6.QtCore import Qt, QTimer, Slot
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
+from PySide6.QtWidgets import QApplication, QMainWindow
+
+from app.session.choices import Choices
+from app.session.rig import Open, Rig
+from app.session.saver import Saver
+from app.session.session import Entry, Session
+from app.session.warm import Kernels, run_once
+from app.session.workbench import Workbench
+from app.window import keyboard
+from app.window.layout import Layout
+from app.window.presenters.diagnosis import DiagnosisPresenter
+from app.window.presenters.mapping import MappingPresenter
+from app.window.presenters.model import ModelPresenter
+from app.window.presenters.rig import RigPresenter
+from app.window.presenters.selection import SelectionPresenter
+from app.window.presenters.session import SessionPresenter
+from app.window.presenters.setup import SetupPresenter
+from app.window.presenters.tables import TablesPresenter
+from app.window.presenters.tour import TourPresenter
+from app.window.presenters.view import ViewPresenter
+from app.window.theme import Theme, Tone
+from instrument.apart.analysis import AnalysisApart
+from instrument.apart.digitizer import open_apart
+from instrument.apart.work import WorkApart
+from instrument.snapshot import FinishedShot
+
+PULL_MS = 35
+SWITCH_S = 5e-4  # a busy thread gives way this soon; Python's own 5 ms, at each of a frame's many calls, adds up
+
+
+class MainWindow(QMainWindow):
+    """The one window.  Whatever takes longer than a frame runs in the rig's threads, the jobs' or a child."""
+
+    def __init__(self, rig: Rig, workbench: Workbench, theme: Theme, choices: Choices, kernels: Kernels) -> None:
+        super().__init__()
+        self.setWindowTitle("Levimass")
+        self.setAcceptDrops(True)
+        self.rig, self.workbench, self.theme = rig, workbench, theme
+        self._warned = False  # that shots are only in memory
+        self.panels = Layout(theme, self)
+        self.setCentralWidget(self.panels)
+        self.rig_presenter = RigPresenter(rig, choices, self.panels, self)
+        self.selection_presenter = SelectionPresenter(workbench, self.panels, self)
+        self.session_presenter = SessionPresenter(workbench, self.panels, self.selection_presenter, self)
+        self.diagnosis_presenter = DiagnosisPresenter(workbench, self.panels, self)
+        self.view_presenter = ViewPresenter(self.panels, self)
+        self.setup_presenter = SetupPresenter(rig, choices, workbench.errands, self.panels, self)
+        self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
+        self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
+        self.tour_presenter = TourPresenter(choices, self.panels, self)
+        self.mapping_presenter = MappingPresenter(workbench, choices, self.panels, self)
+        self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
+        self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
+        self.model_presenter = ModelPresenter(workbench, choices, self.panels, self.selection_presenter.front, self)
+        for presenter in (self.rig_presenter, self.session_presenter, self.view_presenter, self.model_presenter):
+            presenter.said.connect(self.say)
+        self.rig_presenter.shot_finished.connect(self._shot_finished)
+        self.session_presenter.arrived.connect(self._arrived)
+        self.rig_presenter.save_elsewhere_wanted.connect(self._save_elsewhere)
+        self.rig_presenter.appearance_chosen.connect(self._appearance_chosen)
+        theme.changed.connect(self._dress)
+        presenters = (
+            self.rig_presenter,
+            self.session_presenter,
+            self.diagnosis_presenter,
+            self.view_presenter,
+            self.model_presenter,
+            self.setup_presenter,
+            self.tour_presenter,
+        )
+        keyboard.bind(self, (*presenters, self))
+        if workbench.session.problem:
+            self.say(workbench.session.problem, Tone.WARNING)
+        for words in choices.warnings:
+            self.say(words, Tone.WARNING)
+        workbench.jobs.submit("kernels", kernels.work, "warm")
+        workbench.read_unread()
+        self.session_presenter.refresh()
+        if workbench.session.entries:  # a session reopens where it was: at its last shot
+            self.panels.table.select([workbench.session.entries[-1].number])
+        self._dress()
+        self.pull()
+        self._timer = QTimer(self)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._timer.timeout.connect(self.pull)
+        self._timer.start(PULL_MS)
+        self.panels.controls.arm.setFocus()
+
+    @Slot()
+    def pull(self) -> None:
+        """Bring the screen up to date; the only place where it happens."""
+        snapshot = self.rig_presenter.refresh()
+        self.session_presenter.rig_doing, self.session_presenter.rig_share = snapshot.doing, snapshot.progress
+        self.session_presenter.refresh()
+        self.selection_presenter.refresh()
+        self.diagnosis_presenter.refresh()
+        self.tables_presenter.refresh()
+        self.model_presenter.refresh()
+        self.mapping_presenter.refresh()
+        self.setup_presenter.refresh(snapshot)
+
+    @Slot(str, Tone)
+    def say(self, words: str, tone: Tone) -> None:
+        """Show a message in the lowest line."""
+        self.panels.work.notices.say(words, tone)
+
+    @Slot(object)
+    def _shot_finished(self, finished: FinishedShot) -> None:
+        self.session_presenter.take(finished, stay=self.rig.rearm)
+
+    @Slot(object)
+    def _save_elsewhere(self, folder: Path) -> None:
+        self.workbench.save_elsewhere(self.rig.save_pending, folder)
+
+    @Slot(object)
+    def _arrived(self, entry: Entry) -> None:
+        self.rig_presenter.remember(entry)
+
+    @Slot(str)
+    def _appearance_chosen(self, choice: str) -> None:
+        self.theme.choose(choice)
+
+    @Slot()
+    def _dress(self) -> None:
+        self.panels.dress()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Press the button in focus by Enter."""
+        if not keyboard.pressed_by_enter(self.focusWidget(), event):
+            super().keyPressEvent(event)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the sheets in place."""
+        super().resizeEvent(event)
+        self.panels.place_sheets()
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        """Take files."""
+        if event.mimeData().hasUrls():
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        """Open the recordings dropped on the window."""
+        paths = [Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()]
+        self.session_presenter.open_paths(paths)
+        event.acceptProposedAction()
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """End every thread before the window goes; shots only in memory ask for a second thought."""
+        unsaved = len(self.rig.latest().unsaved)
+        if unsaved and not self._warned:
+            self._warned = True
+            what = "1 shot is" if unsaved == 1 else f"{unsaved} shots are"
+            self.say(f"{what} only in memory: save elsewhere (Ctrl+S), or close again to drop them", Tone.BAD)
+            event.ignore()
+            return
+        self._timer.stop()
+        self.workbench.close()
+        self.rig.close()
+        event.accept()
+
+
+def open_window(folder: Path, open_digitizer: Open = open_apart, *, apart: bool = True) -> MainWindow:
+    """Return the window, not shown yet, with settings and session kept in ``folder``.
+
+    ``apart``: the rig's shots are analysed in a process of their own, what is asked for beside it in another.
+    """
+    sys.setswitchinterval(SWITCH_S)
+    choices = Choices(folder / "settings.json")
+    theme = Theme(choices.settings.appearance)
+    analyst, helper = (AnalysisApart(run_once), WorkApart(run_once)) if apart else (None, None)
+    kernels = Kernels([child.start for child in (analyst, helper) if child is not None])
+    rig = Rig(
+        choices.options,
+        choices.analysis,
+        kernels.wait,
+        source=choices.settings.source,
+        open_digitizer=open_digitizer,
+        analyst=analyst,
+    )
+    workbench = Workbench(Session.reopen(folder / "session.json"), choices.analysis, Saver(), helper)
+    window = MainWindow(rig, workbench, theme, choices, kernels)
+    theme.setParent(window)
+    room = window.screen().availableSize()
+    window.resize(min(1480, room.width()), min(920, room.height()))
+    return window
+
+
+def run(argv: list[str]) -> int:
+    """Open the window on the simulated bench and stay until it is closed; return the exit status."""
+    application = QApplication.instance() or QApplication([sys.argv[0] if sys.argv else "levimass", *argv])
+    assert isinstance(application, QApplication)
+    application.setApplicationName("Levimass")
+    application.setStyle("Fusion")
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Qt's loop never returns to Python for a Ctrl+C
+    window = open_window(user_config_path("levimass"))
+    window.show()
+    window.tour_presenter.start_once()
+    return application.exec()

@@ -1,0 +1,132 @@
+"""The state of the instrument, readable from two metres: one word, one sign, one colour, and what to do."""
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QFontMetrics, QResizeEvent
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from app.window.theme import Colours, Tone, sized
+
+SIGNS = {
+    Tone.NEUTRAL: "■",
+    Tone.WAITING: "◉",
+    Tone.BUSY: "▶",
+    Tone.GOOD: "✓",
+    Tone.WARNING: "!",
+    Tone.BAD: "✗",
+}
+FACTORS = (1.15, 1.0, 0.85)  # of the system's font, for the sentence
+
+
+class Banner(QFrame):
+    """A coloured, worded sign.  Nothing in it moves when its words change."""
+
+    save_wanted = Signal()
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._tone = Tone.NEUTRAL
+        self.setObjectName("banner")
+        row = QHBoxLayout(self)
+        row.setContentsMargins(16, 6, 16, 6)
+        row.setSpacing(14)
+        self._sign = QLabel(self)
+        self._word = QLabel(self)
+        self._detail = QLabel(self)
+        self._clock = QLabel(self)
+        self._sign.setFont(sized(self.font(), 2.3, bold=True))
+        self._word.setFont(sized(self.font(), 2.3, bold=True))
+        self._clock.setFont(sized(self.font(), 2.0, bold=True))
+        self._detail.setFont(sized(self.font(), 1.15))
+        self._detail.setWordWrap(True)
+        self._detail.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._sign.setFixedWidth(self._sign.fontMetrics().horizontalAdvance("◉◉"))
+        self._sign.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._word.setMinimumWidth(self._word.fontMetrics().horizontalAdvance("ANALYSING"))
+        self._clock.setFixedWidth(self._clock.fontMetrics().horizontalAdvance("00:00 "))
+        self._clock.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        column = QVBoxLayout()
+        column.setSpacing(0)
+        row.addWidget(self._sign)
+        row.addWidget(self._word)
+        row.addWidget(self._detail, 1)
+        self.save_elsewhere = QPushButton("Save elsewhere …", self)
+        self.save_elsewhere.setToolTip("Save the shots that are only in memory to another folder  (Ctrl+S)")
+        self.save_elsewhere.setMinimumHeight(int(2.2 * self.fontMetrics().height()))
+        self.save_elsewhere.clicked.connect(self._save)
+        self.save_elsewhere.hide()
+        row.addWidget(self.save_elsewhere)
+        row.addWidget(self._clock)
+        self.setFixedHeight(max(self._word.sizeHint().height() + 12, 3 * self._detail.fontMetrics().lineSpacing() + 12))
+        self.setAccessibleName("State of the instrument")
+        self.show_state("READY", "", Tone.NEUTRAL)
+
+    @property
+    def word(self) -> str:
+        """Get the state's word."""
+        return self._word.text()
+
+    @property
+    def detail(self) -> str:
+        """Get the sentence beside it."""
+        return self._detail.text()
+
+    @property
+    def tone(self) -> Tone:
+        """Get the tone."""
+        return self._tone
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        background, text = colours.tones[self._tone]
+        self.setStyleSheet(
+            f"#banner {{ background: {background}; border-radius: 6px; }} #banner QLabel {{ color: {text}; }}"
+        )
+
+    def offer_saving(self, unsaved: int) -> None:
+        """Show the button that saves elsewhere while shots are only in memory."""
+        if self.save_elsewhere.isHidden() == (unsaved > 0):
+            self.save_elsewhere.setVisible(unsaved > 0)
+            self._clock.setVisible(unsaved == 0)  # its room is needed for the words
+            self._fit()
+        words = f"Save {unsaved} shot{'s' if unsaved > 1 else ''} elsewhere …"
+        if unsaved and self.save_elsewhere.text() != words:
+            self.save_elsewhere.setText(words)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Fit the sentence anew."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Take the largest font in which the whole sentence can be read."""
+        self.layout().activate()
+        room = self.contentsRect().height() - 12
+        for factor in FACTORS:
+            font = sized(self.font(), factor)
+            flags = Qt.TextFlag.TextWordWrap.value
+            needed = QFontMetrics(font).boundingRect(0, 0, self._detail.width(), 10_000, flags, self._detail.text())
+            if needed.height() <= room or factor == FACTORS[-1]:
+                if self._detail.font() != font:
+                    self._detail.setFont(font)
+                return
+
+    @Slot()
+    def _save(self) -> None:
+        self.save_wanted.emit()
+
+    def show_state(self, word: str, detail: str, tone: Tone, clock: str = "") -> None:
+        """Show a state; called at every pull, so it touches only what changed."""
+        if tone is not self._tone or not self._sign.text():
+            self._tone = tone
+            self._sign.setText(SIGNS[tone])
+            self.dress(self._colours)
+        if word != self._word.text() or detail != self._detail.text():
+            self._word.setText(word)
+            self._detail.setText(detail)
+            self._detail.setToolTip(detail)
+            self.setAccessibleDescription(f"{word}. {detail}")
+            self._fit()
+        if clock != self._clock.text():
+            self._clock.setText(clock)

@@ -1,0 +1,80 @@
+"""The uncertainty budget on the screen: each result with its combined parts; unfold it for its sources."""
+
+from collections.abc import Sequence
+
+from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+
+from analysis.budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
+from analysis.instrument_uncertainty import InstrumentUncertainty
+from analysis.shot import Shot
+from app.window.panels.tree_table import Line, TreeTable
+from app.words.wording import DASH, number, value_text
+
+COLUMNS = (
+    "result / source",
+    "value / u(x)",
+    "unit",
+    "A / type",
+    "B / sensitivity",
+    "combined / part",
+    "expanded / share",
+)
+
+
+class BudgetPanel(QWidget):
+    """Shows one shot's budget; other shots tell its repeatability."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(6, 6, 6, 6)
+        self._say = QLabel(self)
+        self._say.setWordWrap(True)
+        self._say.setProperty("faint", True)
+        self.table = TreeTable("Uncertainty budget", COLUMNS, (1, 3, 4, 5, 6), self)
+        column.addWidget(self._say)
+        column.addWidget(self.table, 1)
+        self.show_shot(None)
+
+    def show_shot(
+        self, shot: Shot | None, others: Sequence[Shot] = (), instrument: InstrumentUncertainty | None = None
+    ) -> None:
+        """Show a shot's budget, or why there is none."""
+        found = None if shot is None else budget(shot, instrument, others)
+        if found is None or not found.quantities:
+            self._say.setText("No shot yet." if shot is None else f"No budget: {shot.problem or 'no impact was read'}.")
+            self.table.show_lines([])
+            return
+        self._say.setText(
+            f"Standard uncertainties; expanded with k = {number(COVERAGE_FACTOR)} (about 95 %). Type A from this "
+            "measurement's own scatter, type B stated. Unfold a result for its sources."
+        )
+        self.table.show_lines([_line(quantity) for quantity in found.quantities])
+
+
+def _line(q: QuantityBudget) -> Line:
+    cells = (
+        q.words,
+        value_text(q.quantity),
+        "" if q.unit == "1" else q.unit,
+        number(q.std_a, 2),
+        number(q.std_b, 2),
+        number(q.std, 2),
+        number(q.expanded, 2),
+    )
+    return Line(cells, f"{q.words}: combined standard uncertainty", tuple(_part(row, q) for row in q.rows), True)
+
+
+def _part(row: BudgetRow, q: QuantityBudget) -> Line:
+    share = (row.contribution / q.std) ** 2 if q.std > 0.0 else 0.0
+    known = row.std is not None
+    cells = (
+        row.source,
+        number(row.std, 3),
+        "" if row.unit == "1" else row.unit,
+        row.kind,
+        number(row.sensitivity, 3),
+        number(row.contribution, 2) if known else DASH,
+        f"{number(100.0 * share, 2)} %" if known and share >= 1e-4 else "0 %" if known else DASH,
+    )
+    return Line(cells, row.how)

@@ -1,0 +1,76 @@
+"""Every effect that a diagnosis tried, best first: a bar, its score in words, its evidence."""
+
+from PySide6.QtCore import QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtWidgets import QGridLayout, QLabel, QScrollArea, QSizePolicy, QWidget
+
+from analysis.diagnosis.result import Candidate
+from app.window.theme import MARKS, Colours, Tone
+from app.words.wording import DASH, effect_words, number, parameter_words
+
+SHOWN_CANDIDATES = 19
+
+
+class Bar(QWidget):
+    """A horizontal bar; its length is said in words beside it."""
+
+    def __init__(self, share: float, colour: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._share, self._colour = min(1.0, max(0.0, share)), colour
+        self.setMinimumSize(QSize(24, 12))
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+
+    def paintEvent(self, _: QPaintEvent) -> None:
+        """Draw the bar."""
+        painter = QPainter(self)
+        painter.fillRect(QRectF(0, 1, max(1.0, self._share * self.width()), self.height() - 2), QColor(self._colour))
+
+
+class CandidateBars(QScrollArea):
+    """Every effect that was tried, best first."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self.setWidgetResizable(True)
+        self.setAccessibleName("Effects that were tried, best first")
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours used from the next show on."""
+        self._colours = colours
+
+    def show_candidates(self, candidates: tuple[Candidate, ...], named: set[str]) -> None:
+        """Show the candidates; named ones carry a tick."""
+        inner = QWidget(self)
+        grid = QGridLayout(inner)
+        grid.setContentsMargins(4, 2, 10, 2)
+        grid.setVerticalSpacing(3)
+        grid.setColumnStretch(1, 1)
+        most = max((abs(candidate.score) for candidate in candidates), default=1.0) or 1.0
+        ranked = sorted(candidates, key=lambda c: (c.name not in named, -abs(c.score)))
+        for line, candidate in enumerate(ranked[:SHOWN_CANDIDATES]):
+            chosen = candidate.name in named
+            mark = f"{MARKS[Tone.GOOD]} " if chosen else ""
+            name = QLabel(mark + effect_words(candidate.name), inner)
+            name.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+            font = name.font()
+            font.setBold(chosen)
+            name.setFont(font)
+            colour = self._colours.simulated if chosen else self._colours.marker
+            score = QLabel(number(candidate.score, 3), inner)
+            score.setAlignment(Qt.AlignmentFlag.AlignRight)
+            bic = DASH if candidate.delta_bic is None else f"ΔBIC {number(candidate.delta_bic, 3)}"
+            evidence = QLabel(bic, inner)
+            evidence.setProperty("faint", True)
+            hover = "<br>".join(
+                [f"<b>{candidate.name}</b>", candidate.remark]
+                + [parameter_words(key, value) for key, value in candidate.parameters.items()]
+            )
+            for place, widget in enumerate((name, Bar(abs(candidate.score) / most, colour, inner), score, evidence)):
+                widget.setToolTip(hover)
+                grid.addWidget(widget, line, place)
+        grid.setRowStretch(SHOWN_CANDIDATES, 1)
+        self.setWidget(inner)
+        if candidates:
+            self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())

@@ -1,0 +1,89 @@
+"""What an operator presses: source, ARM, Abort, automatic re-arm."""
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton, QWidget
+
+from app.window.theme import sized
+
+
+class Controls(QWidget):
+    """Buttons and the source chooser; says what is wanted, does nothing itself."""
+
+    arm_wanted = Signal()
+    abort_wanted = Signal()
+    rearm_changed = Signal(bool)
+    source_chosen = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.setSpacing(8)
+        self.source = QComboBox(self)
+        self.source.setAccessibleName("Source of the samples")
+        self.source.setToolTip("Where the samples come from: the simulated bench, a recording, or a device  (S)")
+        self.source.setMinimumWidth(self.fontMetrics().horizontalAdvance("Simulated bench, no device M") + 40)
+        self.arm = QPushButton("ARM", self)
+        self.arm.setProperty("primary", True)
+        self.arm.setToolTip("Wait for the light switch and record the next shot  (space)")
+        self.abort = QPushButton("Abort", self)
+        self.abort.setToolTip("Stop waiting or recording; finished shots are kept  (Esc)")
+        for button, words in ((self.arm, "ARM"), (self.abort, "Abort")):
+            button.setFont(sized(self.font(), 1.35, bold=True))
+            button.setAccessibleName(words)
+            button.setMinimumHeight(int(2.6 * self.fontMetrics().height()))
+        self.arm.setMinimumWidth(self.fontMetrics().horizontalAdvance("M") * 13)
+        self.abort.setMinimumWidth(self.fontMetrics().horizontalAdvance("M") * 9)
+        self.source.setMinimumHeight(self.arm.minimumHeight())
+        self.rearm = QCheckBox("re-arm by itself", self)
+        self.rearm.setToolTip("Arm again after each shot, until Abort  (R)")
+        row.addWidget(self.source)
+        row.addWidget(self.arm)
+        row.addWidget(self.abort)
+        row.addWidget(self.rearm)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.arm.clicked.connect(self._arm)
+        self.abort.clicked.connect(self._abort)
+        self.rearm.toggled.connect(self._rearm)
+        self.source.activated.connect(self._chosen)
+        QWidget.setTabOrder(self.source, self.arm)
+        QWidget.setTabOrder(self.arm, self.abort)
+        QWidget.setTabOrder(self.abort, self.rearm)
+
+    def offer_sources(self, sources: list[tuple[str, str]], present: str) -> None:
+        """List the sources as (name for open_source, words); the present one is selected."""
+        self.source.blockSignals(True)
+        self.source.clear()
+        for name, words in sources:
+            self.source.addItem(words, name)
+        place = self.source.findData(present)
+        if place < 0:
+            self.source.addItem(present, present)
+            place = self.source.count() - 1
+        self.source.setCurrentIndex(place)
+        self.source.blockSignals(False)
+
+    def show_state(self, can_arm: bool, can_abort: bool) -> None:
+        """Enable what makes sense now."""
+        if self.arm.isEnabled() != can_arm:
+            self.arm.setEnabled(can_arm)
+        if self.abort.isEnabled() != can_abort:
+            self.abort.setEnabled(can_abort)
+        if self.source.isEnabled() != can_arm:
+            self.source.setEnabled(can_arm)
+
+    @Slot()
+    def _arm(self) -> None:
+        self.arm_wanted.emit()
+
+    @Slot()
+    def _abort(self) -> None:
+        self.abort_wanted.emit()
+
+    @Slot(bool)
+    def _rearm(self, on: bool) -> None:
+        self.rearm_changed.emit(on)
+
+    @Slot(int)
+    def _chosen(self, _: int) -> None:
+        self.source_chosen.emit(str(self.source.currentData()))

@@ -1,0 +1,191 @@
+"""DIAGNOSIS: the verdict in words first, then the candidates, the residual before and after, and what was blind."""
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.shot import Shot
+from app.window.panels.candidates import CandidateBars
+from app.window.panels.effect_rows import EffectRows
+from app.window.panels.residuals import Residuals
+from app.window.plots.plot_view import PlotView
+from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.wording import local_words
+
+TONES = {Verdict.ADEQUATE: Tone.GOOD, Verdict.EFFECT_FOUND: Tone.WARNING, Verdict.UNEXPLAINED: Tone.BAD}
+WORDS = {
+    Verdict.ADEQUATE: "ADEQUATE",
+    Verdict.EFFECT_FOUND: "EFFECT FOUND",
+    Verdict.UNEXPLAINED: "UNEXPLAINED",
+}
+
+
+class DiagnosisPanel(QWidget):
+    """What the model lacks, on which evidence, and the button that adds it."""
+
+    diagnose_wanted = Signal()
+    cancel_wanted = Signal()
+    add_wanted = Signal(list)  # names of effects
+    remove_wanted = Signal(str)
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._diagnosis: Diagnosis | None = None
+        self._shots: list[Shot] = []
+        self._model_effects: tuple[str, ...] = ()
+        self._busy = False
+        column = QVBoxLayout(self)
+        column.setContentsMargins(10, 8, 10, 6)
+        column.setSpacing(6)
+        top = QHBoxLayout()
+        self._verdict = QLabel(self)
+        self._verdict.setFont(sized(self.font(), 1.5, bold=True))
+        self._verdict.setMinimumWidth(self._verdict.fontMetrics().horizontalAdvance("✗ UNEXPLAINED  "))
+        top.addWidget(self._verdict)
+        top.addStretch(1)
+        self.progress = QProgressBar(self)
+        self.progress.setRange(0, 1000)
+        self.progress.setAccessibleName("Progress of the diagnosis")
+        self.progress.setMinimumWidth(260)
+        policy = self.progress.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)
+        self.progress.setSizePolicy(policy)
+        self.cancel = QPushButton("Cancel", self)
+        policy = self.cancel.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)
+        self.cancel.setSizePolicy(policy)
+        self.cancel.setToolTip("Stop the diagnosis; the one before is kept")
+        self.diagnose = QPushButton("Diagnose selected shots", self)
+        self.diagnose.setProperty("primary", True)
+        self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
+        for widget in (self.progress, self.cancel, self.diagnose):
+            top.addWidget(widget)
+        column.addLayout(top)
+        self._sentence = QLabel(self)
+        self._sentence.setWordWrap(True)
+        self._sentence.setFont(sized(self.font(), 1.2))
+        self._sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        column.addWidget(self._sentence)
+        self.effects = EffectRows(self)
+        self.effects.add_wanted.connect(self.add_wanted)
+        self.effects.remove_wanted.connect(self.remove_wanted)
+        column.addWidget(self.effects)
+        split = self._evidence = QSplitter(Qt.Orientation.Horizontal, self)
+        left = QWidget(split)
+        left_column = QVBoxLayout(left)
+        left_column.setContentsMargins(0, 0, 0, 0)
+        heading = QLabel("CANDIDATES, BEST FIRST", left)
+        heading.setProperty("heading", True)
+        left_column.addWidget(heading)
+        self.bars = CandidateBars(colours, left)
+        left_column.addWidget(self.bars, 1)
+        self.residuals = Residuals(colours, split)
+        split.setSizes([480, 500])
+        split.setChildrenCollapsible(False)
+        column.addWidget(split, 1)
+        self._blind = QLabel(self)
+        self._blind.setWordWrap(True)
+        self._blind.setProperty("faint", True)
+        self._blind.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        column.addWidget(self._blind)
+        column.addStretch(0)
+        self.diagnose.clicked.connect(self._diagnose)
+        self.cancel.clicked.connect(self._cancel)
+        self.show_progress(None, 0.0)
+        self.dress(colours)
+        self.show_diagnosis(None, [])
+
+    @property
+    def diagnosis(self) -> Diagnosis | None:
+        """Get the diagnosis shown."""
+        return self._diagnosis
+
+    @property
+    def sentence(self) -> str:
+        """Get the verdict sentence."""
+        return self._sentence.text()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self.residuals.dress(colours)
+        self.bars.dress(colours)
+        self.show_diagnosis(self._diagnosis, self._shots, self._model_effects)
+
+    def show_progress(self, what: str | None, fraction: float) -> None:
+        """Show what is being done; None: nothing is."""
+        busy = what is not None
+        if busy != self._busy and self._diagnosis is None:
+            self._busy = busy
+            self.show_diagnosis(None, self._shots, self._model_effects)
+        self._busy = busy
+        self.progress.setVisible(busy)
+        self.cancel.setVisible(busy)
+        self.diagnose.setEnabled(not busy)
+        if busy:
+            self.progress.setValue(round(1000 * fraction))
+            self.progress.setFormat(f"{what}  %p %")
+
+    def show_problem(self, problem: str) -> None:
+        """Show why there is no diagnosis."""
+        self._verdict.setText(f"{MARKS[Tone.BAD]} NO DIAGNOSIS")
+        self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
+        self._sentence.setText(problem)
+
+    def show_diagnosis(
+        self, diagnosis: Diagnosis | None, shots: list[Shot], model_effects: tuple[str, ...] = ()
+    ) -> None:
+        """Show a diagnosis over these shots; ``model_effects`` are the effects now in the model."""
+        self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
+        self.effects.show_effects(diagnosis.effects if diagnosis is not None else (), model_effects)
+        self._evidence.setVisible(diagnosis is not None)
+        if diagnosis is None:
+            self._verdict.setText(
+                f"{MARKS[Tone.BUSY]} diagnosing" if self._busy else f"{MARKS[Tone.NEUTRAL]} not diagnosed"
+            )
+            self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL]}")
+            self._sentence.setText(
+                "The selected shots are looked at together; you can go on working, and take shots, meanwhile."
+                if self._busy
+                else "Select one or several shots below and press Diagnose: the program looks at what the model leaves "
+                "over, and says which effect the model lacks, if any. Shots at different speeds tell more."
+            )
+            self._blind.setText("")
+            self.bars.show_candidates((), set())
+            self.residuals.clear()
+            return
+        tone = TONES[diagnosis.verdict]
+        words = WORDS[diagnosis.verdict]
+        if diagnosis.effects and all(effect.name in model_effects for effect in diagnosis.effects):
+            tone, words = Tone.GOOD, f"{words}, IN THE MODEL"
+        self._verdict.setText(f"{MARKS[tone]} {words}")
+        self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
+        self._sentence.setText(local_words(diagnosis.sentence))
+        self.bars.show_candidates(diagnosis.candidates, {effect.name for effect in diagnosis.effects})
+        blind = list(diagnosis.blind_spots)
+        lines = [f"Remainder: {diagnosis.remainder}"] if diagnosis.remainder else []
+        lines += [f"What would separate these: {diagnosis.separating_shot}"] if diagnosis.separating_shot else []
+        lines += [f"What this data could not show: {'; '.join(blind)}"] if blind else []
+        self._blind.setText(local_words("\n".join(lines)))
+        self.residuals.show_diagnosis(diagnosis, shots)
+
+    def plot_in_front(self) -> PlotView:
+        """Return the residuals."""
+        return self.residuals.stack
+
+    @Slot()
+    def _diagnose(self) -> None:
+        self.diagnose_wanted.emit()
+
+    @Slot()
+    def _cancel(self) -> None:
+        self.cancel_wanted.emit()

@@ -1,0 +1,91 @@
+"""The effects a diagnosis found and those in the model, each in words with the button that adds or removes it."""
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from analysis.diagnosis.result import FoundEffect
+from app.window.clear_layout import clear_layout
+from app.words.wording import effect_words, parameter_words
+
+
+class EffectRows(QWidget):
+    """One row an effect, and one button for all where several are missing."""
+
+    add_wanted = Signal(list)  # names
+    remove_wanted = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._column = QVBoxLayout(self)
+        self._column.setContentsMargins(0, 0, 0, 0)
+
+    def show_effects(self, found: Sequence[FoundEffect], in_model: tuple[str, ...]) -> None:
+        """Show what was found, then what is in the model besides."""
+        focused = self.window().focusWidget()
+        held = focused.property("effect") if focused is not None and self.isAncestorOf(focused) else None
+        clear_layout(self._column)
+        for effect in found:
+            parameters = ", ".join(parameter_words(key, value) for key, value in effect.parameters.items())
+            rivals = ", ".join(effect_words(name) for name in effect.indistinguishable_from)
+            words = parameters + (f"   cannot be told from: {rivals}" if rivals else "")
+            self._add_row(effect.name, words, effect.name in in_model)
+        missing = [effect.name for effect in found if effect.name not in in_model]
+        if len(missing) > 1:
+            button = QPushButton("Add all to the model", self)
+            button.setProperty("effects", missing)
+            button.setToolTip(
+                "Use these effects together: the fits are those of the diagnosis, so that nothing is waited for"
+            )
+            button.clicked.connect(self._add_all)
+            self._column.addWidget(button, 0, Qt.AlignmentFlag.AlignRight)
+        for name in in_model:
+            if name not in {effect.name for effect in found}:
+                self._add_row(name, "", True)
+        if held is not None:  # whoever works by keys stays at this effect
+            for button in self._buttons():
+                if button.property("effect") == held:
+                    button.setFocus()
+
+    def _add_row(self, name: str, words: str, in_model: bool) -> None:
+        row = QWidget(self)
+        line = QHBoxLayout(row)
+        line.setContentsMargins(0, 0, 0, 0)
+        title = effect_words(name).capitalize()
+        label = QLabel(f"<b>{title}</b>  {words}", row)
+        label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        label.setWordWrap(True)
+        button = QPushButton("Remove from the model" if in_model else "Add to the model", row)
+        button.setProperty("effect", name)
+        button.setAccessibleDescription(title)
+        button.setToolTip(
+            "Take the effect out again; overlays and fits follow"
+            if in_model
+            else "Use the effect from now on; overlays, fits and the next shots follow"
+        )
+        button.clicked.connect(self._remove if in_model else self._add)
+        line.addWidget(label, 1)
+        line.addWidget(button)
+        self._column.addWidget(row)
+        row.show()  # else the layout does so later, and until then its button takes no focus
+
+    def button(self, name: str) -> QPushButton:
+        """Return the button that adds an effect, or takes it out."""
+        return next(button for button in self._buttons() if button.property("effect") == name)
+
+    def _buttons(self) -> list[QPushButton]:
+        rows = [self._column.itemAt(index).widget() for index in range(self._column.count())]
+        return [button for row in rows if row is not None for button in row.findChildren(QPushButton)]
+
+    @Slot()
+    def _add(self) -> None:
+        self.add_wanted.emit([str(self.sender().property("effect"))])
+
+    @Slot()
+    def _add_all(self) -> None:
+        self.add_wanted.emit(self.sender().property("effects"))
+
+    @Slot()
+    def _remove(self) -> None:
+        self.remove_wanted.emit(str(self.sender().property("effect")))

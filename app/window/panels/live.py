@@ -1,0 +1,179 @@
+"""LIVE: beat frequency, velocity and force while samples stream, in digits that carry two metres; the raw signals."""
+
+import numpy as np
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from analysis.recording import Channel, Role
+from app.window.pens import thin
+from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.plot_view import PlotView, in_front
+from app.window.plots.time_stack import TimeStack
+from app.window.theme import Colours, sized
+from app.words.wording import DASH, local
+from instrument.snapshot import LiveView
+
+WINDOW_MS = 2000.0  # fixed, so that the axis never moves; older parts (after lost samples) run out of it
+RAW_SHOWN = 150  # samples: some forty periods, so that the beat is seen as a wave
+NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "switch"}
+
+
+ROWS = (
+    ("beat", "beat of PD1", "MHz", 1e-6, "{:.5f}", "-0.00000"),
+    ("velocity", "velocity", "m/s", 1.0, "{:+.4f}", "+0.0000"),
+    ("force", "force", "N", 1.0, "{:+.3f}", "+0.000"),
+)
+
+
+def _digits(form: str, value: float) -> str:
+    """Return the value; what is rounded to zero has no sign that could flicker."""
+    text = form.format(value)
+    return text if float(text) else form.replace("+", " ").format(0.0)
+
+
+class LivePanel(QWidget):
+    """Three plots that roll, three large numbers, and the raw signals beside them."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        grid = QGridLayout(self)
+        grid.setContentsMargins(6, 6, 6, 6)
+        grid.setHorizontalSpacing(8)
+        self.stack = TimeStack("Beat frequency, velocity and force, live", colours, self)
+        self._plots = {name: self.stack.add_plot(title, unit) for name, title, unit, *_ in ROWS}
+        self._curves = {name: plot.add_points("measured", thin(colours.measured)) for name, plot in self._plots.items()}
+        self._plots["beat"].minimum_span = 0.02
+        self._plots["velocity"].minimum_span = 0.01
+        self._plots["force"].minimum_span = 0.05
+        for plot in self._plots.values():
+            plot.steady = True
+        self.stack.label_time("time before now (ms)")
+        self.stack.show_span(-WINDOW_MS, 0.0)
+        self.stack.reset_wanted.connect(self.reset)
+        grid.addWidget(self.stack, 0, 0, 5, 1)
+        self._readouts: list[CursorReadout] = []
+        self._numbers: dict[str, QLabel] = {}
+        for line, (name, title, unit, _, _, widest) in enumerate(ROWS):
+            grid.addWidget(self._tile(name, title, unit, widest), line, 1)
+        self.hold = QPushButton("Hold", self)
+        self.hold.setCheckable(True)
+        self.hold.setToolTip("Hold the curves still to measure on them; samples and shots go on, ARM lets go  (H)")
+        grid.addWidget(self.hold, 3, 1)
+        self.raw = TimeStack("Raw signals, live", colours, self)
+        self.raw.reset_wanted.connect(self.reset)
+        self._raw_plots = [self.raw.add_plot(title, "V") for title in ("PD0", "PD1", "switch")]
+        self._raw_curves = [plot.add_curve("samples", thin(colours.measured)) for plot in self._raw_plots]
+        for plot in self._raw_plots:
+            plot.minimum_span = 0.1
+            plot.steady = True
+        self.raw.label_time("time (ms), the newest samples")
+        self.raw.setMinimumWidth(300)
+        grid.addWidget(self.raw, 4, 1)
+        for line, plot in enumerate(self.plots, 5):
+            grid.addWidget(readout := CursorReadout(plot, self), line, 0, 1, 2)
+            self._readouts.append(readout)
+        grid.setColumnStretch(0, 1)
+        for line in range(4):
+            grid.setRowStretch(line, 0)
+        grid.setRowStretch(4, 1)
+        self._waiting = QLabel("No samples yet.", self)
+        self._waiting.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._waiting.setProperty("faint", True)
+        grid.addWidget(self._waiting, 0, 0, 5, 1)
+        self.dress(colours)
+
+    def _tile(self, name: str, title: str, unit: str, widest: str) -> QFrame:
+        tile = QFrame(self)
+        tile.setProperty("card", True)
+        column = QVBoxLayout(tile)
+        column.setContentsMargins(12, 4, 12, 4)
+        column.setSpacing(0)
+        heading = QLabel(f"{title}  ({unit})", tile)
+        heading.setProperty("faint", True)
+        value = QLabel(DASH, tile)
+        value.setFont(sized(self.font(), 3.0, bold=True))
+        value.setMinimumWidth(value.fontMetrics().horizontalAdvance(widest + "0"))
+        value.setAlignment(Qt.AlignmentFlag.AlignRight)
+        value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        value.setAccessibleName(f"{title} in {unit}")
+        column.addWidget(heading)
+        column.addWidget(value)
+        self._numbers[name] = value
+        return tile
+
+    @property
+    def plots(self) -> tuple[TimeStack, TimeStack]:
+        """Get what rolls, and the raw signals."""
+        return self.stack, self.raw
+
+    @Slot()
+    def reset(self) -> None:
+        """Let every value axis follow its curve again, and time run over its whole window."""
+        self.stack.zoom(-WINDOW_MS, 0.0)
+        for plot in self.raw.plots:
+            plot.free_y()
+
+    def plot_in_front(self) -> PlotView:
+        """Return the plot that has the keyboard, else the one that rolls."""
+        return in_front(self.plots)
+
+    def text(self, name: str) -> str:
+        """Return the digits shown for "beat", "velocity" or "force"."""
+        return self._numbers[name].text()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self.stack.dress(colours)
+        self.raw.dress(colours)
+        for curve in (*self._curves.values(), *self._raw_curves):
+            curve.setPen(thin(colours.measured))
+
+    def show_live(self, view: LiveView | None) -> None:
+        """Show the newest stretch of the stream; None, or nothing in it: nothing streams."""
+        if self.hold.isChecked():
+            return
+        silent = view is None or len(view.time_s) == 0
+        self._waiting.setVisible(silent)
+        if view is None or silent:
+            self._waiting.setText((view.problem if view is not None else None) or "No samples yet.")
+            for label in self._numbers.values():
+                label.setText(DASH)
+            for curve in self._curves.values():
+                curve.show_points(np.empty(0), np.empty(0))
+            return
+        time_ms = 1e3 * (view.time_s - view.time_s[-1])
+        if self.stack.span != (-WINDOW_MS, 0.0):
+            self.stack.plots[0].view.setXRange(-WINDOW_MS, 0.0, padding=0)
+        values = {"beat": view.beat_frequency_hz, "velocity": view.velocity_m_per_s, "force": view.force_n}
+        recent = time_ms > -50.0
+        for name, _, _, scale, form, _ in ROWS:
+            samples = scale * values[name]
+            self._curves[name].show_points(time_ms, samples)
+            self._plots[name].fit_y()
+            seen = samples[recent & np.isfinite(samples)]
+            digits = local(_digits(form, float(seen.mean()))) if len(seen) else DASH
+            self._numbers[name].setText(digits)
+            self._numbers[name].setAccessibleDescription(digits)
+        for readout in self._readouts:
+            readout.refresh()
+
+    def show_raw(self, view: LiveView, channels: tuple[Channel, ...]) -> None:
+        """Show the newest raw samples; ``channels`` names the columns."""
+        if self.hold.isChecked() or len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
+            return
+        step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
+        length = step * min(RAW_SHOWN, len(view.raw_time_s))
+        if abs(self.raw.span[1] - length) > 1e-3 * length:  # the times' own rounding is no reason to draw the axes anew
+            self.raw.plots[0].view.setXRange(0.0, length, padding=0)
+        for index, (plot, curve) in enumerate(zip(self._raw_plots, self._raw_curves, strict=True)):
+            present = index < len(channels)
+            plot.setVisible(present)
+            if present:
+                name = NAMES[channels[index].role]
+                if plot.title != name:
+                    plot.title = name
+                    plot.setLabel("left", f"{name} (V)")
+                curve.show_samples(0.0, step, view.raw_v[-RAW_SHOWN:, index])
+                plot.fit_y()

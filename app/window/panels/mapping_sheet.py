@@ -1,0 +1,183 @@
+"""Which channel of a foreign file is which, asked for in a side sheet; nothing modal."""
+
+from dataclasses import dataclass
+
+from PySide6.QtCore import QLocale, Signal, Slot
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QFormLayout,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from analysis.recording import Role, Setup
+from app.window.panels.side_sheet import SideSheet
+from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.wording import local
+from instrument.foreign.contents import ForeignContents
+from instrument.foreign.mapping import ForeignMapping, MappedChannel
+
+ROLES = {Role.MEASUREMENT: "PD1, moving beat", Role.REFERENCE: "PD0, rest beat", Role.SWITCH: "Light switch"}
+NONE = "not in this file"
+NUMBERS = {
+    "mass_kg": ("Moving mass (g)", 1e-3),
+    "rest_hz": ("Rest frequency (MHz)", 1e6),
+    "rate_hz": ("Sample rate (MS/s)", 1e6),
+    "bits": ("Bits of the digitizer", 1.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a person said of a file."""
+
+    mapping: ForeignMapping
+    for_folder: bool
+
+
+HOVERS = {
+    Role.MEASUREMENT: "The beat of the block that moves; without it there is nothing to measure",
+    Role.REFERENCE: "The beat of the fixed mirror; taken off the moving one, so that the laser's drift is not motion",
+    Role.SWITCH: "Its step says when the block passed; without it the impact is looked for",
+}
+NUMBER_HOVERS = {
+    "mass_kg": "Block with corner cube and extension; force and impulse scale with it",
+    "rest_hz": "The beat of the block at rest: velocity counts from it",
+    "rate_hz": "Samples a second; every time and velocity scales with it",
+    "bits": "Of the digitizer, for the noise of rounding",
+}
+
+
+class MappingSheet(SideSheet):
+    """One file's channels, and the few numbers that no file states."""
+
+    applied = Signal(object)
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__("Channels of a file from another program", parent)
+        self._colours = colours
+        self._held: ForeignContents | None = None
+        column = QVBoxLayout(self)
+        column.setContentsMargins(18, 14, 18, 14)
+        top = QHBoxLayout()
+        title = QLabel("Which channel is which?", self)
+        title.setFont(sized(self.font(), 1.5, bold=True))
+        close = QPushButton("Close", self)
+        close.setToolTip("Do not open this file  (Esc)")
+        close.clicked.connect(self.hide)
+        top.addWidget(title, 1)
+        top.addWidget(close)
+        column.addLayout(top)
+        self._file = QLabel(self)
+        self._file.setWordWrap(True)
+        column.addWidget(self._file)
+        form = QFormLayout()
+        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
+        self.boxes: dict[Role, QComboBox] = {}
+        for role, words in ROLES.items():
+            self.boxes[role] = box = QComboBox(self)
+            box.setAccessibleName(words)
+            box.setToolTip(HOVERS[role])
+            form.addRow(words, box)
+        self.edits: dict[str, QLineEdit] = {}
+        for key, (words, _) in NUMBERS.items():
+            self.edits[key] = edit = QLineEdit(self)
+            edit.setAccessibleName(words)
+            edit.setToolTip(NUMBER_HOVERS[key])
+            edit.returnPressed.connect(self.apply)
+            form.addRow(words, edit)
+        self.edits["rest_hz"].setPlaceholderText("only without PD0")
+        self.edits["rate_hz"].setPlaceholderText("as the file says")
+        column.addLayout(form)
+        self.for_folder = QCheckBox("for every file of this format in its folder", self)
+        self.for_folder.setToolTip("The other files there have the same channels: do not ask again")
+        column.addWidget(self.for_folder)
+        self._problem = QLabel(self)
+        self._problem.setWordWrap(True)
+        self._problem.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
+        column.addWidget(self._problem)
+        apply = QPushButton("Remember and open", self)
+        apply.setProperty("primary", True)
+        apply.setToolTip("Keep the answer beside the file, and open the file  (Enter in a field)")
+        apply.clicked.connect(self.apply)
+        column.addWidget(apply)
+        column.addStretch(1)
+
+    @property
+    def problem(self) -> str:
+        """Get why the answers were not taken."""
+        return self._problem.text()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self._problem.setStyleSheet(f"color: {colours.signs[Tone.BAD]}; font-weight: bold")
+
+    def ask(self, held: ForeignContents, mass_kg: float, rest_hz: float | None) -> None:
+        """Ask for the channels of a file."""
+        self._held = held
+        self._problem.setText("")
+        self._file.setText(f"<b>{held.path.name}</b> ({held.format}). It is asked for once and kept beside the file.")
+        for place, (role, box) in enumerate(self.boxes.items()):
+            box.clear()
+            if role is not Role.MEASUREMENT:
+                box.addItem(NONE, None)
+            for channel in held.channels:
+                unit = f", {channel.unit}" if channel.unit else ""
+                box.addItem(f"{channel.name}   ({channel.samples} samples, {channel.kind}{unit})", channel.name)
+            one_each = place < len(held.channels)
+            box.setCurrentIndex(place + (role is not Role.MEASUREMENT) if one_each else 0)
+        self.edits["mass_kg"].setText(local(f"{1e3 * mass_kg:.10g}"))
+        self.edits["rest_hz"].setText("" if rest_hz is None else local(f"{1e-6 * rest_hz:.10g}"))
+        self.edits["rate_hz"].setText("")
+        self.edits["bits"].setText("16")
+        self.open_at(self.boxes[Role.MEASUREMENT])
+
+    def refuse(self, problem: str) -> None:
+        """Say why the file cannot be read so."""
+        self._problem.setText(f"{MARKS[Tone.BAD]} {problem}")
+        self._problem.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}; font-weight: bold")
+
+    @Slot()
+    def apply(self) -> None:
+        """Pass the answers on, or say what is missing."""
+        held = self._held
+        if held is None:
+            return
+        try:
+            self.applied.emit(Answer(self._mapping(held), self.for_folder.isChecked()))
+        except ValueError as error:
+            self.refuse(str(error))
+
+    def _mapping(self, held: ForeignContents) -> ForeignMapping:
+        chosen = {role: box.currentData() for role, box in self.boxes.items() if box.currentData() is not None}
+        if len(set(chosen.values())) < len(chosen):
+            raise ValueError("one channel cannot be two things")
+        mass, rest, rate, bits = (self._number(key) for key in NUMBERS)
+        if mass is None:
+            raise ValueError("the moving mass is missing")
+        if Role.REFERENCE not in chosen and rest is None:
+            raise ValueError("without PD0 the rest frequency is needed")
+        if bits is not None and not 1 <= bits <= 16:
+            raise ValueError("bits: not from 1 to 16")
+        setup = Setup(mass, rest_frequency_hz=rest, digitizer_bits=round(bits or 16))
+        return ForeignMapping(
+            held.format, tuple(MappedChannel(role, str(name)) for role, name in chosen.items()), setup, rate
+        )
+
+    def _number(self, key: str) -> float | None:
+        words, scale = NUMBERS[key]
+        text = self.edits[key].text().strip()
+        if not text:
+            return None
+        value, ok = QLocale().toDouble(text)
+        if not ok:
+            value, ok = QLocale.c().toDouble(text)
+        if not ok or not 0.0 < value < 1e9:
+            raise ValueError(f"{words.partition(' (')[0]}: {text} is not a number above zero")
+        return value * scale

@@ -1,0 +1,133 @@
+"""The model in use in three lines, and the verdict of the last diagnosis, beside the numbers."""
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from analysis.shot import Shot
+from app.window.theme import MARKS, Colours, Tone
+from app.words.wording import effect_words, number
+
+LACKING_CHI2 = 1.5  # above, what is left over is more than noise by far
+
+
+class ModelPanel(QFrame):
+    """Base and effects, how well they fit this shot, what the diagnosis said."""
+
+    diagnose_wanted = Signal()
+    details_wanted = Signal()
+    load_wanted = Signal()
+    save_wanted = Signal()
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._shot: Shot | None = None
+        self._said = self._told = ("", Tone.NEUTRAL)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(12, 6, 12, 8)
+        column.setSpacing(3)
+        heading = QLabel("MODEL AND DIAGNOSIS", self)
+        heading.setProperty("heading", True)
+        column.addWidget(heading)
+        self._model = QLabel(self)
+        self._fit = QLabel(self)
+        self._known = QLabel(self)
+        self._verdict = QLabel(self)
+        for label in (self._model, self._fit, self._known, self._verdict):
+            label.setWordWrap(True)
+            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+            column.addWidget(label)
+        self._verdict.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
+        self._verdict.setAlignment(Qt.AlignmentFlag.AlignTop)
+        row = QHBoxLayout()
+        self.diagnose = QPushButton("Diagnose", self)
+        self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
+        self.details = QPushButton("Evidence", self)
+        self.details.setToolTip("Candidates, residual before and after  (Ctrl+5)")
+        row.addWidget(self.diagnose)
+        row.addWidget(self.details)
+        row.addStretch(1)
+        for words, tip, slot in (
+            ("Open model …", "Use the effects of a model file; all shots are fitted again  (Ctrl+Shift+O)", self._load),
+            (
+                "Save model …",
+                "Base, effects, parameters of the selected shots, as a file  (Ctrl+Shift+S)",
+                self._save,
+            ),
+        ):
+            button = QPushButton(words, self)
+            button.setToolTip(tip)
+            button.clicked.connect(slot)
+            row.addWidget(button)
+        column.addLayout(row)
+        self.diagnose.clicked.connect(self._diagnose)
+        self.details.clicked.connect(self._details)
+        self.show_shot(None)
+        self.show_verdict("", Tone.NEUTRAL)
+        self.show_known("", Tone.NEUTRAL)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self.show_shot(self._shot)
+        self.show_verdict(*self._said)
+        self.show_known(*self._told)
+
+    def show_shot(self, shot: Shot | None) -> None:
+        """Show the model of this shot's fit."""
+        self._shot = shot
+        fit = shot.fit if shot is not None else None
+        if fit is None:
+            self._model.setText("paper's two bodies" if shot is None else f"model {shot.settings.model}: not fitted")
+            self._fit.setText("")
+            return
+        effects = " + ".join(effect_words(name) for name in fit.effects) or "nothing"
+        self._model.setText(f"<b>{fit.model}</b> + {effects}")
+        if not fit.converged:
+            self._fit.setText(f"{MARKS[Tone.BAD]} the fit did not converge: its numbers are not shown")
+            self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
+            return
+        lacking = fit.reduced_chi2 > LACKING_CHI2
+        self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}" if lacking else "")
+        words = f"χ²/ν {number(fit.reduced_chi2, 4)}   noise {number(1e9 * fit.noise_std_m, 3)} nm a sample"
+        self._fit.setText(f"{MARKS[Tone.WARNING]} {words}\nthe model lacks something: diagnose" if lacking else words)
+        self._fit.setToolTip("Near 1: what is left over is noise. Far above: the model lacks something, diagnose it.")
+
+    def show_verdict(self, sentence: str, tone: Tone) -> None:
+        """Show what the diagnosis of this shot said."""
+        self._said = (sentence, tone)
+        self._verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
+        self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
+
+    def show_known(self, words: str, tone: Tone) -> None:
+        """Show how the shot agrees with the model file in use; nothing where none is."""
+        self._told = (words, tone)
+        self._known.setVisible(bool(words))
+        self._known.setText(f"{MARKS[tone]} {words}")
+        self._known.setStyleSheet(f"color: {self._colours.signs[tone]}")
+
+    @property
+    def known(self) -> str:
+        """Get what is said of the model file."""
+        return self._known.text() if self._told[0] else ""
+
+    @property
+    def verdict(self) -> str:
+        """Get the verdict shown."""
+        return self._verdict.text()
+
+    @Slot()
+    def _diagnose(self) -> None:
+        self.diagnose_wanted.emit()
+
+    @Slot()
+    def _load(self) -> None:
+        self.load_wanted.emit()
+
+    @Slot()
+    def _save(self) -> None:
+        self.save_wanted.emit()
+
+    @Slot()
+    def _details(self) -> None:
+        self.details_wanted.emit()

@@ -1,0 +1,82 @@
+"""A line under the banner for what went wrong or was done; it stays until it is read away, and never blocks."""
+
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
+
+from app.window.theme import MARKS, Colours, Tone
+
+KEPT = 20
+
+
+class NoticeLine(QFrame):
+    """Shows the newest notice and how many came before it; its height is always there, so nothing moves."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._notices: list[tuple[str, Tone]] = []
+        row = QHBoxLayout(self)
+        row.setContentsMargins(12, 0, 4, 0)
+        self._words = QLabel(self)
+        self._words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._words.setAccessibleName("Newest message")
+        self._words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # a path must not widen it
+        self._whole = ""
+        self._close = QPushButton("Read", self)
+        self._close.setToolTip("Take this message away")
+        self._close.clicked.connect(self.next)
+        row.addWidget(self._words, 1)
+        row.addWidget(self._close)
+        self.setFixedHeight(self._close.sizeHint().height() + 2)
+        self._refresh()
+
+    @property
+    def words(self) -> str:
+        """Get the newest notice, or nothing."""
+        return self._notices[-1][0] if self._notices else ""
+
+    def say(self, words: str, tone: Tone) -> None:
+        """Show a notice; the same words twice in a row are shown once."""
+        if not self._notices or self._notices[-1] != (words, tone):
+            self._notices.append((words, tone))
+            del self._notices[:-KEPT]
+        self._refresh()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self._refresh()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Shorten the message to the room that there is; hovering shows the whole."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        self.layout().activate()
+        shown = self._words.fontMetrics().elidedText(self._whole, Qt.TextElideMode.ElideMiddle, self._words.width())
+        self._words.setText(shown)
+
+    @Slot()
+    def next(self) -> None:
+        """Take the newest notice away."""
+        if self._notices:
+            self._notices.pop()
+        self._refresh()
+
+    def _refresh(self) -> None:
+        self._close.setVisible(bool(self._notices))
+        if not self._notices:
+            self._whole = ""
+            self._words.setText("")
+            self._words.setToolTip("")
+            self._words.setAccessibleDescription("")
+            return
+        words, tone = self._notices[-1]
+        more = f"   ({len(self._notices) - 1} more)" if len(self._notices) > 1 else ""
+        self._whole = f"{MARKS[tone]} {words}{more}"
+        self._words.setToolTip("\n".join(text for text, _ in reversed(self._notices)))
+        self._words.setAccessibleDescription(self._whole)
+        self._words.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
+        self._fit()

@@ -1,0 +1,248 @@
+"""The numbers of a shot: value ± standard uncertainty and unit; on hover, how each was read."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QScrollArea, QVBoxLayout, QWidget
+
+from analysis.quantity import NotSeen, Quantity, Reading
+from analysis.shot import Shot
+from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.wording import MILD_FLAGS, concise_text, flag_words, how_text, value_text
+
+Find = Callable[[Shot], Reading | None]
+
+
+def _impact(name: str) -> Find:
+    def find(shot: Shot) -> Reading | None:
+        return getattr(shot.impact, name) if shot.impact is not None else None
+
+    return find
+
+
+def _kinetic(name: str) -> Find:
+    def find(shot: Shot) -> Reading | None:
+        return getattr(shot.impact.cor_kinetic, name) if shot.impact is not None else None
+
+    return find
+
+
+def _parameter(name: str) -> Find:
+    def find(shot: Shot) -> Reading | None:
+        if shot.fit is None:
+            return None
+        if not shot.fit.converged:
+            return NotSeen("the fit did not converge, so its numbers are guesses")
+        return shot.fit.parameters.get(name, NotSeen(f"the model {shot.fit.model} has no such parameter"))
+
+    return find
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One number: its name, how to find it, scale and unit of the screen, and what it means in a line."""
+
+    name: str
+    find: Find
+    scale: float = 1.0
+    unit: str = ""
+    meaning: str = ""
+    headline: bool = False
+
+
+GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
+    (
+        "RESTITUTION",
+        (
+            Row(
+                "quasi-static",
+                _impact("cor_quasi_static"),
+                meaning="Speed out over speed in, |v_f / v_i|.",
+                headline=True,
+            ),
+            Row("impulse ratio", _impact("cor_impulse"), meaning="Impulse while unloading over impulse while loading."),
+            Row("kinetic, peaks", _kinetic("force_peaks"), meaning="T2/T1 of the first bounces between force peaks."),
+            Row("kinetic, onsets", _kinetic("onsets"), meaning="T2/T1 between the onsets of contact."),
+            Row("kinetic, flights", _kinetic("flights"), meaning="Ratio of the first two flight times."),
+            Row("fitted contact", _kinetic("contact"), meaning="Relative velocity out over in at the first contact."),
+        ),
+    ),
+    (
+        "MOTION",
+        (
+            Row("velocity in", _impact("velocity_in_m_per_s"), 1.0, "m/s", "Free flight just before first touch."),
+            Row("velocity out", _impact("velocity_out_m_per_s"), 1.0, "m/s", "Free flight just after release."),
+            Row("peak force", _impact("force_peak_n"), 1.0, "N", "Largest force of the plate on the block."),
+            Row("pulse width", _impact("force_fwhm_s"), 1e3, "ms", "Full width at half maximum of the smooth pulse."),
+            Row("contact time", _impact("contact_time_s"), 1e3, "ms", "From first touch to last release."),
+            Row("deflection", _impact("deflection_max_m"), 1e3, "mm", "How far the plate was pushed in."),
+        ),
+    ),
+    (
+        "PLATE AND CONTACT",
+        (
+            Row(
+                "slope of F",
+                _impact("stiffness_slope_n_per_m"),
+                1.0,
+                "N/m",
+                "Slope of force against deflection; lies about 3 % below k_p.",
+            ),
+            Row("k_p", _parameter("plate_stiffness_n_per_m"), 1.0, "N/m", "Stiffness of the plate, fitted."),
+            Row("m_p*", _parameter("plate_mass_kg"), 1e3, "g", "Mass of the plate that moves with its end, fitted."),
+            Row("k_N", _parameter("contact_stiffness_n_per_m"), 1.0, "N/m", "Stiffness of the contact, fitted."),
+            Row("γ_N", _parameter("contact_damping_n_s_per_m"), 1.0, "N s/m", "Damping of the contact, fitted."),
+        ),
+    ),
+)
+
+
+def _flag_tone(flag: str) -> Tone:
+    return Tone.NEUTRAL if flag in MILD_FLAGS else Tone.WARNING
+
+
+class NumbersPanel(QScrollArea):
+    """A column of named numbers whose places never move."""
+
+    budget_wanted = Signal()
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._shot: Shot | None = None
+        self._values: dict[str, QLabel] = {}
+        self._names: dict[str, QLabel] = {}
+        inner = QWidget(self)
+        column = QVBoxLayout(inner)
+        column.setContentsMargins(12, 8, 12, 8)
+        self.title = QLabel("No shot", inner)
+        self.title.setFont(sized(self.font(), 1.25, bold=True))
+        self.title.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        top = QHBoxLayout()
+        self.budget = QPushButton("Budget", inner)
+        self.budget.setToolTip("Where each ± comes from, source by source  (B)")
+        self.budget.clicked.connect(self._budget)
+        top.addWidget(self.title, 1)
+        top.addWidget(self.budget)
+        column.addLayout(top)
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(8)
+        grid.setVerticalSpacing(2)
+        grid.setColumnStretch(1, 1)
+        column.addLayout(grid)
+        line = 0
+        for heading, rows in GROUPS:
+            label = QLabel(heading, inner)
+            label.setProperty("heading", True)
+            grid.addWidget(label, line, 0, 1, 2)
+            if heading == "RESTITUTION":
+                self.agreement = QLabel("", inner)
+                self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
+                grid.addWidget(self.agreement, line, 1, 1, 2)
+            grid.setRowMinimumHeight(line, int(1.9 * self.fontMetrics().height()) if line else 0)
+            line += 1
+            for row in rows:
+                self._add_row(grid, line, row, inner)
+                line += 1
+        self.flags = QLabel("", inner)
+        self.flags.setWordWrap(True)
+        self.flags.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        column.addWidget(self.flags)
+        column.addStretch(1)
+        inner.setProperty("panel", True)
+        self.setWidget(inner)
+        self.setWidgetResizable(True)
+        self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setAccessibleName("Numbers of the shot")
+        self.show_shot(None)
+
+    def _add_row(self, grid: QGridLayout, line: int, row: Row, inner: QWidget) -> None:
+        name = QLabel(row.name, inner)
+        value = QLabel("–", inner)
+        unit = QLabel(row.unit, inner)
+        unit.setProperty("faint", True)
+        value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
+        value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        value.setMinimumWidth(value.fontMetrics().horizontalAdvance("-0.987555673 ± 0.000000044"))
+        value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        value.setAccessibleName(f"{row.name} {row.unit}")
+        grid.addWidget(name, line, 0)
+        grid.addWidget(value, line, 1)
+        grid.addWidget(unit, line, 2)
+        self._values[row.name], self._names[row.name] = value, name
+
+    @Slot()
+    def _budget(self) -> None:
+        self.budget_wanted.emit()
+
+    def text(self, name: str) -> str:
+        """Return what is shown for a number."""
+        return self._values[name].text()
+
+    def hover(self, name: str) -> str:
+        """Return how a number was read, or why it was not."""
+        return self._values[name].toolTip()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self._show_agreement(self._shot)
+        self._show_flags(self._shot)
+
+    def show_shot(self, shot: Shot | None, title: str = "") -> None:
+        """Show the numbers of a shot, or dashes."""
+        self._shot = shot
+        self.title.setText(title or (shot.name if shot is not None else "No shot"))
+        for _, rows in GROUPS:
+            for row in rows:
+                reading = row.find(shot) if shot is not None else None
+                label = self._values[row.name]
+                label.setText(self._fitting(label, reading, row.scale))
+                hover = how_text(row.name, reading, row.meaning)
+                label.setToolTip(hover)
+                self._names[row.name].setToolTip(hover)
+                label.setAccessibleDescription(f"{label.text()} {row.unit}")
+        self._show_agreement(shot)
+        self._show_flags(shot)
+
+    @staticmethod
+    def _fitting(label: QLabel, reading: Reading | None, scale: float) -> str:
+        """Return 0.98755563 ± 0.00000016, or, where that has no room, 0.98755563(16)."""
+        words = value_text(reading, scale)
+        if label.fontMetrics().horizontalAdvance(words) <= label.minimumWidth():
+            return words
+        return concise_text(reading, scale)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the room of the scroll bar free, so that nothing moves when it comes."""
+        super().resizeEvent(event)
+        self.widget().setFixedWidth(self.width() - self.verticalScrollBar().sizeHint().width())
+
+    def _show_agreement(self, shot: Shot | None) -> None:
+        self.agreement.setText("")
+        impact = shot.impact if shot is not None else None
+        if impact is None:
+            return
+        first, second = impact.cor_quasi_static, impact.cor_impulse
+        if isinstance(first, Quantity) and isinstance(second, Quantity):
+            spread = math.hypot(first.std, second.std)
+            apart = abs(first.value - second.value) / spread if spread > 0 else math.inf
+            tone = Tone.GOOD if apart <= 3 else Tone.WARNING
+            words = "both agree" if tone is Tone.GOOD else f"they differ by {apart:.0f} uncertainties"
+            self.agreement.setText(f"{MARKS[tone]} {words}")
+            self.agreement.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
+            self.agreement.setToolTip("Quasi-static and impulse ratio, against their combined standard uncertainty")
+
+    def _show_flags(self, shot: Shot | None) -> None:
+        lines = []
+        if shot is not None and shot.problem:
+            lines.append(f"{MARKS[Tone.BAD]} {shot.problem}")
+        if shot is not None:
+            lines += [f"{MARKS[_flag_tone(flag)]} {flag_words(flag)}" for flag in shot.flags]
+        mild = shot is None or (not shot.problem and all(flag in MILD_FLAGS for flag in shot.flags))
+        self.flags.setText("\n".join(lines))
+        self.flags.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL if mild else Tone.WARNING]}")

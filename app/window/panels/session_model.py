@@ -1,0 +1,145 @@
+"""The session as Qt's tables want it: a line a shot, a hover for every number, the note editable."""
+
+from typing import Any
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
+
+from analysis.quantity import NotSeen, Reading
+from app.session.session import Entry
+from app.words.wording import DASH, concise_text, flag_words, how_text, value_text
+
+COLUMNS = (
+    ("#", 5),
+    ("time", 9),
+    ("name", 13),
+    ("v in (m/s)", 19),
+    ("v out (m/s)", 19),
+    ("COR quasi-static", 17),
+    ("COR kinetic", 13),
+    ("F max (N)", 13),
+    ("k_p (N/m)", 17),
+    ("verdict", 24),
+    ("flags", 11),
+    ("note", 14),
+)
+NOTE = len(COLUMNS) - 1
+
+
+def _reading(entry: Entry, column: int) -> Reading | None:
+    shot = entry.shot
+    if shot is None:
+        return None
+    if column == 8:
+        if shot.fit is None or not shot.fit.converged:
+            return NotSeen("no converged fit")
+        return shot.fit.parameters.get("plate_stiffness_n_per_m")
+    if shot.impact is None:
+        return NotSeen(shot.problem or "no impact")
+    impact = shot.impact
+    return {
+        3: impact.velocity_in_m_per_s,
+        4: impact.velocity_out_m_per_s,
+        5: impact.cor_quasi_static,
+        6: impact.cor_kinetic.force_peaks,
+        7: impact.force_peak_n,
+    }[column]
+
+
+class SessionModel(QAbstractTableModel):
+    """The session as Qt's views want it; editing a note goes through ``note_edited``."""
+
+    note_edited = Signal(int, str)
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.entries: tuple[Entry, ...] = ()
+
+    def show_entries(self, entries: tuple[Entry, ...]) -> None:
+        """Show these; rows that only changed keep their place and selection."""
+        if [e.number for e in entries] == [e.number for e in self.entries]:
+            self.entries = entries
+            if entries:
+                self.dataChanged.emit(self.index(0, 0), self.index(len(entries) - 1, NOTE))
+            return
+        same = [e.number for e in entries[: len(self.entries)]] == [e.number for e in self.entries]
+        if same:
+            self.beginInsertRows(QModelIndex(), len(self.entries), len(entries) - 1)
+            self.entries = entries
+            self.endInsertRows()
+            return
+        self.beginResetModel()
+        self.entries = entries
+        self.endResetModel()
+
+    def rowCount(self, parent: QModelIndex | None = None) -> int:
+        """Return the number of shots."""
+        return 0 if parent is not None and parent.isValid() else len(self.entries)
+
+    def columnCount(self, parent: QModelIndex | None = None) -> int:
+        """Return the number of columns."""
+        return 0 if parent is not None and parent.isValid() else len(COLUMNS)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Return a column's name."""
+        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
+            return COLUMNS[section][0]
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            side = Qt.AlignmentFlag.AlignRight if 3 <= section <= 8 else Qt.AlignmentFlag.AlignLeft
+            return side | Qt.AlignmentFlag.AlignVCenter
+        return None
+
+    def flags(self, index: QModelIndex) -> Qt.ItemFlag:
+        """Let notes be edited."""
+        flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
+        return flags | Qt.ItemFlag.ItemIsEditable if index.column() == NOTE else flags
+
+    def data(self, index: QModelIndex, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Return what a cell says."""
+        entry = self.entries[index.row()]
+        column = index.column()
+        if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
+            return self._text(entry, column)
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return self._hover(entry, column)
+        if role == Qt.ItemDataRole.TextAlignmentRole and 3 <= column <= 8:
+            return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+        return None
+
+    def _text(self, entry: Entry, column: int) -> str:
+        shot = entry.shot
+        if column == 0:
+            return f"{entry.number}" + (f" ({entry.copy_of})" if entry.copy_of is not None else "")
+        if column == 1:
+            return (shot.started_at or "")[11:19] if shot is not None and shot.started_at else DASH
+        if column == 2:
+            return entry.name
+        if column == 9:
+            if shot is None:
+                return "reading …"
+            return shot.problem or entry.verdict or DASH
+        if column == 10:
+            return ", ".join(shot.flags) if shot is not None and shot.flags else ""
+        if column == NOTE:
+            return entry.note
+        return concise_text(_reading(entry, column))
+
+    def _hover(self, entry: Entry, column: int) -> str | None:
+        if 3 <= column <= 8:
+            reading = _reading(entry, column)
+            return how_text(COLUMNS[column][0], reading, value_text(reading))
+        if column == 10 and entry.shot is not None:
+            return "\n".join(flag_words(flag) for flag in entry.shot.flags) or None
+        if column == 2:
+            s = entry.settings
+            copy = f"Shot {entry.copy_of} with other settings.\n" if entry.copy_of is not None else ""
+            return f"{copy}{entry.path or 'not saved'}\nbandwidth {s.bandwidth_hz:g} Hz, model {s.model}"
+        return self._text(entry, column) or None
+
+    def setData(self, index: QModelIndex, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
+        """Pass an edited note on."""
+        if role != Qt.ItemDataRole.EditRole or index.column() != NOTE:
+            return False
+        entry = self.entries[index.row()]
+        if str(value) != entry.note:
+            self.note_edited.emit(entry.number, str(value))
+        return True

@@ -1,0 +1,227 @@
+"""Settings in a side sheet: nothing modal, each field with unit and limits, applied at once or refused in words."""
+
+from pathlib import Path
+
+from PySide6.QtCore import QLocale, Qt, Signal, Slot
+from PySide6.QtGui import QDoubleValidator
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QFormLayout,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QScrollArea,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.session.setting_field import Field, Value
+from app.window.file_question import Want, ask
+from app.window.panels.side_sheet import SideSheet
+from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.wording import local
+
+
+class SettingsSheet(SideSheet):
+    """Fields by group over the right side of the window."""
+
+    applied = Signal(dict)
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__("Settings", parent)
+        self._colours = colours
+        self._fields: tuple[Field, ...] = ()
+        self._editors: dict[str, QWidget] = {}
+        self._tone = Tone.NEUTRAL  # of what is said below the fields
+        self._browsed = ""  # the field a folder was last asked for
+        column = QVBoxLayout(self)
+        column.setContentsMargins(18, 14, 18, 14)
+        top = QHBoxLayout()
+        title = QLabel("Settings", self)
+        title.setFont(sized(self.font(), 1.5, bold=True))
+        self._close = QPushButton("Close", self)
+        self._close.setToolTip("Close without applying  (F2 or Esc)")
+        self._close.clicked.connect(self.hide)
+        top.addWidget(title)
+        top.addStretch(1)
+        top.addWidget(self._close)
+        column.addLayout(top)
+        hint = QLabel("They hold for the next shots; each shot keeps the settings it was taken with.", self)
+        hint.setProperty("faint", True)
+        hint.setWordWrap(True)
+        column.addWidget(hint)
+        self._scroll = QScrollArea(self)
+        self._scroll.setAccessibleName("Fields of the settings")
+        self._scroll.setWidgetResizable(True)
+        self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        column.addWidget(self._scroll, 1)
+        self._problem = QLabel(self)
+        self._problem.setWordWrap(True)
+        self._problem.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
+        column.addWidget(self._problem)
+        self._apply = QPushButton("Apply", self)
+        self._apply.setProperty("primary", True)
+        self._apply.setToolTip("Use these from the next shot on  (Enter in a field)")
+        self._apply.clicked.connect(self.apply)
+        column.addWidget(self._apply)
+
+    def offer(self, fields: tuple[Field, ...]) -> None:
+        """Build the form."""
+        self._fields = fields
+        self._editors = {}
+        inner = QWidget(self)
+        form = QFormLayout(inner)
+        form.setContentsMargins(0, 4, 12, 4)
+        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
+        group = ""
+        for field in fields:
+            if field.group != group:
+                group = field.group
+                heading = QLabel(group.upper(), inner)
+                heading.setProperty("heading", True)
+                form.addRow(heading)
+            editor = self._editor(field, inner)
+            editor.setToolTip(field.hover)
+            label = f"{field.words} ({field.unit})" if field.unit else field.words
+            editor.setAccessibleName(label)
+            self._editors[field.key] = editor
+            if field.kind == "flag":
+                form.addRow("", editor)
+            elif field.kind == "folder":
+                form.addRow(label, self._with_browse(editor, inner))
+            else:
+                form.addRow(label, editor)
+        inner.setProperty("panel", True)
+        self._scroll.setWidget(inner)
+
+    def _editor(self, field: Field, inner: QWidget) -> QWidget:
+        if field.kind == "choice":
+            box = QComboBox(inner)
+            for stored, words in field.choices:
+                box.addItem(words, stored)
+            box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            box.setMinimumContentsLength(12)
+            box.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+            return box
+        if field.kind == "flag":
+            return QCheckBox(field.words, inner)
+        line = QLineEdit(inner)
+        if field.kind == "number":
+            validator = QDoubleValidator(line)
+            validator.setLocale(QLocale())
+            line.setValidator(validator)
+            line.setPlaceholderText("not given" if field.optional else "")
+            line.setMinimumWidth(line.fontMetrics().horizontalAdvance("632.99135400000"))
+        line.returnPressed.connect(self.apply)
+        return line
+
+    def _with_browse(self, editor: QWidget, inner: QWidget) -> QWidget:
+        row = QWidget(inner)
+        line = QHBoxLayout(row)
+        line.setContentsMargins(0, 0, 0, 0)
+        browse = QPushButton("…", row)
+        browse.setAccessibleName("Choose a folder")
+        browse.setToolTip("Choose a folder")
+        browse.setProperty("key", next(key for key, value in self._editors.items() if value is editor))
+        browse.clicked.connect(self._browse)
+        line.addWidget(editor, 1)
+        line.addWidget(browse)
+        return row
+
+    @Slot()
+    def _browse(self) -> None:
+        self._browsed = str(self.sender().property("key"))
+        editor = self._editors[self._browsed]
+        assert isinstance(editor, QLineEdit)
+        ask(self, "Choose a folder", Want.FOLDER, self._folder_asked, editor.text())
+
+    def _folder_asked(self, paths: list[Path]) -> None:
+        self.set_value(self._browsed, str(paths[0]))
+
+    def show_values(self, values: dict[str, Value]) -> None:
+        """Fill the form."""
+        self._problem.setText("")
+        for field in self._fields:
+            editor, value = self._editors[field.key], values.get(field.key)
+            if isinstance(editor, QComboBox):
+                editor.setCurrentIndex(max(0, editor.findData(value)))
+            elif isinstance(editor, QCheckBox):
+                editor.setChecked(bool(value))
+            elif isinstance(editor, QLineEdit):
+                if field.kind == "number":
+                    shown = "" if value is None else local(f"{float(value) * field.scale:.10g}")
+                    editor.setText(shown)
+                else:
+                    editor.setText("" if value is None else str(value))
+
+    def set_value(self, key: str, text: str) -> None:
+        """Type into a field."""
+        editor = self._editors[key]
+        assert isinstance(editor, QLineEdit)
+        editor.setText(text)
+
+    @Slot()
+    def apply(self) -> None:
+        """Check every field; pass all on, or say in words what is wrong with the first that is."""
+        values: dict[str, Value] = {}
+        for field in self._fields:
+            editor = self._editors[field.key]
+            if isinstance(editor, QComboBox):
+                values[field.key] = str(editor.currentData())
+            elif isinstance(editor, QCheckBox):
+                values[field.key] = editor.isChecked()
+            elif isinstance(editor, QLineEdit) and field.kind == "number":
+                value, problem = self._number(field, editor.text())
+                if problem:
+                    self.refuse(problem)
+                    editor.setFocus()
+                    return
+                values[field.key] = value
+            elif isinstance(editor, QLineEdit):
+                values[field.key] = editor.text().strip()
+        self.accept_words("Applied. Ctrl+R analyses the selected shots again with them, as copies.")
+        self.applied.emit(values)
+
+    def _number(self, field: Field, text: str) -> tuple[float | None, str]:
+        if not text.strip():
+            return (None, "") if field.optional else (None, f"{field.words}: a number is missing")
+        value, ok = QLocale().toDouble(text.strip())
+        if not ok:
+            value, ok = QLocale.c().toDouble(text.strip())
+        if not ok:
+            return None, f"{field.words}: {text} is not a number"
+        stored = value / field.scale
+        if not field.low <= stored <= field.high:
+            low, high = field.low * field.scale, field.high * field.scale
+            return None, local(f"{field.words}: {value:g} is outside {low:g} to {high:g} {field.unit}")
+        return stored, ""
+
+    def refuse(self, problem: str) -> None:
+        """Say why the settings were not taken."""
+        self._say(problem, Tone.BAD)
+
+    def accept_words(self, words: str) -> None:
+        """Say that they were."""
+        self._say(words, Tone.GOOD)
+
+    def _say(self, words: str, tone: Tone) -> None:
+        self._tone = tone
+        self._problem.setText(f"{MARKS[tone]} {words}")
+        self._problem.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
+
+    @property
+    def problem(self) -> str:
+        """Get what is said below the fields."""
+        return self._problem.text()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self._problem.setStyleSheet(f"color: {colours.signs[self._tone]}; font-weight: bold")
+
+    def open(self) -> None:
+        """Show the sheet, its first field in focus."""
+        self.open_at(next(iter(self._editors.values()), None))

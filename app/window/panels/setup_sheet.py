@@ -1,0 +1,272 @@
+"""The guided set-up in a side sheet: what is plugged in, may it be used, and is its signal fit for a shot."""
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+
+from app.window.clear_layout import clear_layout
+from app.window.panels.side_sheet import SideSheet
+from app.window.theme import MARKS, Colours, Tone, sized
+from instrument.doctor import Check, Grade
+from instrument.found_devices import FoundDevice
+
+TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
+MOST_CHECKS = 5
+TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "Light switch"}
+
+
+class SetupSheet(SideSheet):
+    """Three steps from top to bottom; says what is wanted, does nothing itself."""
+
+    look_wanted = Signal()
+    source_wanted = Signal(str)
+    address_wanted = Signal(str)  # as it was typed
+    arm_wanted = Signal()
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__("Set-up", parent)
+        self._colours = colours
+        self._checks: tuple[Check, ...] = ()
+        column = QVBoxLayout(self)
+        column.setContentsMargins(18, 14, 18, 14)
+        column.setSpacing(6)
+        top = QHBoxLayout()
+        title = QLabel("Set-up", self)
+        title.setFont(sized(self.font(), 1.5, bold=True))
+        self._close = close = QPushButton("Close", self)
+        close.setToolTip("Close the set-up  (F3 or Esc)")
+        close.clicked.connect(self.hide)
+        top.addWidget(title, 1)
+        top.addWidget(close)
+        column.addLayout(top)
+
+        row = QHBoxLayout()
+        row.addWidget(self._heading("1   CHOOSE THE SOURCE"), 1)
+        self.look = QPushButton("Look again", self)
+        self.look.setToolTip("Look for devices that were plugged in meanwhile")
+        self.look.clicked.connect(self._look)
+        row.addWidget(self.look)
+        column.addLayout(row)
+        self._found = QLabel(self)
+        self._found.setWordWrap(True)
+        column.addWidget(self._found)
+        self._devices = QGridLayout()
+        self._devices.setColumnStretch(0, 1)
+        column.addLayout(self._devices)
+        row = QHBoxLayout()
+        self.address = QLineEdit(self)
+        self.address.setPlaceholderText("oscilloscope in the network, as 192.168.1.5")
+        self.address.setAccessibleName("Address of an oscilloscope in the network")
+        self.address.setToolTip("HOST, HOST:PORT or a VISA name; options as ?channels=1,2&trigger=3 may follow")
+        self.address.setMaxLength(300)
+        self.address.returnPressed.connect(self._address)
+        self.use_address = QPushButton("Use", self)
+        self.use_address.setAccessibleName("Use the oscilloscope at this address")
+        self.use_address.setToolTip("Open the oscilloscope at this address  (Enter in the field)")
+        self.use_address.clicked.connect(self._address)
+        row.addWidget(self.address, 1)
+        row.addWidget(self.use_address)
+        column.addLayout(row)
+        self._refusal = QLabel(self)
+        self._refusal.setWordWrap(True)
+        self._refusal.hide()
+        column.addWidget(self._refusal)
+
+        self._permission = QWidget(self)
+        permission = QVBoxLayout(self._permission)
+        permission.setContentsMargins(0, 8, 0, 0)
+        row = QHBoxLayout()
+        row.addWidget(self._heading("PERMISSION TO USE IT"), 1)
+        copy = QPushButton("Copy", self)
+        copy.setToolTip("Copy these lines for a terminal")
+        copy.clicked.connect(self._copy)
+        row.addWidget(copy)
+        permission.addLayout(row)
+        self._remedy = QLabel(self)
+        self._remedy.setWordWrap(True)
+        self._remedy.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        permission.addWidget(self._remedy)
+        self._permission.hide()
+        column.addWidget(self._permission)
+
+        column.addSpacing(10)
+        column.addWidget(self._heading("2   CHECK THE SIGNALS, THE BLOCK AT REST"))
+        self._lines: list[QLabel] = []
+        for _ in range(MOST_CHECKS):
+            line = QLabel(self)
+            line.setWordWrap(True)
+            line.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
+            line.setAlignment(Qt.AlignmentFlag.AlignTop)
+            line.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+            line.hide()
+            self._lines.append(line)
+            column.addWidget(line)
+
+        column.addSpacing(10)
+        column.addWidget(self._heading("3   ARM"))
+        self._verdict = QLabel(self)
+        self._verdict.setWordWrap(True)
+        self._verdict.setFont(sized(self.font(), 1.15, bold=True))
+        column.addWidget(self._verdict)
+        self.arm = QPushButton("ARM", self)
+        self.arm.setProperty("primary", True)
+        self.arm.setToolTip("Close the set-up and wait for the light switch  (space)")
+        self.arm.clicked.connect(self._arm)
+        column.addWidget(self.arm)
+        column.addStretch(1)
+        self.show_looking()
+        self.show_checks((), "no samples yet")
+
+    def _heading(self, words: str) -> QLabel:
+        label = QLabel(words, self)
+        label.setProperty("heading", True)
+        return label
+
+    # devices ----------------------------------------------------------------------------------------------------
+
+    def show_looking(self) -> None:
+        """Say that the buses are being looked at."""
+        self.look.setEnabled(False)
+        self._found.setText("looking for devices …")
+
+    def show_devices(
+        self, found: Sequence[FoundDevice], known: Sequence[FoundDevice], present: str, problem: str = ""
+    ) -> None:
+        """List the bench, what was found and the addresses known; ``problem`` says why nothing could be looked for."""
+        self.look.setEnabled(True)
+        clear_layout(self._devices)
+        if problem:
+            self._found.setText(f"{MARKS[Tone.WARNING]} Devices could not be looked for: {problem}")
+        elif found:
+            self._found.setText(f"{len(found)} device{'s' if len(found) > 1 else ''} found")
+        else:
+            self._found.setText("No digitizer is plugged in. The simulated bench needs none.")
+        self._add_device(0, "bench", "Simulated bench", "no device needed", "", present)
+        for line, device in enumerate((*found, *known), 1):
+            words = f"{device.problem}: {device.remedy}" if device.problem else ""
+            self._add_device(line, device.source, device.name, device.where, words, present)
+
+    def _add_device(self, line: int, source: str, name: str, where: str, problem: str, present: str) -> None:
+        words = f"<b>{name}</b><br>{where}"
+        if problem:
+            words += f"<br><span style='color:{self._colours.signs[Tone.BAD]}'>{MARKS[Tone.BAD]} {problem}</span>"
+        label = QLabel(words, self)
+        label.setWordWrap(True)
+        button = QPushButton("In use" if source == present else "Use", self)
+        button.setEnabled(source != present)
+        button.setAccessibleName(f"Use {name}")
+        button.setToolTip(f"Take the samples from {name}")
+        button.setProperty("source", source)
+        button.clicked.connect(self._use)
+        self._devices.addWidget(label, line, 0)
+        self._devices.addWidget(button, line, 1, Qt.AlignmentFlag.AlignTop)
+
+    def refuse_address(self, words: str) -> None:
+        """Say why the address is none, or nothing."""
+        self._refusal.setText(f"{MARKS[Tone.BAD]} {words}" if words else "")
+        self._refusal.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
+        self._refusal.setVisible(bool(words))
+
+    @property
+    def refusal(self) -> str:
+        """Get what is said of the address."""
+        return self._refusal.text()
+
+    def use_buttons(self) -> list[QPushButton]:
+        """Return the buttons that choose a device, from top to bottom."""
+        widgets = [self._devices.itemAt(index).widget() for index in range(self._devices.count())]
+        return [widget for widget in widgets if isinstance(widget, QPushButton)]
+
+    def show_remedy(self, lines: str) -> None:
+        """Show how permission is given, or nothing."""
+        self._remedy.setText(lines)
+        self._permission.setVisible(bool(lines))
+
+    @property
+    def remedy(self) -> str:
+        """Get the lines that give permission, empty where it is not lacking."""
+        return self._remedy.text()
+
+    # signals ----------------------------------------------------------------------------------------------------
+
+    def show_checks(self, checks: tuple[Check, ...], waiting: str = "") -> None:
+        """Show the verdicts, or why there are none yet."""
+        self._checks = checks
+        for index, line in enumerate(self._lines):
+            line.setVisible(index < len(checks) or (index == 0 and not checks))
+            if index < len(checks):
+                check = checks[index]
+                tone = TONES[check.grade]
+                name = TITLES.get(check.name, check.name[:1].upper() + check.name[1:])
+                words = f"{MARKS[tone]} {name}: {check.line}"
+            else:
+                tone, words = Tone.NEUTRAL, waiting if index == 0 else ""
+            if line.text() != words:
+                line.setText(words)
+                line.setStyleSheet(f"color: {self._colours.signs[tone]}")
+        tone, words = _verdict(checks)
+        if self._verdict.text() != words:
+            self._verdict.setText(words)
+            self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
+
+    @property
+    def lines(self) -> list[str]:
+        """Get the verdict lines shown."""
+        return [line.text() for line in self._lines if line.text()]
+
+    @property
+    def verdict(self) -> str:
+        """Get the sentence above ARM."""
+        return self._verdict.text()
+
+    # the sheet --------------------------------------------------------------------------------------------------
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        for line in (*self._lines, self._verdict):
+            line.setText("")
+        self._refusal.setStyleSheet(f"color: {colours.signs[Tone.BAD]}")
+        self.show_checks(self._checks)
+
+    def open(self) -> None:
+        """Show the sheet."""
+        self.open_at(self.look if self.look.isEnabled() else self._close)
+
+    @Slot()
+    def _look(self) -> None:
+        self.look_wanted.emit()
+
+    @Slot()
+    def _use(self) -> None:
+        self.source_wanted.emit(str(self.sender().property("source")))
+
+    @Slot()
+    def _address(self) -> None:
+        self.address_wanted.emit(self.address.text())
+
+    @Slot()
+    def _arm(self) -> None:
+        self.arm_wanted.emit()
+
+    @Slot()
+    def _copy(self) -> None:
+        QGuiApplication.clipboard().setText(self._remedy.text())
+
+
+def _verdict(checks: tuple[Check, ...]) -> tuple[Tone, str]:
+    bad = [check for check in checks if check.grade is Grade.FAIL]
+    doubtful = [check for check in checks if check.grade is Grade.WARN]
+    if not checks:
+        return Tone.NEUTRAL, "Nothing to judge yet."
+    if bad:
+        return Tone.BAD, f"{MARKS[Tone.BAD]} Not fit for a shot: mend {_names(bad)}."
+    if doubtful:
+        return Tone.WARNING, f"{MARKS[Tone.WARNING]} You can arm; look at {_names(doubtful)} first."
+    return Tone.GOOD, f"{MARKS[Tone.GOOD]} All is well: ARM, then push the block."
+
+
+def _names(checks: list[Check]) -> str:
+    return ", ".join(dict.fromkeys(check.name for check in checks))

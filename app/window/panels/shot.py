@@ -1,0 +1,231 @@
+"""SHOT: the views of one shot, one at a time: over time, force against deflection, gap, raw signals."""
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QPen
+from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
+
+from analysis.recording import Recording
+from analysis.shot import Shot
+from app.report.shot_times import time_zero
+from app.window.panels.shot_deflection import DeflectionView
+from app.window.panels.shot_gap import GapView
+from app.window.panels.shot_motion import MotionView
+from app.window.panels.shot_raw import RawCurves, RawView
+from app.window.pens import thin, under
+from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.legend import Legend
+from app.window.plots.plot_view import PlotView
+from app.window.plots.time_stack import TimeStack
+from app.window.theme import Colours
+
+VIEWS = (
+    ("whole", "Whole shot", "1", "Velocity, force and residual of the whole shot"),
+    ("contact", "First contact", "2", "The bounces at first contact (the paper's Fig. 5)"),
+    (
+        "deflection",
+        "F against deflection",
+        "3",
+        "Force against deflection of the plate (Fig. 6); its slope is the stiffness",
+    ),
+    ("gap", "Gap", "4", "Distance between block and plate (Fig. 7); below zero the two overlap"),
+    ("raw", "Raw signals", "5", "What the photodiodes and the light switch gave, every sample"),
+)
+NO_SHOT = "No shot yet. Press ARM (space), then push the block through the light switch."
+
+
+class ShotPanel(QWidget):
+    """The plots of the shot that is selected."""
+
+    view_changed = Signal(str)
+    raw_wanted = Signal(object)  # the recording whose raw curves are to be made
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._shot: Shot | None = None
+        self._view = "whole"
+        self._undrawn: set[str] = set()  # views that do not show this shot yet
+        self.motion = MotionView(colours, self)
+        self.stack = self.motion.stack
+        self.deflection = DeflectionView(colours, self)
+        self.gap = GapView(colours, self)
+        self.raw = RawView(colours, self)
+        self._pages = QStackedWidget(self)
+        self._plots: tuple[PlotView, ...] = (self.stack, self.deflection, self.gap.stack, self.raw.stack)
+        for page in self._plots:
+            self._pages.addWidget(page)
+        self._legend = Legend(self)
+        self._empty = QLabel(NO_SHOT, self)
+        self._empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._empty.setProperty("faint", True)
+        self._empty.setWordWrap(True)
+        self._empty.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._pages.addWidget(self._empty)
+        self._build()
+        for stack in self.stacks:
+            stack.reset_wanted.connect(self.reset)
+        for plot in self._plots:
+            plot.cursors.moved.connect(self._cursors_moved)
+        self.dress(colours)
+        self.show_shot(None)
+
+    @property
+    def stacks(self) -> tuple[TimeStack, ...]:
+        """Get the stacks of linked plots."""
+        return self.stack, self.gap.stack, self.raw.stack
+
+    @property
+    def view(self) -> str:
+        """Get the view shown: one of ``VIEWS``."""
+        return self._view
+
+    @property
+    def shot(self) -> Shot | None:
+        """Get the shot shown."""
+        return self._shot
+
+    def plot_in_front(self) -> PlotView | None:
+        """Return the plot in view, or None where there is none."""
+        page = self._pages.currentWidget()
+        return page if isinstance(page, PlotView) else None
+
+    def _build(self) -> None:
+        column = QVBoxLayout(self)
+        column.setContentsMargins(6, 6, 6, 2)
+        column.setSpacing(4)
+        bar = QHBoxLayout()
+        self._group = QButtonGroup(self)
+        self._buttons: dict[str, QPushButton] = {}
+        for name, words, key, tip in VIEWS:
+            button = QPushButton(words, self)
+            button.setCheckable(True)
+            button.setToolTip(f"{tip}  ({key})")
+            button.setProperty("view", name)
+            self._group.addButton(button)
+            self._buttons[name] = button
+            bar.addWidget(button)
+        self._group.buttonClicked.connect(self._view_pressed)
+        bar.addStretch(1)
+        self._cursor_button = QPushButton("Cursors", self)
+        self._cursor_button.setCheckable(True)
+        self._cursor_button.setToolTip("Two cursors: differences, mean, rms and slope between them  (C)")
+        self._cursor_button.toggled.connect(self.show_cursors)
+        bar.addWidget(self._cursor_button)
+        self._menu_button = QPushButton("Save plot …", self)
+        self._menu_button.setToolTip("Save this plot as PNG, SVG or CSV; also by right click  (Ctrl+P)")
+        self._menu_button.clicked.connect(self.open_menu)
+        bar.addWidget(self._menu_button)
+        column.addLayout(bar)
+        line = QHBoxLayout()
+        line.addWidget(self._legend, 1)
+        line.addWidget(self.motion.kind)
+        column.addLayout(line)
+        column.addWidget(self._pages, 1)
+        for plot in self._plots:
+            column.addWidget(CursorReadout(plot, self))
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        for view in (self.motion, self.deflection, self.gap, self.raw):
+            view.dress(colours)
+        self._label_lines()
+
+    def _label_lines(self) -> None:
+        c = self._colours
+        entries: list[tuple[str, QPen | tuple[str, str]]] = [
+            ("measured", thin(c.measured)),
+            ("simulated", under(c.simulated)),
+        ]
+        if self._view == "raw":
+            reading = self.raw.has_samples and self.raw.wanted is not None
+            entries = [("reading the samples …" if reading else "every sample, extremes kept", thin(c.measured))]
+        elif self._view == "deflection":
+            entries.append(("slope", thin(c.residual, Qt.PenStyle.DashLine)))
+        elif self._view != "gap":
+            entries[1] = ("simulated (fitted to this shot)", under(c.simulated))
+            entries.append(("measured − simulated", thin(c.residual)))
+            entries.append(("noise, ±2 standard deviations", (c.band, c.band_edge)))
+        self._legend.show_entries(entries)
+
+    def show_shot(self, shot: Shot | None, recording: Recording | None = None) -> None:
+        """Show this shot; None shows what to do to get one."""
+        self._shot = shot
+        self.raw.show_recording(recording, 0.0 if shot is None else time_zero(shot)[0])
+        if shot is None or shot.motion is None:
+            self._empty.setText(NO_SHOT if shot is None else _why_not(shot))
+            self._undrawn = set()
+        else:
+            for stack in self.stacks:
+                stack.label_time(time_zero(shot)[1])
+            self._undrawn = {"motion", "deflection", "gap"}
+        self.set_view(self._view)
+        self.reset()
+
+    @Slot(object)
+    def _view_pressed(self, button: QPushButton) -> None:
+        self.set_view(str(button.property("view")))
+        self.reset()
+
+    def set_view(self, view: str) -> None:
+        """Show one of ``VIEWS``."""
+        self._view = view
+        self._buttons[view].setChecked(True)
+        self.motion.contact_only = view == "contact"
+        others = {"deflection": self.deflection, "gap": self.gap.stack, "raw": self.raw.stack}
+        analysed = self._shot is not None and self._shot.motion is not None
+        page = others.get(view, self.stack) if analysed or (view == "raw" and self.raw.has_samples) else self._empty
+        self._draw(view)
+        self._pages.setCurrentWidget(page)
+        self.motion.kind.setVisible(page is self.stack)
+        self._legend.setVisible(page is not self._empty)
+        self._cursor_button.setEnabled(page is not self._empty)
+        self._cursors_moved()
+        self._label_lines()
+        self.view_changed.emit(view)
+
+    def _draw(self, view: str) -> None:
+        """Draw what only this view shows, when it is looked at."""
+        if view == "raw" and self.raw.wanted is not None:
+            self.raw_wanted.emit(self.raw.wanted)
+        what = "motion" if view in ("whole", "contact") else view
+        if self._shot is None or what not in self._undrawn:
+            return
+        self._undrawn.discard(what)
+        {"motion": self.motion, "deflection": self.deflection, "gap": self.gap}[what].show_shot(self._shot)
+
+    def show_raw(self, curves: RawCurves) -> None:
+        """Show the raw curves that were asked for."""
+        self.raw.show_curves(curves)
+        self._label_lines()
+
+    @Slot()
+    def reset(self) -> None:
+        """Bring the view back to what its name says."""
+        views = {"deflection": self.deflection, "gap": self.gap, "raw": self.raw}
+        views.get(self._view, self.motion).reset()
+
+    @Slot(bool)
+    def show_cursors(self, shown: bool) -> None:
+        """Show or hide the cursors of the view in front."""
+        plot = self.plot_in_front()
+        if plot is not None and plot.cursors.shown != shown:
+            plot.show_cursors(shown)
+
+    @Slot()
+    def _cursors_moved(self) -> None:
+        plot = self.plot_in_front()
+        shown = plot is not None and plot.cursors.shown
+        if self._cursor_button.isChecked() != shown:
+            self._cursor_button.setChecked(shown)
+
+    @Slot()
+    def open_menu(self) -> None:
+        """Open the menu of the plot in front."""
+        plot = self.plot_in_front()
+        if plot is not None:
+            plot.open_menu()
+
+
+def _why_not(shot: Shot) -> str:
+    return f"{shot.name} could not be analysed.\n\n{shot.problem or ''}\n\nIts raw samples are kept: Raw signals (5)."

@@ -1,0 +1,106 @@
+"""SPECTRUM: what the beats are made of, over the whole record and over time."""
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QRectF, Qt, Slot
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QVBoxLayout, QWidget
+
+from analysis.recording import Role
+from app.session.spectra import NAMES, Spectra
+from app.window.pens import thin, under
+from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.cursors import TIME, CursorAxis
+from app.window.plots.legend import Legend
+from app.window.plots.plain_plot import PlainPlot
+from app.window.plots.plot_view import PlotView, in_front
+from app.window.theme import Colours
+
+FREQUENCY = CursorAxis("MHz", "MHz")
+
+
+class SpectrumPanel(QWidget):
+    """Spectrum above, spectrogram of PD1 below."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        column = QVBoxLayout(self)
+        column.setContentsMargins(6, 6, 6, 2)
+        self._say = QLabel(self)
+        self._say.setProperty("faint", True)
+        self._legend = Legend(self)
+        line = QHBoxLayout()
+        line.addWidget(self._legend)
+        line.addWidget(self._say, 1)
+        column.addLayout(line)
+        split = QSplitter(Qt.Orientation.Vertical, self)
+        self._spectrum = PlainPlot(
+            "Spectrum of the beats", ("power", "dB above 1 V²/Hz"), "frequency (MHz)", FREQUENCY, split
+        )
+        self._image = PlainPlot(
+            "Spectrogram of PD1", ("frequency of PD1", "MHz"), "time from first touch (ms)", TIME, split, False
+        )
+        self._curves = {role: self._spectrum.add_curve(NAMES[role]) for role in (Role.REFERENCE, Role.MEASUREMENT)}
+        self._picture = pg.ImageItem()
+        self._picture.setColorMap(pg.colormap.get("viridis"))
+        self._image.plot.addItem(self._picture)
+        column.addWidget(split, 1)
+        for plot in self.plots:
+            column.addWidget(CursorReadout(plot, self))
+        self.dress(colours)
+        self.show_spectra(None)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        pens = {Role.REFERENCE: under(colours.simulated), Role.MEASUREMENT: thin(colours.measured)}
+        for role, curve in self._curves.items():
+            curve.setPen(pens[role])
+        for plot in self.plots:
+            plot.dress(colours)
+        self._legend.show_entries([("PD0, at rest", pens[Role.REFERENCE]), ("PD1, moving", pens[Role.MEASUREMENT])])
+
+    def has_spectra(self) -> bool:
+        """Return whether spectra are shown."""
+        return self._picture.image is not None
+
+    def say(self, words: str) -> None:
+        """Say what is being done or missing."""
+        self._say.setText(words)
+
+    def show_spectra(self, spectra: Spectra | None) -> None:
+        """Show spectra, or say that there are none."""
+        if spectra is None or not spectra.power_db:
+            self._say.setText("Select a shot whose raw recording is at hand.")
+            for curve in self._curves.values():
+                curve.show_points(np.empty(0), np.empty(0))
+            self._picture.clear()
+            return
+        self._say.setText("")
+        for role, curve in self._curves.items():
+            power = spectra.power_db.get(role, np.empty(0))
+            curve.show_points(1e-6 * spectra.frequency_hz[: len(power)], power)
+        low, high = 1e-6 * spectra.image_span_hz[0], 1e-6 * spectra.image_span_hz[1]
+        left, right = 1e3 * spectra.image_span_s[0], 1e3 * spectra.image_span_s[1]
+        self._spectrum.show_range((low, high), spectra.power_span_db)
+        named = {f"{NAMES[role]} (dB above 1 V²/Hz)": power for role, power in spectra.power_db.items()}
+        self._spectrum.columns = {"frequency (MHz)": 1e-6 * spectra.frequency_hz, **named}
+        if spectra.image_db.size:
+            self._picture.setImage(spectra.image_db, levels=spectra.image_levels_db)
+            self._picture.setRect(QRectF(left, low, right - left, high - low))
+            self._image.show_range((left, right), (low, high))
+
+    @property
+    def plots(self) -> tuple[PlainPlot, PlainPlot]:
+        """Get spectrum and spectrogram."""
+        return self._spectrum, self._image
+
+    def plot_in_front(self) -> PlotView:
+        """Return the plot that has the keyboard, else the spectrum."""
+        return in_front(self.plots)
+
+    @Slot()
+    def reset(self) -> None:
+        """Bring both plots back to their whole."""
+        self._spectrum.reset()
+        self._image.reset()

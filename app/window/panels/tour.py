@@ -1,0 +1,134 @@
+"""A few callouts that point at what matters first; they lie beside what they tell of and never stand in the way."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from PySide6.QtCore import QPoint, QRect, Qt, Signal, Slot
+from PySide6.QtGui import QHideEvent
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from app.window.theme import Colours, sized
+
+GAP = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One callout: what it points at, and its words."""
+
+    target: QWidget
+    title: str
+    words: str
+
+
+class Tour(QFrame):
+    """One callout at a time; ``ended`` once it is read to the end or sent away."""
+
+    ended = Signal()
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("tour")
+        self.setAccessibleName("Short tour")
+        self._steps: tuple[Step, ...] = ()
+        self._place = 0
+        self._before: QWidget | None = None  # what had the keyboard
+        self._ring = QFrame(parent)
+        self._ring.setObjectName("ring")
+        self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(16, 12, 16, 12)
+        self._title = QLabel(self)
+        self._title.setFont(sized(self.font(), 1.2, bold=True))
+        self._words = QLabel(self)
+        self._words.setWordWrap(True)
+        column.addWidget(self._title)
+        column.addWidget(self._words)
+        row = QHBoxLayout()
+        self._count = QLabel(self)
+        self._skip = QPushButton("Skip the tour", self)
+        self._skip.setToolTip("Do not show it again  (Esc); F4 brings it back")
+        self.onward = QPushButton("Next", self)
+        self.onward.setToolTip("Next callout  (Enter)")
+        row.addWidget(self._count, 1)
+        row.addWidget(self._skip)
+        row.addWidget(self.onward)
+        column.addLayout(row)
+        self.setFixedWidth(self.fontMetrics().horizontalAdvance("M") * 32)
+        self._skip.clicked.connect(self.finish)
+        self.onward.clicked.connect(self.next)
+        self.dress(colours)
+        self._ring.hide()
+        self.hide()
+
+    @property
+    def title(self) -> str:
+        """Get the heading of the callout shown."""
+        return self._title.text()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self.setStyleSheet(
+            f"#tour {{ background: {colours.panel}; border: 2px solid {colours.accent}; border-radius: 8px; }}"
+        )
+        self._ring.setStyleSheet(f"#ring {{ border: 3px solid {colours.accent}; border-radius: 8px; }}")
+
+    def begin(self, steps: Sequence[Step]) -> None:
+        """Show the first callout; Enter goes on, Esc ends, everything else works as always."""
+        self._steps, self._place = tuple(steps), 0
+        self._before = self.window().focusWidget()
+        self._show()
+        self.onward.setFocus()
+
+    @Slot()
+    def next(self) -> None:
+        """Show the next callout, or end after the last."""
+        self._place += 1
+        if self._place >= len(self._steps):
+            self.finish()
+        else:
+            self._show()
+
+    @Slot()
+    def finish(self) -> None:
+        """End the tour."""
+        self.close()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Take the ring away too, and say once that the tour ended."""
+        super().hideEvent(event)
+        self._ring.hide()
+        if self.window().focusWidget() in (self.onward, self._skip) and self._before is not None:
+            self._before.setFocus()
+        if self._steps and not event.spontaneous():
+            self._steps = ()
+            self.ended.emit()
+
+    def _show(self) -> None:
+        step = self._steps[self._place]
+        self._title.setText(step.title)
+        self._words.setText(step.words)
+        self._count.setText(f"{self._place + 1} of {len(self._steps)}")
+        self.onward.setText("Done" if self._place + 1 == len(self._steps) else "Next")
+        self.show()
+        self._ring.show()
+        self.place()
+
+    def place(self) -> None:
+        """Stand below or above what the callout tells of, inside the window."""
+        parent = self.parentWidget()
+        if parent is None or not self._steps:
+            return
+        target = self._steps[self._place].target
+        around = QRect(target.mapTo(parent, QPoint(0, 0)), target.size()).adjusted(-4, -4, 4, 4)
+        self._ring.setGeometry(around.intersected(parent.rect()))
+        self._ring.raise_()
+        self.setFixedHeight(self.layout().heightForWidth(self.width()) + self.fontMetrics().lineSpacing() // 2)
+        below = around.bottom() + GAP
+        above = around.top() - GAP - self.height()
+        y = below if below + self.height() < parent.height() else above
+        if y < 0:  # the target fills the height: stand in it
+            y = max(GAP, (parent.height() - self.height()) // 2)
+        x = min(max(GAP, around.left()), parent.width() - self.width() - GAP)
+        self.move(x, y)
+        self.raise_()

@@ -1,0 +1,99 @@
+"""A table whose lines unfold into what they are made of; selected lines are copied as text."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtGui import QAction, QBrush, QColor, QGuiApplication, QKeySequence
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHeaderView,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QTreeWidgetItemIterator,
+    QWidget,
+)
+
+from app.window.theme import sized
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line: its cells, what hovering says, its parts; ``colour`` tints the last cell, whose words say the same."""
+
+    cells: tuple[str, ...]
+    hover: str = ""
+    parts: tuple["Line", ...] = ()
+    strong: bool = False
+    colour: str | None = None
+
+
+class TreeTable(QTreeWidget):
+    """Lines with parts; the columns in ``right`` hold numbers and stand to the right."""
+
+    def __init__(self, name: str, columns: Sequence[str], right: Sequence[int], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setAccessibleName(name)
+        self.setColumnCount(len(columns))
+        self.setHeaderLabels(list(columns))
+        self.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
+        self.setAlternatingRowColors(True)
+        self.setUniformRowHeights(True)
+        self._right = tuple(right)
+        header = self.header()  # the first column takes what the others leave, so that nothing lies beyond the edge
+        header.setStretchLastSection(False)
+        header.setMinimumSectionSize(4 * self.fontMetrics().horizontalAdvance("M"))
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        for column in self._right:
+            self.headerItem().setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        copy = QAction("Copy", self)
+        copy.setShortcut(QKeySequence(QKeySequence.StandardKey.Copy))
+        copy.setShortcutContext(Qt.ShortcutContext.WidgetShortcut)
+        copy.triggered.connect(self.copy_selected)
+        self.addAction(copy)
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.ActionsContextMenu)
+
+    def show_lines(self, lines: Sequence[Line]) -> None:
+        """Show these; a line that was unfolded and is still there stays unfolded."""
+        open_before = {item.text(0) for item in self._top_items() if item.isExpanded()}
+        self.clear()
+        self.addTopLevelItems([self._item(line) for line in lines])
+        for item in self._top_items():
+            item.setExpanded(item.text(0) in open_before)
+        self.fit_columns()
+
+    def fit_columns(self) -> None:
+        """Give every column but the first the width of its widest text."""
+        for column in range(1, self.columnCount()):
+            self.resizeColumnToContents(column)
+
+    @Slot()
+    def copy_selected(self) -> None:
+        """Put the selected lines on the clipboard, a tab between cells."""
+        QGuiApplication.clipboard().setText(self.selected_text())
+
+    def selected_text(self) -> str:
+        """Return the selected lines as text, in the order of the screen."""
+        lines = []
+        walk = QTreeWidgetItemIterator(self, QTreeWidgetItemIterator.IteratorFlag.Selected)
+        while (item := walk.value()) is not None:
+            lines.append("\t".join(item.text(column) for column in range(self.columnCount())))
+            walk += 1
+        return "\n".join(lines)
+
+    def _top_items(self) -> list[QTreeWidgetItem]:
+        return [self.topLevelItem(index) for index in range(self.topLevelItemCount())]
+
+    def _item(self, line: Line) -> QTreeWidgetItem:
+        item = QTreeWidgetItem(list(line.cells))
+        for column in range(len(line.cells)):
+            item.setToolTip(column, line.hover or line.cells[column])
+            if column in self._right:
+                item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+            if line.strong:
+                item.setFont(column, sized(self.font(), 1.0, bold=True))
+        if line.colour is not None:
+            item.setForeground(len(line.cells) - 1, QBrush(QColor(line.colour)))
+        item.addChildren([self._item(part) for part in line.parts])
+        return item

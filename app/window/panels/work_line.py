@@ -1,0 +1,85 @@
+"""The lowest line: messages to the left, work under way with its cancel to the right."""
+
+from PySide6.QtCore import Signal, Slot
+from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
+
+from app.session.jobs import Jobs
+from app.window.panels.notice import NoticeLine
+from app.window.theme import Colours
+
+
+class WorkLine(QWidget):
+    """Messages, progress, and the buttons for settings and keys."""
+
+    cancel_wanted = Signal()
+    settings_wanted = Signal()
+    keys_wanted = Signal()
+    setup_wanted = Signal()
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        self.notices = NoticeLine(colours, self)
+        self.progress = QProgressBar(self)
+        self.progress.setRange(0, 1000)
+        self.progress.setFixedWidth(
+            self.fontMetrics().horizontalAdvance("fit with the new model: finding a start (+12) 100 %")
+        )
+        self.progress.setAccessibleName("Work under way")
+        self._cancel = QPushButton("Cancel", self)
+        self._cancel.setToolTip("Stop all work under way away from the rig")
+        for widget in (self.progress, self._cancel):
+            policy = widget.sizePolicy()
+            policy.setRetainSizeWhenHidden(True)
+            widget.setSizePolicy(policy)
+            widget.hide()
+        settings = QPushButton("Settings", self)
+        settings.setToolTip("Mass, air, wavelength, bandwidth, trigger, folders  (F2)")
+        setup = QPushButton("Set-up", self)
+        setup.setToolTip("Find devices, permission, check the signals before arming  (F3)")
+        setup.clicked.connect(self._setup_pressed)
+        keys = QPushButton("Keys", self)
+        keys.setToolTip("All keys on one sheet  (F1)")
+        row.addWidget(self.notices, 1)
+        for widget in (self.progress, self._cancel, setup, settings, keys):
+            row.addWidget(widget)
+        self._cancel.clicked.connect(self._cancel_pressed)
+        settings.clicked.connect(self._settings_pressed)
+        keys.clicked.connect(self._keys_pressed)
+
+    def show_work(self, jobs: Jobs, rig_doing: str | None, rig_share: float | None) -> None:
+        """Show what the jobs' thread is doing, else what the rig is."""
+        job = jobs.current
+        busy = job is not None or rig_doing is not None
+        if self.progress.isHidden() == busy:
+            self.progress.setVisible(busy)
+        if self._cancel.isHidden() == (job is not None):
+            self._cancel.setVisible(job is not None)
+        if job is not None:
+            waiting = jobs.open_jobs - 1
+            more = f" (+{waiting})" if waiting > 0 else ""
+            self._show(f"{job.name}: {job.what}{more}", job.fraction)
+        elif rig_doing is not None:
+            self._show(rig_doing, rig_share or 0.0)
+
+    def _show(self, words: str, share: float) -> None:
+        if self.progress.format() != words:
+            self.progress.setFormat(words)
+        self.progress.setValue(round(1000 * share))
+
+    @Slot()
+    def _cancel_pressed(self) -> None:
+        self.cancel_wanted.emit()
+
+    @Slot()
+    def _settings_pressed(self) -> None:
+        self.settings_wanted.emit()
+
+    @Slot()
+    def _setup_pressed(self) -> None:
+        self.setup_wanted.emit()
+
+    @Slot()
+    def _keys_pressed(self) -> None:
+        self.keys_wanted.emit()

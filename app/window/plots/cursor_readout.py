@@ -1,0 +1,58 @@
+"""What lies between the cursors, as a small table below the plot; copied as text."""
+
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QWidget
+
+from app.window.plots.plot_view import PlotView
+from app.words.wording import DASH, local, number
+
+
+class CursorReadout(QFrame):
+    """Follows the cursors of one plot; hidden while they or the plot are."""
+
+    def __init__(self, plot: PlotView, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._plot, self._cursors = plot, plot.cursors
+        self.setProperty("card", True)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(8, 4, 8, 4)
+        self._table = QLabel(self)
+        self._table.setTextFormat(Qt.TextFormat.RichText)
+        self._table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        copy = QPushButton("Copy as text", self)
+        copy.setToolTip("Copy places, values, differences, mean, rms and slope between the cursors  (Ctrl+Shift+C)")
+        copy.clicked.connect(plot.copy_cursors)
+        row.addWidget(self._table, 1)
+        row.addWidget(copy, 0, Qt.AlignmentFlag.AlignTop)
+        self._cursors.moved.connect(self.refresh)
+        self.setVisible(False)
+
+    @property
+    def words(self) -> str:
+        """Get the table shown."""
+        return self._table.text()
+
+    @Slot()
+    def refresh(self) -> None:
+        """Show the present measures."""
+        shown = self._cursors.shown and not self._plot.isHidden()
+        if self.isHidden() == shown:
+            self.setVisible(shown)
+        if not shown or not self._plot.isVisible():
+            return
+        axis, (a, b) = self._cursors.axis, self._cursors.places
+        span = abs(b - a) * axis.scale
+        rate = f" &nbsp; ({number(1 / span, 5) if span else DASH} {axis.inverse})" if axis.inverse else ""
+        heads = ("", "at A", "at B", "B − A", "mean", "rms", axis.slope_words, "")
+        head = "".join(f"<td align='right' style='padding: 0 9px'><b>{text}</b></td>" for text in heads)
+        named = (("A", a), ("B", b), ("B − A", b - a))
+        places = " &nbsp; ".join(f"<b>{name}</b> {local(f'{place:.4f}')} {axis.unit}" for name, place in named)
+        rows = [f"<tr><td colspan='8'>{places}{rate}</td></tr>"]
+        measures = self._cursors.measures()
+        if measures:
+            rows.append(f"<tr>{head}</tr>")
+        for m in measures:
+            cells = (m.at_a, m.at_b, m.difference, m.mean, m.rms, m.slope)
+            text = "".join(f"<td align='right' style='padding: 0 9px'>{number(cell, 5)}</td>" for cell in cells)
+            rows.append(f"<tr><td>{m.name}</td>{text}<td>{m.unit}</td></tr>")
+        self._table.setText(f"<table cellspacing='0'>{''.join(rows)}</table>")

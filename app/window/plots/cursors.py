@@ -1,0 +1,215 @@
+"""Two cursors over linked plots, and what lies between them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import pyqtgraph as pg
+from numpy.typing import NDArray
+from PySide6.QtCore import QObject, Qt, Signal, Slot
+
+from app.window.pens import straight
+from app.window.theme import Colours
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class CursorAxis:
+    """What the cursors stand on: the plot's own unit, and the unit a slope is told per (``scale`` of it each)."""
+
+    unit: str
+    per: str
+    scale: float = 1.0
+    inverse: str = ""  # unit of 1/(B - A), where that means something
+
+    @property
+    def slope_words(self) -> str:
+        """Get the heading of the slopes."""
+        return f"slope per {self.per}"
+
+
+TIME = CursorAxis("ms", "s", 1e-3, "Hz")
+
+
+class Measured(Protocol):
+    """A curve that tells its samples between two x."""
+
+    label: str
+
+    def isVisible(self) -> bool:
+        """Return whether it is drawn."""
+
+    def between(self, left: float, right: float) -> tuple[Floats, NDArray[Any]]:
+        """Return x and values of the samples between two x."""
+
+    def value_at(self, x: float) -> float:
+        """Return the sample nearest to x; NaN outside."""
+
+    @property
+    def samples(self) -> NDArray[Any]:
+        """Get all values."""
+
+
+class CursorPlot(Protocol):
+    """A plot the cursors can stand in."""
+
+    title: str
+    unit: str
+
+    @property
+    def sampled(self) -> Sequence[Measured]:
+        """Get the curves that are measured."""
+
+    def addItem(self, item: object, **how: object) -> None:
+        """Take an item in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Between:
+    """What one curve does between the cursors, in the curve's own unit; NaN where there is nothing."""
+
+    name: str
+    unit: str
+    at_a: float
+    at_b: float
+    mean: float
+    rms: float  # about zero
+    deviation: float  # about the mean
+    slope: float  # least squares over the samples between, per unit of x
+
+    @property
+    def difference(self) -> float:
+        """Get value at B minus value at A."""
+        return self.at_b - self.at_a
+
+
+def between(name: str, unit: str, x: Floats, values: Floats, at_a: float, at_b: float) -> Between:
+    """Return the measures of the samples (n,) at x (n,), in the unit the slope is per; what is NaN is left out."""
+    seen = np.isfinite(values) & np.isfinite(x)
+    x, y = x[seen], values[seen].astype(np.float64)
+    if len(y) == 0:
+        nothing = float("nan")
+        return Between(name, unit, at_a, at_b, nothing, nothing, nothing, nothing)
+    mean = float(y.mean())
+    centred = x - x.mean()
+    power = float(centred @ centred)
+    slope = float(centred @ (y - mean)) / power if power > 0 else float("nan")
+    return Between(name, unit, at_a, at_b, mean, float(np.sqrt(np.mean(y * y))), float(y.std()), slope)
+
+
+class Cursors(QObject):
+    """Cursor A and B, drawn in every joined plot at the same x."""
+
+    moved = Signal()
+
+    def __init__(self, parent: QObject, axis: CursorAxis = TIME) -> None:
+        super().__init__(parent)
+        self.axis = axis
+        self._plots: list[CursorPlot] = []
+        self._lines: dict[str, list[pg.InfiniteLine]] = {"A": [], "B": []}
+        self._at = {"A": 0.0, "B": 1.0}
+        self.shown = False
+        self._following = False
+
+    def join(self, plot: CursorPlot) -> None:
+        """Draw the cursors in this plot too."""
+        for name, lines in self._lines.items():
+            first = not self._plots
+            line = pg.InfiniteLine(
+                angle=90,
+                movable=True,
+                label=name if first else None,
+                labelOpts={"position": 0.94, "movable": False} if first else None,
+            )
+            line.setZValue(20)
+            line.setVisible(False)
+            plot.addItem(line, ignoreBounds=True)
+            line.sigPositionChanged.connect(self._dragged_a if name == "A" else self._dragged_b)
+            lines.append(line)
+        self._plots.append(plot)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours; A is drawn full, B dashed, so that they differ without colour."""
+        full, dashed = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
+        for name, colour, dash in (("A", colours.cursor_a, full), ("B", colours.cursor_b, dashed)):
+            for line in self._lines[name]:
+                line.setPen(straight(colour, dash))
+                line.setHoverPen(straight(colour, dash, 3))
+                if getattr(line, "label", None) is not None:
+                    line.label.setColor(colour)
+
+    @property
+    def places(self) -> tuple[float, float]:
+        """Get the places of A and B in the axis' unit."""
+        return self._at["A"], self._at["B"]
+
+    def place(self, a: float, b: float) -> None:
+        """Set both cursors."""
+        self._set("A", a)
+        self._set("B", b)
+
+    def step(self, name: str, by: float) -> None:
+        """Move cursor "A" or "B"."""
+        self._set(name, self._at[name] + by)
+
+    def show(self, shown: bool, left: float, right: float) -> None:
+        """Show or hide; when they come they stand at a third and two thirds of the view."""
+        self.shown = shown
+        if shown:
+            third = (right - left) / 3
+            self.place(left + third, right - third)
+        for lines in self._lines.values():
+            for line in lines:
+                line.setVisible(shown)
+        self.moved.emit()
+
+    def _set(self, name: str, place: float) -> None:
+        if self._following:
+            return
+        self._following = True
+        self._at[name] = place
+        for line in self._lines[name]:
+            line.setValue(place)
+        self._following = False
+        self.moved.emit()
+
+    @Slot(object)
+    def _dragged_a(self, line: pg.InfiniteLine) -> None:
+        self._set("A", float(line.value()))
+
+    @Slot(object)
+    def _dragged_b(self, line: pg.InfiniteLine) -> None:
+        self._set("B", float(line.value()))
+
+    def measures(self) -> list[Between]:
+        """Return what every visible curve of the joined plots does between the cursors."""
+        a, b = self.places
+        left, right = min(a, b), max(a, b)
+        found = []
+        for plot in self._plots:
+            for curve in plot.sampled:
+                if curve.isVisible() and len(curve.samples):
+                    found.append(self._measure(plot, curve, left, right))
+        return found
+
+    def _measure(self, plot: CursorPlot, curve: Measured, left: float, right: float) -> Between:
+        a, b = self.places
+        x, values = curve.between(left, right)
+        name = f"{plot.title}, {curve.label}"
+        scaled = self.axis.scale * np.asarray(x, float)
+        return between(name, plot.unit, scaled, np.asarray(values, float), curve.value_at(a), curve.value_at(b))
+
+    def text(self) -> str:
+        """Return all measures as tab-separated text, places and values in plain units, with "." for the decimals."""
+        a, b = self.places
+        unit, per = self.axis.unit, self.axis.per
+        rows = [
+            f"A\t{a:.6f} {unit}\tB\t{b:.6f} {unit}\tB-A\t{b - a:.6f} {unit}",
+            f"curve\tunit\tat A\tat B\tB-A\tmean\trms\tstandard deviation\tslope (unit per {per})",
+        ]
+        for m in self.measures():
+            numbers = (m.at_a, m.at_b, m.difference, m.mean, m.rms, m.deviation, m.slope)
+            rows.append(f"{m.name}\t{m.unit}\t" + "\t".join(f"{value:.9g}" for value in numbers))
+        return "\n".join(rows)

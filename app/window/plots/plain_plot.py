@@ -1,0 +1,129 @@
+"""A plot that is not over time: fixed range, cursors and menu as every other has."""
+
+import numpy as np
+import pyqtgraph as pg
+from numpy.typing import NDArray
+from PySide6.QtCore import Slot
+from PySide6.QtGui import QPen
+from PySide6.QtWidgets import QWidget
+
+from app.window.plots.crisp import CrispCurve
+from app.window.plots.cursors import CursorAxis
+from app.window.plots.plain_axis import PlainAxis
+from app.window.plots.plot_view import PlotView, Span
+from app.window.plots.time_plot import AXIS_WIDTH, QuietView
+from app.window.theme import Colours
+
+Floats = NDArray[np.float64]
+
+
+class XyCurve(CrispCurve):
+    """Points in any order of x, told to the cursors under a label; without a pen only they know of it."""
+
+    def __init__(self, label: str, pen: QPen | None = None) -> None:
+        super().__init__(pen=pen, connect="finite")
+        if pen is None:
+            self.setPen(pg.mkPen(None))
+        self.label = label
+        self._x: Floats = np.empty(0)
+        self._y: Floats = np.empty(0)
+
+    def show_points(self, x: Floats, y: Floats) -> None:
+        """Show points (n,) by (n,)."""
+        self._x, self._y = x, y
+        self.setData(x, y)
+
+    @property
+    def samples(self) -> Floats:
+        """Get the values, shape (n,)."""
+        return self._y
+
+    def between(self, left: float, right: float) -> tuple[Floats, Floats]:
+        """Return the points between two x, in their own order."""
+        inside = (self._x >= left) & (self._x <= right)
+        return self._x[inside], self._y[inside]
+
+    def value_at(self, x: float) -> float:
+        """Return the value of the point nearest in x; NaN outside."""
+        seen = np.isfinite(self._x) & np.isfinite(self._y)
+        if not seen.any() or not self._x[seen].min() <= x <= self._x[seen].max():
+            return float("nan")
+        return float(self._y[seen][int(np.argmin(np.abs(self._x[seen] - x)))])
+
+
+class NamedPlot(pg.PlotItem):
+    """A plot as the cursors know it: a title, a unit, the curves they measure."""
+
+    def __init__(self, title: str, unit: str, axes: dict[str, PlainAxis]) -> None:
+        super().__init__(viewBox=QuietView(), axisItems=axes, enableMenu=False)
+        self.title, self.unit = title, unit
+        self.sampled: list[XyCurve] = []
+
+
+class PlainPlot(PlotView):
+    """One plot; ``columns`` are what its CSV holds, and ``tabulated`` says whether it has any."""
+
+    def __init__(
+        self,
+        name: str,
+        value: tuple[str, str],
+        bottom: str,
+        axis: CursorAxis,
+        parent: QWidget | None = None,
+        tabulated: bool = True,
+    ) -> None:
+        """``value``: what is shown and in which unit; ``bottom``: the words below the plot."""
+        super().__init__(name, axis, parent)
+        self.table_words = "Save the values as CSV …" if tabulated else ""
+        axes = {side: PlainAxis(side) for side in ("left", "bottom")}
+        self.plot = NamedPlot(*value, axes)
+        self.addItem(self.plot)
+        self.plot.hideButtons()
+        for axis_item in axes.values():
+            axis_item.enableAutoSIPrefix(False)
+        self.label_value(*value)
+        self.plot.setLabel("bottom", bottom)
+        self.plot.getAxis("left").setWidth(AXIS_WIDTH)
+        self.cursors.join(self.plot)
+        self.columns: dict[str, Floats] = {}
+        self._whole: tuple[Span, Span] | None = None
+
+    def label_value(self, title: str, unit: str) -> None:
+        """Say what is shown, and in which unit."""
+        self.plot.title, self.plot.unit = title, unit
+        self.plot.setLabel("left", f"{title} ({unit})" if unit else title)
+
+    def add_curve(self, label: str, pen: QPen | None = None) -> XyCurve:
+        """Add an empty curve that the cursors measure."""
+        curve = XyCurve(label, pen)
+        self.plot.addItem(curve)
+        self.plot.sampled.append(curve)
+        return curve
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        for side in ("left", "bottom"):
+            self.plot.getAxis(side).dress(colours.edge, colours.text, colours.grid)
+        super().dress(colours)
+
+    def show_range(self, x: Span, y: Span) -> None:
+        """Show this range, and come back to it by ``reset``."""
+        self._whole = (x, y)
+        self.reset()
+
+    @Slot()
+    def reset(self) -> None:
+        """Show the whole again."""
+        if self._whole is not None:
+            x, y = self._whole
+            self.plot.getViewBox().setRange(xRange=x, yRange=y, padding=0)
+
+    @property
+    def span(self) -> Span:
+        """Get the stretch of x in view."""
+        (left, right), _ = self.plot.getViewBox().viewRange()
+        return float(left), float(right)
+
+    def show_span(self, left: float, right: float) -> None:
+        """Show this stretch of x."""
+        self.plot.getViewBox().setXRange(left, right, padding=0)

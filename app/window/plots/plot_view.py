@@ -1,0 +1,147 @@
+"""What every plot of the window has: two cursors, keys while it is in focus, and a menu that saves it."""
+
+from collections.abc import Sequence
+
+import pyqtgraph as pg
+from PySide6.QtCore import QPoint, Qt, Signal, Slot
+from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QHideEvent, QKeyEvent, QShowEvent
+from PySide6.QtWidgets import QMenu, QWidget
+
+from app.window.plots.cursors import TIME, CursorAxis, Cursors
+from app.window.theme import Colours
+
+Span = tuple[float, float]
+PAN = 0.1  # of the view, a press of an arrow key
+ZOOM = 0.8
+NUDGE = 0.01  # of the view, a press that moves a cursor
+
+
+class PlotView(pg.GraphicsLayoutWidget):
+    """A plot, or several over one x axis.  What they show is the business of the classes made from this one."""
+
+    export_wanted = Signal(object, str)  # this plot, and "png", "svg" or "csv"
+    table_words = "Save the samples in view as CSV …"  # empty where there is nothing to tabulate
+
+    def __init__(self, name: str, axis: CursorAxis = TIME, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.name = name
+        self.setAccessibleName(name)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.ci.layout.setSpacing(2)
+        self.ci.layout.setContentsMargins(4, 4, 10, 4)
+        self.cursors = Cursors(self, axis)
+
+    @property
+    def span(self) -> Span:
+        """Get the stretch of x in view."""
+        raise NotImplementedError
+
+    def show_span(self, left: float, right: float) -> None:
+        """Show this stretch of x."""
+        raise NotImplementedError
+
+    def reset(self) -> None:
+        """Show the whole again."""
+        raise NotImplementedError
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self.setBackground(colours.plot)
+        self.cursors.dress(colours)
+
+    # cursors ----------------------------------------------------------------------------------------------------
+
+    @Slot(bool)
+    def show_cursors(self, shown: bool) -> None:
+        """Show or hide the cursors, placed at a third and two thirds of the view when they come."""
+        self.cursors.show(shown, *self.span)
+
+    @Slot()
+    def toggle_cursors(self) -> None:
+        """Turn the cursors on or off."""
+        self.show_cursors(not self.cursors.shown)
+
+    @Slot()
+    def copy_cursors(self) -> None:
+        """Put what lies between the cursors on the clipboard, as tab-separated text."""
+        if self.cursors.shown:
+            QGuiApplication.clipboard().setText(self.cursors.text())
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Let the readout of the cursors come with the plot."""
+        super().showEvent(event)
+        self.cursors.moved.emit()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Let the readout of the cursors go with the plot."""
+        super().hideEvent(event)
+        self.cursors.moved.emit()
+
+    # keys and menu ----------------------------------------------------------------------------------------------
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Move and zoom by arrows; with Shift move cursor A, with Ctrl cursor B; Home shows the whole."""
+        left, right = self.span
+        width = right - left
+        key, held = event.key(), event.modifiers()
+        side = {Qt.Key.Key_Left: -1, Qt.Key.Key_Right: 1}.get(key, 0)
+        if side and held & (Qt.KeyboardModifier.ShiftModifier | Qt.KeyboardModifier.ControlModifier):
+            if not self.cursors.shown:
+                self.show_cursors(True)
+            self.cursors.step("A" if held & Qt.KeyboardModifier.ShiftModifier else "B", side * NUDGE * width)
+        elif side:
+            self.show_span(left + side * PAN * width, right + side * PAN * width)
+        elif key in (Qt.Key.Key_Up, Qt.Key.Key_Plus, Qt.Key.Key_Down, Qt.Key.Key_Minus):
+            closer = key in (Qt.Key.Key_Up, Qt.Key.Key_Plus)
+            middle, half = 0.5 * (left + right), 0.5 * width * (ZOOM if closer else 1 / ZOOM)
+            self.show_span(middle - half, middle + half)
+        elif key == Qt.Key.Key_Home:
+            self.reset()
+        else:
+            event.ignore()
+            return
+        event.accept()
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """Open the plot's own menu."""
+        self.menu().popup(event.globalPos())
+        event.accept()
+
+    def open_menu(self) -> None:
+        """Open the menu by key, at the widget's corner."""
+        self.menu().popup(self.mapToGlobal(QPoint(20, 20)))
+
+    def menu(self) -> QMenu:
+        """Return a fresh menu: view, cursors, export."""
+        menu = QMenu(self)
+        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        menu.addAction("Reset the view", self.reset)
+        cursors = menu.addAction("Cursors")
+        cursors.setCheckable(True)
+        cursors.setChecked(self.cursors.shown)
+        cursors.toggled.connect(self.show_cursors)
+        copy = menu.addAction("Copy what lies between the cursors", self.copy_cursors)
+        copy.setEnabled(self.cursors.shown)
+        menu.addSeparator()
+        menu.addAction("Save as PNG …", self._png)
+        menu.addAction("Save as SVG …", self._svg)
+        if self.table_words:
+            menu.addAction(self.table_words, self._csv)
+        return menu
+
+    @Slot()
+    def _png(self) -> None:
+        self.export_wanted.emit(self, "png")
+
+    @Slot()
+    def _svg(self) -> None:
+        self.export_wanted.emit(self, "svg")
+
+    @Slot()
+    def _csv(self) -> None:
+        self.export_wanted.emit(self, "csv")
+
+
+def in_front(plots: Sequence[PlotView]) -> PlotView:
+    """Return the plot that has the keyboard, else the first."""
+    return next((plot for plot in plots if plot.hasFocus()), plots[0])

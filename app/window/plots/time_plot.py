@@ -1,0 +1,173 @@
+"""One plot over time: fixed axis width, the y range fitted to what is in view, nothing that costs frames."""
+
+import math
+
+import pyqtgraph as pg
+from PySide6.QtCore import QPointF, Qt, Signal, Slot
+from PySide6.QtGui import QPen
+
+from app.window.pens import straight
+from app.window.plots.curve import Band, PointCurve, SampledCurve
+from app.window.plots.plain_axis import PlainAxis
+from app.window.theme import Colours
+
+_ROOM = 1.5  # of a steady axis: that many times the values' span, so that noise does not move it
+_LOOSEST = 4.0  # a steady axis wider than this against its values is fitted again
+AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
+
+
+class QuietView(pg.ViewBox):
+    """A view box whose drag zooms a rectangle in time, and whose clicks reach the panel."""
+
+    clicked = Signal(float, float)
+    y_taken = Signal(bool)
+
+    def __init__(self) -> None:
+        super().__init__(enableMenu=False, defaultPadding=0.0)
+        self.disableAutoRange()
+
+    def mouseClickEvent(self, event: object) -> None:
+        """Report a left click in the plot's own units."""
+        if event.button() == Qt.MouseButton.LeftButton:  # type: ignore[attr-defined]
+            point: QPointF = self.mapSceneToView(event.scenePos())  # type: ignore[attr-defined]
+            self.clicked.emit(point.x(), point.y())
+            event.accept()  # type: ignore[attr-defined]
+
+    def wheelEvent(self, event: object, axis: int | None = None) -> None:
+        """Zoom time with the wheel; with Ctrl, or over the left axis, zoom the value."""
+        held = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
+        chosen = 1 if (axis == 1 or held) else 0
+        if chosen == 1:
+            self.y_taken.emit(True)
+        super().wheelEvent(event, axis=chosen)
+
+    def mouseDragEvent(self, event: object, axis: int | None = None) -> None:
+        """Drag in time; over the left axis, or with Ctrl, drag the value."""
+        held = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
+        chosen = 1 if (axis == 1 or held) else 0
+        if chosen == 1:
+            self.y_taken.emit(True)
+        super().mouseDragEvent(event, axis=chosen)
+
+
+class TimePlot(pg.PlotItem):
+    """A plot of sampled curves over a shared time axis."""
+
+    def __init__(self, title: str, unit: str) -> None:
+        self.view = QuietView()
+        axes = {side: PlainAxis(side) for side in ("left", "bottom")}
+        super().__init__(viewBox=self.view, axisItems=axes, enableMenu=False)
+        self.title = title
+        self.unit = unit
+        self.sampled: list[SampledCurve] = []
+        self.bands: list[Band] = []
+        self.marks: list[pg.InfiniteLine] = []
+        self.minimum_span = 0.0
+        self.steady = False  # for curves that run: the value axis moves only when it has to
+        self._y_by_hand = False
+        self.hideButtons()
+        left = self.getAxis("left")
+        left.enableAutoSIPrefix(False)
+        left.setWidth(AXIS_WIDTH)
+        self.getAxis("bottom").enableAutoSIPrefix(False)
+        self.setLabel("left", f"{title} ({unit})")
+        self.view.sigXRangeChanged.connect(self._x_changed)
+        self.view.sigResized.connect(self._resized)
+        self.view.y_taken.connect(self._take_y)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours of axes, grid and bands."""
+        for side in ("left", "bottom"):
+            self.getAxis(side).dress(colours.edge, colours.text, colours.grid)
+        for band in self.bands:
+            band.dress(colours.band, colours.band_edge)
+        for mark in self.marks:
+            mark.setPen(straight(colours.marker, Qt.PenStyle.DotLine))
+
+    def add_curve(self, name: str, pen: QPen) -> SampledCurve:
+        """Add an empty curve."""
+        curve = SampledCurve(name, self.unit, pen)
+        self.addItem(curve)
+        self.sampled.append(curve)
+        return curve
+
+    def add_points(self, name: str, pen: QPen) -> PointCurve:
+        """Add an empty curve of points decimated elsewhere."""
+        curve = PointCurve(name, self.unit, pen)
+        self.addItem(curve)
+        self.sampled.append(curve)
+        return curve
+
+    def add_band(self, colour: str, edge: str) -> Band:
+        """Add an empty noise band behind the curves, its edges before them."""
+        band = Band(colour, edge)
+        self.addItem(band)
+        for line in band.edges:
+            self.addItem(line)
+        self.bands.append(band)
+        return band
+
+    def mark(self, times: list[float], colour: str) -> None:
+        """Show vertical dotted lines at these x, in place of those before."""
+        while len(self.marks) < len(times):
+            line = pg.InfiniteLine(angle=90, pen=straight(colour, Qt.PenStyle.DotLine))
+            line.setZValue(-5)
+            self.addItem(line, ignoreBounds=True)
+            self.marks.append(line)
+        for index, line in enumerate(self.marks):
+            line.setVisible(index < len(times))
+            if index < len(times):
+                line.setValue(times[index])
+
+    def mark_level(self, level: float, words: str) -> None:
+        """Show a horizontal dotted line at a value, named at its right end."""
+        line = pg.InfiniteLine(
+            level, angle=0, label=words, labelOpts={"position": 0.97, "anchors": [(1, 0), (1, 0)], "color": "#888888"}
+        )
+        line.setPen(straight("#888888", Qt.PenStyle.DotLine))
+        line.setZValue(-5)
+        self.addItem(line, ignoreBounds=True)
+
+    def free_y(self) -> None:
+        """Let the value axis follow the data again."""
+        self._y_by_hand = False
+        self.fit_y(anew=True)
+
+    @Slot(bool)
+    def _take_y(self, taken: bool) -> None:
+        self._y_by_hand = taken
+
+    @Slot()
+    def _x_changed(self) -> None:
+        self.fit_y()
+
+    @Slot()
+    def _resized(self) -> None:
+        for curve in self.sampled:
+            curve.redraw()
+
+    def fit_y(self, *, anew: bool = False) -> None:
+        """Fit the value axis to what is in view, unless a person set it; ``anew``: a steady one moves too."""
+        if self._y_by_hand:
+            return
+        (left, right), _ = self.view.viewRange()
+        low, high = math.inf, -math.inf
+        for curve in self.sampled:
+            if not curve.isVisible():
+                continue
+            least, most = curve.extremes(left, right)
+            if math.isfinite(least):
+                low, high = min(low, least), max(high, most)
+        for band in self.bands:
+            if band.isVisible() and math.isfinite(band.typical):
+                low, high = min(low, -band.typical), max(high, band.typical)
+        if not low <= high:
+            return
+        span = max(high - low, self.minimum_span, 1e-12 * max(abs(low), abs(high)), 1e-30)
+        middle = 0.5 * (low + high)
+        if self.steady:
+            bottom, top = self.view.viewRange()[1]
+            if not anew and bottom <= low and high <= top and top - bottom <= _LOOSEST * span:
+                return
+            span *= _ROOM
+        self.view.setYRange(middle - 0.58 * span, middle + 0.58 * span, padding=0)

@@ -1,0 +1,76 @@
+"""Plots above one another on one time axis."""
+
+from PySide6.QtCore import Signal, Slot
+from PySide6.QtWidgets import QWidget
+
+from app.window.plots.plot_view import PlotView, Span
+from app.window.plots.time_plot import TimePlot
+from app.window.theme import Colours
+
+
+class TimeStack(PlotView):
+    """Linked time plots; x is in ms, y in each plot's own unit.  Whoever owns them answers ``reset_wanted``."""
+
+    clicked = Signal(float)
+    reset_wanted = Signal()
+
+    def __init__(self, name: str, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(name, parent=parent)
+        self.plots: list[TimePlot] = []
+        self.colours = colours
+
+    def add_plot(self, title: str, unit: str, stretch: int = 3) -> TimePlot:
+        """Add a plot below the others."""
+        plot = TimePlot(title, unit)
+        row = len(self.plots)
+        self.addItem(plot, row=row, col=0)
+        self.ci.layout.setRowStretchFactor(row, stretch)
+        if self.plots:
+            plot.setXLink(self.plots[0])
+            before = self.plots[-1].getAxis("bottom")
+            before.setStyle(showValues=False)
+            before.setHeight(6)
+            before.showLabel(False)
+        self.plots.append(plot)
+        plot.view.clicked.connect(self._clicked)
+        plot.dress(self.colours)
+        self.cursors.join(plot)
+        return plot
+
+    def label_time(self, text: str) -> None:
+        """Set the label of the time axis, which only the lowest plot shows."""
+        self.plots[-1].setLabel("bottom", text)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self.colours = colours
+        for plot in self.plots:
+            plot.dress(colours)
+        super().dress(colours)
+
+    def zoom(self, left: float, right: float) -> None:
+        """Show the time from left to right in every plot, values fitted."""
+        for plot in self.plots:
+            plot.free_y()
+        self.show_span(left, right)
+        for plot in self.plots:
+            plot.fit_y()
+
+    def show_span(self, left: float, right: float) -> None:
+        """Show the time from left to right; a value axis that a person set stays."""
+        self.plots[0].view.setXRange(left, right, padding=0)
+
+    @property
+    def span(self) -> Span:
+        """Get the time in view."""
+        (left, right), _ = self.plots[0].view.viewRange()
+        return float(left), float(right)
+
+    @Slot()
+    def reset(self) -> None:
+        """Ask for the whole."""
+        self.reset_wanted.emit()
+
+    @Slot(float, float)
+    def _clicked(self, x: float, _y: float) -> None:
+        self.clicked.emit(x)

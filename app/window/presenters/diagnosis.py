@@ -1,0 +1,59 @@
+"""Asking what the model lacks, and adding it: the diagnosis of the selected shots, while it runs and after."""
+
+from PySide6.QtCore import QObject, Slot
+
+from app.session.workbench import Workbench
+from app.window.layout import Layout
+
+
+class DiagnosisPresenter(QObject):
+    """Between the workbench and the panels of model and diagnosis."""
+
+    def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
+        super().__init__(parent)
+        self._workbench, self._panels = workbench, panels
+        self._shown: tuple[object, tuple[str, ...]] = (None, ())  # diagnosis and effects on the screen
+        p = panels
+        p.model.diagnose_wanted.connect(self.diagnose)
+        p.diagnosis.diagnose_wanted.connect(self.diagnose)
+        p.diagnosis.cancel_wanted.connect(self._cancel)
+        p.diagnosis.add_wanted.connect(self._add)
+        p.diagnosis.remove_wanted.connect(self._remove)
+
+    def refresh(self) -> None:
+        """Bring progress, the newest diagnosis and the effects in the model to the screen."""
+        job = self._workbench.jobs.current
+        running = job if job is not None and job.kind == "diagnosis" else None
+        what = (running.what or "starting") if running is not None else None
+        self._panels.diagnosis.show_progress(what, running.fraction if running is not None else 0.0)
+        self._panels.model.diagnose.setEnabled(running is None)
+        found, effects = self._workbench.diagnosed, self._workbench.effects
+        if self._shown[0] is found and self._shown[1] == effects:
+            return
+        self._shown = (found, effects)
+        if found is None:
+            self._panels.diagnosis.show_diagnosis(None, [], effects)
+            return
+        entries = [self._workbench.session.entry(number) for number in found.numbers]
+        shots = [entry.shot for entry in entries if entry is not None and entry.shot is not None]
+        self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects)
+
+    @Slot()
+    def diagnose(self) -> None:
+        """Diagnose the selected shots together."""
+        problem = self._workbench.diagnose(self._panels.table.numbers)
+        if problem:
+            self._panels.diagnosis.show_problem(problem)
+        self._panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
+
+    @Slot()
+    def _cancel(self) -> None:
+        self._workbench.jobs.cancel("diagnosis")
+
+    @Slot(list)
+    def _add(self, names: list[str]) -> None:
+        self._workbench.add_effects(names)
+
+    @Slot(str)
+    def _remove(self, name: str) -> None:
+        self._workbench.set_effect(name, False)

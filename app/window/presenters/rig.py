@@ -1,0 +1,171 @@
+"""What an operator does with the rig: source, arm, abort, re-arm, settings; and what the rig says, on the screen."""
+
+import time
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal, Slot
+
+from analysis.quantity import Quantity
+from app.session.choices import Choices
+from app.session.rig import Rig
+from app.session.session import Entry
+from app.session.settings import FIELDS
+from app.window import state_words
+from app.window.file_question import Want, ask
+from app.window.layout import Layout
+from app.window.theme import Tone
+from app.words.wording import duration, value_text
+from instrument.snapshot import Snapshot
+
+RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)"
+
+
+class RigPresenter(QObject):
+    """Between the rig and its panels; ``shot_finished`` carries each FinishedShot once."""
+
+    shot_finished = Signal(object)
+    said = Signal(str, Tone)
+    appearance_chosen = Signal(str)
+    save_elsewhere_wanted = Signal(object)  # the folder, as a Path
+
+    def __init__(self, rig: Rig, choices: Choices, panels: Layout, parent: QObject) -> None:
+        super().__init__(parent)
+        self._rig, self._choices, self._panels = rig, choices, panels
+        self._last_shot = ""
+        panels.controls.arm_wanted.connect(self.arm)
+        panels.controls.abort_wanted.connect(self.abort)
+        panels.controls.rearm_changed.connect(self._rearm_changed)
+        panels.controls.source_chosen.connect(self.use_source)
+        panels.banner.save_wanted.connect(self.save_elsewhere)
+        panels.work.settings_wanted.connect(self.toggle_settings)
+        panels.settings.applied.connect(self._settings_applied)
+        panels.settings.offer(FIELDS)
+        self._offer_sources()
+
+    def refresh(self) -> Snapshot:
+        """Bring banner, buttons, signal line and LIVE up to date with the newest snapshot, and return it."""
+        snapshot = self._rig.latest()
+        p = self._panels
+        word, sentence, tone = state_words.banner(snapshot, self._last_shot, self._rig.arming(snapshot))
+        since = "" if tone is Tone.NEUTRAL else duration(time.monotonic() - snapshot.since_s)
+        p.banner.show_state(word, sentence, tone, since)
+        p.banner.offer_saving(len(snapshot.unsaved))
+        sources = self._rig.sources()
+        if sources != self._offered and not p.controls.source.view().isVisible():
+            self._offer_sources()
+        p.controls.show_state(self._rig.can_arm(snapshot), self._rig.can_abort(snapshot))
+        for name, sign in state_words.signs(
+            snapshot.signal, self._rig.rate_hz, self._choices.settings.bandwidth_hz
+        ).items():
+            p.signals.show_sign(name, sign)
+        p.signals.show_folder(str(snapshot.signal.folder or ""))
+        if p.tabs.currentIndex() == Layout.LIVE:
+            p.live.show_live(snapshot.live)
+            p.live.show_raw(snapshot.live, self._rig.channels)
+        self._take_finished(snapshot)
+        return snapshot
+
+    def _take_finished(self, snapshot: Snapshot) -> None:
+        for finished in self._rig.take_finished(snapshot):
+            self.shot_finished.emit(finished)
+        for problem in self._rig.take_problems():
+            self.said.emit(problem, Tone.BAD)
+
+    def remember(self, entry: Entry) -> None:
+        """Let the banner say what the last shot gave."""
+        shot = entry.shot
+        if shot is None or shot.problem or shot.impact is None:
+            why = shot.problem if shot is not None else None
+            self._last_shot = f"Shot {entry.number} is saved, but: {why or 'no impact was found'}."
+            return
+        cor = shot.impact.cor_quasi_static
+        words = f"restitution {value_text(cor)}" if isinstance(cor, Quantity) else "no restitution was seen"
+        self._last_shot = f"Shot {entry.number} is saved: {words}."
+
+    @Slot()
+    def arm(self) -> None:
+        """Arm; LIVE comes to the front so that the push is seen."""
+        if self._panels.controls.arm.isEnabled():
+            self._panels.live.hold.setChecked(False)  # what comes now is to be seen
+            self._rig.arm()
+            self._panels.tabs.setCurrentIndex(Layout.LIVE)
+
+    @Slot()
+    def abort(self) -> None:
+        """Close an open sheet; else abort."""
+        p = self._panels
+        sheets = [sheet for sheet in (p.tour, p.keys, p.settings, p.setup, p.mapping) if sheet.isVisible()]
+        if sheets:
+            for sheet in sheets:
+                sheet.close()
+            return
+        self._rig.abort()
+
+    @Slot()
+    def trigger_now(self) -> None:
+        """Stand in for the light switch."""
+        self._rig.trigger_now()
+
+    @Slot()
+    def save_elsewhere(self) -> None:
+        """Ask for a folder and save the shots there that are only in memory."""
+        if not self._rig.latest().unsaved:
+            self.said.emit("No shot waits: all are saved", Tone.NEUTRAL)
+            return
+        ask(self._panels, "Save the shots in memory to", Want.FOLDER, self._save_asked, Path.home())
+
+    def _save_asked(self, paths: list[Path]) -> None:
+        self.save_elsewhere_wanted.emit(paths[0])
+
+    @Slot()
+    def toggle_rearm(self) -> None:
+        """Turn the automatic re-arm on or off."""
+        self._panels.controls.rearm.toggle()
+
+    @Slot(bool)
+    def _rearm_changed(self, on: bool) -> None:
+        self._rig.set_rearm(on)
+
+    @Slot()
+    def focus_source(self) -> None:
+        """Bring the keyboard to the source chooser."""
+        self._panels.controls.source.setFocus()
+
+    @Slot(str)
+    def use_source(self, name: str) -> None:
+        """Open another source; for a recording, ask which."""
+        if name == "replay:":
+            self._offer_sources()
+            ask(self._panels, "Recording to play back", Want.FILE, self._replay_asked, Path.home(), RECORDINGS)
+            return
+        if name != self._rig.source:
+            self._rig.open(name)
+            self._choices.remember_source(name)
+        self._offer_sources()
+
+    def _replay_asked(self, paths: list[Path]) -> None:
+        self.use_source(f"replay:{paths[0]}")
+
+    def _offer_sources(self) -> None:
+        self._offered = self._rig.sources()
+        self._panels.controls.offer_sources(self._offered, self._rig.source)
+
+    @Slot()
+    def toggle_settings(self) -> None:
+        """Open or close the settings."""
+        sheet = self._panels.settings
+        if sheet.isVisible():
+            sheet.hide()
+        else:
+            self._panels.setup.hide()
+            sheet.show_values(self._choices.settings.values())
+            sheet.open()
+
+    @Slot(dict)
+    def _settings_applied(self, values: dict[str, object]) -> None:
+        problem = self._choices.change(values)
+        if problem:
+            self._panels.settings.refuse(problem)
+            return
+        self._rig.options_changed()
+        self.appearance_chosen.emit(self._choices.settings.appearance)

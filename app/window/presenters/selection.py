@@ -1,0 +1,107 @@
+"""What the panels show of the selected shots: the last of them in front, all of them where they are compared."""
+
+from PySide6.QtCore import QObject, Slot
+
+from analysis.recording import Recording
+from app.report.shot_times import time_zero
+from app.session.asked_work import AskedWork, raw_of
+from app.session.jobs import Asked, Report
+from app.session.session import Entry
+from app.session.spectra import Spectra, spectra_of
+from app.session.workbench import Workbench
+from app.window.layout import Layout
+from app.window.panels.shot_raw import RawCurves, curves_of
+from app.window.verdict import told
+
+
+def _spectra_of(entry: Entry, recording: Recording, report: Report, cancelled: Asked) -> Spectra:
+    zero = time_zero(entry.shot)[0] if entry.shot is not None else 0.0
+    return spectra_of(recording, zero, report, cancelled)
+
+
+def _raw_curves_of(_: Entry, recording: Recording, __: Report, ___: Asked) -> RawCurves:
+    return curves_of(recording)
+
+
+class SelectionPresenter(QObject):
+    """Draws a page when it is looked at: plots of a page behind would cost a frame while shots come in."""
+
+    def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
+        super().__init__(parent)
+        self._workbench, self._panels = workbench, panels
+        self._spectra = AskedWork[Spectra](workbench.jobs, "spectrum", _spectra_of)
+        self._raw_view = AskedWork[RawCurves](workbench.errands, "raw signals", _raw_curves_of)
+        self._shown: tuple[int, object] | None = None
+        self._undrawn: set[int] = set()  # pages whose selection changed while another one was in front
+        self._raw: tuple[int, Recording | None] | None = None
+        panels.table.selected.connect(self._selected)
+        panels.shot.raw_wanted.connect(self._raw_wanted)
+        panels.tabs.currentChanged.connect(self._page_changed)
+
+    def refresh(self) -> None:
+        """Bring spectra and raw curves that were made elsewhere to the screen."""
+        spectra = self._spectra.take()
+        if spectra is not None:
+            self._panels.spectrum.show_spectra(spectra)
+        raw = self._raw_view.take()
+        if raw is not None:
+            self._panels.shot.show_raw(raw)
+
+    def front(self) -> Entry | None:
+        """Return the entry that the panels show: the last selected one."""
+        numbers = self._panels.table.numbers
+        return self._workbench.session.entry(numbers[-1]) if numbers else None
+
+    def show_again(self) -> None:
+        """Show what became of the selected shots."""
+        self._selected(self._panels.table.numbers)
+
+    def _recording(self, entry: Entry) -> Recording | None:
+        if self._raw is None or self._raw[0] != entry.number:
+            self._raw = (entry.number, raw_of(entry))
+        return self._raw[1]
+
+    @Slot(list)
+    def _selected(self, _: list[int]) -> None:
+        p = self._panels
+        entry = self.front()
+        shot = entry.shot if entry is not None else None
+        now = (entry.number, shot) if entry is not None else None
+        if now is None or self._shown is None or now[0] != self._shown[0] or now[1] is not self._shown[1]:
+            self._shown = now
+            self._undrawn.add(Layout.SHOT)
+            p.tabs.setTabText(Layout.SHOT, f"SHOT {entry.number}" if entry is not None else "SHOT")
+            p.numbers.show_shot(shot, f"Shot {entry.number}   {entry.name}" if entry is not None else "")
+            p.model.show_shot(shot)
+        verdict = entry.verdict if entry is not None else ""
+        fit = shot.fit if shot is not None else None
+        p.model.show_verdict(*told(verdict, fit.effects if fit is not None else ()))
+        self._undrawn.add(Layout.COMPARE)
+        self._page_changed(p.tabs.currentIndex())
+
+    @Slot(int)
+    def _page_changed(self, page: int) -> None:
+        if page in self._undrawn:
+            self._undrawn.discard(page)
+            if page == Layout.SHOT:
+                self._raw_view.forget()
+                entry = self.front()
+                shot = entry.shot if entry is not None else None
+                self._panels.shot.show_shot(shot, self._recording(entry) if entry is not None else None)
+            else:
+                numbers = self._panels.table.numbers
+                self._panels.compare.show_entries([e for e in self._workbench.session.entries if e.number in numbers])
+        if page != Layout.SPECTRUM:
+            return
+        entry = self.front()
+        recording = self._recording(entry) if entry is not None else None
+        if entry is None or recording is None:
+            self._panels.spectrum.show_spectra(None)
+        elif self._spectra.ask(entry, recording):
+            self._panels.spectrum.say(f"computing the spectra of {entry.name} …")
+
+    @Slot(object)
+    def _raw_wanted(self, recording: Recording) -> None:
+        entry = self.front()
+        if entry is not None:
+            self._raw_view.ask(entry, recording)

@@ -1,0 +1,204 @@
+"""What an operator does with the session's shots: open, export, report, note, remove, analyse again."""
+
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal, Slot
+
+from app.session.event import Event, Kind
+from app.session.workbench import Workbench
+from app.window.file_question import Want, ask
+from app.window.layout import Layout
+from app.window.presenters.rig import RECORDINGS
+from app.window.presenters.selection import SelectionPresenter
+from app.window.theme import Tone
+from instrument.foreign.remembered import FORMATS, format_of, is_foreign
+from instrument.snapshot import FinishedShot
+
+OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for ending in FORMATS)})"
+
+
+def is_unmapped(path: Path) -> bool:
+    """Return whether this is another program's file and nobody said yet which of its channels is which."""
+    motion = path.suffix.lower() == ".csv" and path.with_suffix(".toml").exists()
+    return format_of(path) is not None and not motion and not is_foreign(path)
+
+
+class SessionPresenter(QObject):
+    """Between the workbench and its panels."""
+
+    said = Signal(str, Tone)
+    arrived = Signal(object)
+    mapping_wanted = Signal(object)  # paths of files whose channels are not known yet
+
+    def __init__(self, workbench: Workbench, panels: Layout, selection: SelectionPresenter, parent: QObject) -> None:
+        super().__init__(parent)
+        self._workbench, self._panels, self._selection = workbench, panels, selection
+        self._seen = -1
+        self._folder = Path.home()
+        self.rig_doing: str | None = None  # what the rig's own analysis is at, for the line of work
+        self.rig_share: float | None = None
+        table = panels.table
+        table.export_wanted.connect(self._export_pressed)
+        table.report_wanted.connect(self._report_pressed)
+        table.remove_wanted.connect(self._remove_pressed)
+        table.reanalyse_wanted.connect(self._reanalyse_pressed)
+        table.note_edited.connect(self._note_edited)
+        table.undo_wanted.connect(self.undo)
+        table.open_wanted.connect(self.open_recordings)
+        panels.work.cancel_wanted.connect(self._cancel_work)
+
+    # what ended -------------------------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """Bring table, progress and finished work to the screen."""
+        for event in self._workbench.poll():
+            self._happened(event)
+        self._panels.work.show_work(self._workbench.jobs, self.rig_doing, self.rig_share)
+        self._show_table()
+
+    def _show_table(self) -> None:
+        session = self._workbench.session
+        if session.revision != self._seen:
+            self._seen = session.revision
+            self._panels.table.show_session(session)
+            if session.problem:
+                self.said.emit(session.problem, Tone.BAD)
+
+    def _happened(self, event: Event) -> None:
+        self._show_table()
+        if event.kind is Kind.SHOT:
+            self._panels.table.select(list(event.numbers))
+            if self._panels.tabs.currentIndex() == Layout.LIVE:
+                self._panels.tabs.setCurrentIndex(Layout.SHOT)
+        elif event.kind in (Kind.CHANGED, Kind.DIAGNOSED):
+            self._selection.show_again()
+        elif event.kind is Kind.MODEL:
+            self.said.emit(event.words, Tone.GOOD)
+        else:
+            self.said.emit(event.words, Tone.BAD if event.kind is Kind.PROBLEM else Tone.GOOD)
+
+    def take(self, finished: FinishedShot, stay: bool) -> None:
+        """Take a shot of the rig; ``stay``: leave the page that is in front."""
+        if finished.shot is None:
+            self.said.emit(f"{finished.name}: {finished.problem or 'not analysed'}", Tone.BAD)
+            return
+        entry = self._workbench.add_shot(finished.shot)
+        self._show_table()
+        if finished.problem:
+            self.said.emit(f"{finished.name}: {finished.problem}", Tone.BAD)
+        self.arrived.emit(entry)
+        tabs, chosen = self._panels.tabs, self._panels.table.numbers
+        if len(chosen) < 2:  # a selection of several is at work: it is not spoilt
+            self._panels.table.select([entry.number])
+        if tabs.currentIndex() == Layout.LIVE and not stay:  # whoever reads another page is not torn from it
+            tabs.setCurrentIndex(Layout.SHOT)
+
+    # what is pressed --------------------------------------------------------------------------------------------
+
+    @Slot()
+    def open_recordings(self) -> None:
+        """Ask for recordings and open them."""
+        ask(self._panels, "Open recordings", Want.FILES, self.open_paths, self._folder, OPENED)
+
+    def open_paths(self, paths: list[Path]) -> None:
+        """Open recordings and folders of recordings."""
+        if paths:
+            self._folder = paths[0].parent
+            unmapped = [path for path in paths if path.is_file() and is_unmapped(path)]
+            self._workbench.open_paths([path for path in paths if path not in unmapped])
+            if unmapped:
+                self.mapping_wanted.emit(unmapped)
+
+    @Slot(list)
+    def _export_pressed(self, _: list[int]) -> None:
+        self.export_selected()
+
+    @Slot()
+    def export_selected(self) -> None:
+        """Ask for a folder and export the selected shots, or all."""
+        ask(self._panels, "Export CSV to", Want.FOLDER, self._export_asked, self._folder)
+
+    def _export_asked(self, paths: list[Path]) -> None:
+        self.export_to(paths[0])
+
+    def export_to(self, folder: Path) -> None:
+        """Export the selected shots, or all, to a folder."""
+        self._folder = folder
+        self._workbench.export(self._panels.table.numbers, folder)
+
+    @Slot(list)
+    def _report_pressed(self, _: list[int]) -> None:
+        self.report_selected()
+
+    @Slot()
+    def report_selected(self) -> None:
+        """Ask for a file and write the report of the selected shots, or of all."""
+        start = self._folder / "report.html"
+        ask(self._panels, "Save the report", Want.NEW_FILE, self._report_asked, start, "HTML (*.html)")
+
+    def _report_asked(self, paths: list[Path]) -> None:
+        self._folder = paths[0].parent
+        self._workbench.report(self._panels.table.numbers, paths[0])
+
+    @Slot(list)
+    def _remove_pressed(self, _: list[int]) -> None:
+        self.remove_selected()
+
+    @Slot()
+    def remove_selected(self) -> None:
+        """Take the selected shots off the list."""
+        numbers = self._panels.table.numbers
+        if numbers:
+            self._workbench.session.remove(numbers)
+            self._show_table()
+            self._selection.show_again()
+            self.said.emit(f"{len(numbers)} shots taken off the list; Undo (Ctrl+Z) brings them back", Tone.NEUTRAL)
+
+    @Slot(list)
+    def _reanalyse_pressed(self, _: list[int]) -> None:
+        self.reanalyse_selected()
+
+    @Slot()
+    def reanalyse_selected(self) -> None:
+        """Analyse the selected shots again, as copies."""
+        count = self._workbench.reanalyse(self._panels.table.numbers)
+        words = f"{count} shots are analysed again as copies, with the present settings"
+        self.said.emit(words if count else "Select shots that have a recording", Tone.NEUTRAL)
+
+    @Slot()
+    def undo(self) -> None:
+        """Take back the last note or removal."""
+        what = self._workbench.session.undo()
+        self._show_table()
+        self.said.emit(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
+
+    @Slot(int, str)
+    def _note_edited(self, number: int, note: str) -> None:
+        self._workbench.set_note(number, note)
+        self._show_table()
+
+    @Slot()
+    def edit_note(self) -> None:
+        """Write a note on the shot in front."""
+        self._panels.table.edit_note()
+
+    @Slot()
+    def previous_shot(self) -> None:
+        """Select the shot before."""
+        self._step(-1)
+
+    @Slot()
+    def next_shot(self) -> None:
+        """Select the shot after."""
+        self._step(1)
+
+    def _step(self, by: int) -> None:
+        numbers = [entry.number for entry in self._workbench.session.entries]
+        if numbers:
+            front = self._selection.front()
+            place = numbers.index(front.number) + by if front is not None else len(numbers) - 1
+            self._panels.table.select([numbers[max(0, min(place, len(numbers) - 1))]])
+
+    @Slot()
+    def _cancel_work(self) -> None:
+        self._workbench.jobs.cancel()

@@ -1,0 +1,152 @@
+"""Between the guided set-up's sheet, the rig and the buses; the buses are looked at beside the screen."""
+
+import sys
+import time
+from collections.abc import Callable
+
+from PySide6.QtCore import QObject, Signal, Slot
+
+from analysis.recording import Role
+from app.session.choices import Choices
+from app.session.jobs import Asked, Job, Jobs, Report
+from app.session.rig import Rig
+from app.window.layout import Layout
+from instrument.digitizer import DigitizerError
+from instrument.doctor import Check
+from instrument.found_devices import FoundDevice, found_devices, udev_instructions
+from instrument.network_scope import network_name, network_source
+from instrument.setup_check import judge
+from instrument.snapshot import Snapshot
+
+JUDGED_EVERY_S = 0.4  # words that change faster cannot be read
+Find = Callable[[], tuple[FoundDevice, ...]]
+
+
+class SetupPresenter(QObject):
+    """Opens the sheet, looks for devices, judges the signals while the sheet is open."""
+
+    source_wanted = Signal(str)
+    arm_wanted = Signal()
+
+    def __init__(
+        self,
+        rig: Rig,
+        choices: Choices,
+        errands: Jobs,
+        panels: Layout,
+        parent: QObject | None = None,
+        find: Find = found_devices,
+    ) -> None:
+        super().__init__(parent)
+        self._rig, self._choices, self._errands, self._sheet = rig, choices, errands, panels.setup
+        self._find = find
+        self._job: Job | None = None
+        self._found: tuple[FoundDevice, ...] = ()
+        self._problem = ""
+        self._typed = ""  # an address that has not answered yet
+        self._present = ""
+        self._judged_s = 0.0
+        self._sheet.look_wanted.connect(self.look)
+        self._sheet.source_wanted.connect(self._use)
+        self._sheet.address_wanted.connect(self._use_address)
+        self._sheet.arm_wanted.connect(self._arm)
+        rig.remember_network(choices.settings.network_sources)
+        panels.work.setup_wanted.connect(self.toggle_setup)
+
+    @Slot()
+    def toggle_setup(self) -> None:
+        """Open or close the set-up."""
+        if self._sheet.isVisible():
+            self._sheet.hide()
+            return
+        self._judged_s = 0.0
+        self._sheet.open()
+        self.look()
+
+    @Slot()
+    def look(self) -> None:
+        """Look for devices in the errands' thread."""
+        if self._job is not None:
+            return
+
+        def work(_: Report, __: Asked) -> tuple[FoundDevice, ...] | str:
+            try:
+                return self._find()
+            except DigitizerError as error:
+                return f"{error.what}; {error.remedy}"
+
+        self._sheet.show_looking()
+        self._job = self._errands.submit("looking for devices", work, "devices")
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Bring the sheet up to date while it is open."""
+        self._take_found()
+        self._take_address()
+        if not self._sheet.isVisible():
+            return
+        if self._job is None and self._present != self._rig.source:
+            self._show_devices()
+        now = time.monotonic()
+        if now - self._judged_s >= JUDGED_EVERY_S:
+            self._judged_s = now
+            self._sheet.show_checks(*self._verdicts(snapshot))
+            self._sheet.arm.setEnabled(self._rig.can_arm(snapshot))
+
+    def _take_found(self) -> None:
+        job = self._job
+        if job is None or not job.done.is_set():
+            return
+        self._job = None
+        if isinstance(job.result, tuple):
+            self._found, self._problem = job.result, ""
+            self._rig.remember_found(job.result)
+        else:
+            self._found, self._problem = (), str(job.result or job.problem or "it was cancelled")
+        self._show_devices()
+
+    def _show_devices(self) -> None:
+        self._present = self._rig.source
+        network = [FoundDevice(s, network_name(s), "in the network") for s in self._choices.settings.network_sources]
+        self._sheet.show_devices(self._found, network, self._present, self._problem)
+        barred = any("permission" in device.problem for device in self._found)
+        self._sheet.show_remedy(udev_instructions() if barred and sys.platform.startswith("linux") else "")
+
+    def _verdicts(self, snapshot: Snapshot) -> tuple[tuple[Check, ...], str]:
+        line, channels, bits, rate_hz = snapshot.signal, self._rig.channels, self._rig.bits, self._rig.rate_hz
+        if not channels or bits is None or rate_hz is None:
+            return (), snapshot.message or "opening the source …"
+        signals = {signal.role: signal for signal in line.channels}
+        seen = [(signals[c.role], c) for c in channels if c.role in signals]
+        if not seen:
+            return (), "No samples yet. A source that sends samples only when armed shows its signals after ARM."
+        ranges_v = [abs(channel.volts_per_count) * 2.0 ** (bits - 1) for _, channel in seen]
+        rest_hz = self._choices.settings.rest_frequency_hz if Role.REFERENCE not in signals else None
+        return judge([signal for signal, _ in seen], ranges_v, rate_hz, line.switch_toggles, rest_hz), ""
+
+    @Slot(str)
+    def _use(self, source: str) -> None:
+        self.source_wanted.emit(source)
+
+    @Slot(str)
+    def _use_address(self, typed: str) -> None:
+        try:
+            self._typed = network_source(typed)
+        except DigitizerError as error:
+            self._sheet.refuse_address(str(error))
+            return
+        self._sheet.refuse_address("")
+        self.source_wanted.emit(self._typed)
+
+    def _take_address(self) -> None:
+        """Remember the address that was typed, once the oscilloscope there has answered."""
+        if self._typed and self._rig.opened == self._typed:
+            self._choices.remember_network(self._typed)
+            self._rig.remember_network(self._choices.settings.network_sources)
+            self._sheet.address.clear()
+            self._present = ""
+            self._typed = ""
+
+    @Slot()
+    def _arm(self) -> None:
+        self._sheet.hide()
+        self.arm_wanted.emit()

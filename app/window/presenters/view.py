@@ -1,0 +1,181 @@
+"""Pages, views, cursors, sheets, and plots saved as files."""
+
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal, Slot
+
+from app.window.file_question import Want, ask
+from app.window.layout import Layout
+from app.window.plots import save
+from app.window.plots.plain_plot import PlainPlot
+from app.window.plots.plot_view import PlotView
+from app.window.plots.time_stack import TimeStack
+from app.window.theme import Tone
+
+
+class ViewPresenter(QObject):
+    """What the keys and menus do with what is shown; touches no data."""
+
+    said = Signal(str, Tone)
+
+    def __init__(self, panels: Layout, parent: QObject) -> None:
+        super().__init__(parent)
+        self._panels = panels
+        self._folder = Path.home()
+        self._asked: PlotView | None = None
+        p = panels
+        for plot in panels.findChildren(PlotView):
+            plot.export_wanted.connect(self._ask_and_save)
+        p.model.details_wanted.connect(self.show_diagnosis)
+        p.numbers.budget_wanted.connect(self.show_budget)
+        p.work.keys_wanted.connect(self.toggle_keys)
+
+    @Slot()
+    def show_live(self) -> None:
+        """Bring LIVE to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.LIVE)
+
+    @Slot()
+    def toggle_hold(self) -> None:
+        """Hold LIVE still, or let it run on."""
+        self._panels.live.hold.toggle()
+
+    @Slot()
+    def show_shot_page(self) -> None:
+        """Bring SHOT to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.SHOT)
+
+    @Slot()
+    def show_compare(self) -> None:
+        """Bring COMPARE to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.COMPARE)
+
+    @Slot()
+    def show_spectrum(self) -> None:
+        """Bring SPECTRUM to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.SPECTRUM)
+
+    @Slot()
+    def show_diagnosis(self) -> None:
+        """Bring DIAGNOSIS to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
+
+    @Slot()
+    def show_budget(self) -> None:
+        """Bring BUDGET to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.BUDGET)
+
+    @Slot()
+    def show_paper(self) -> None:
+        """Bring PAPER to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.PAPER)
+
+    @Slot()
+    def view_whole(self) -> None:
+        """Show the whole shot, or all of the overlaid ones."""
+        if self._panels.tabs.currentIndex() == Layout.COMPARE:
+            self._panels.compare.show_whole()
+        else:
+            self._view("whole")
+
+    @Slot()
+    def view_contact(self) -> None:
+        """Show the first contact."""
+        if self._panels.tabs.currentIndex() == Layout.COMPARE:
+            self._panels.compare.show_contact()
+        else:
+            self._view("contact")
+
+    @Slot()
+    def view_deflection(self) -> None:
+        """Show force against deflection."""
+        self._view("deflection")
+
+    @Slot()
+    def view_gap(self) -> None:
+        """Show the gap."""
+        self._view("gap")
+
+    @Slot()
+    def view_raw(self) -> None:
+        """Show the raw signals."""
+        self._view("raw")
+
+    def _view(self, name: str) -> None:
+        self._panels.tabs.setCurrentIndex(Layout.SHOT)
+        self._panels.shot.set_view(name)
+        self._panels.shot.reset()
+
+    def _plot(self) -> PlotView | None:
+        """Return the plot in front; where the page has none, that of SHOT comes to the front."""
+        plot = self._panels.plot_in_front()
+        if plot is None:
+            self.show_shot_page()
+            plot = self._panels.plot_in_front()
+        return plot
+
+    @Slot()
+    def reset_view(self) -> None:
+        """Bring the plot in front back to its whole."""
+        plot = self._plot()
+        if plot is not None:
+            plot.reset()
+
+    @Slot()
+    def toggle_cursors(self) -> None:
+        """Cursors on the plot in front, on or off."""
+        plot = self._plot()
+        if plot is not None:
+            plot.toggle_cursors()
+
+    @Slot()
+    def copy_cursors(self) -> None:
+        """Copy what lies between the cursors in front."""
+        plot = self._plot()
+        if plot is not None and plot.cursors.shown:
+            plot.copy_cursors()
+            self.said.emit("What lies between the cursors is on the clipboard", Tone.NEUTRAL)
+
+    @Slot()
+    def plot_menu(self) -> None:
+        """Open the menu of the plot in front."""
+        plot = self._plot()
+        if plot is not None:
+            plot.open_menu()
+
+    @Slot()
+    def toggle_keys(self) -> None:
+        """Show or hide the sheet of keys."""
+        sheet = self._panels.keys
+        sheet.setVisible(not sheet.isVisible())
+        if sheet.isVisible():
+            sheet.place()
+
+    @Slot(object, str)
+    def _ask_and_save(self, plot: PlotView, kind: str) -> None:
+        start, kinds = self._folder / f"plot.{kind}", f"{kind.upper()} (*.{kind})"
+        self._asked = plot
+        ask(self._panels, f"Save the plot as {kind.upper()}", Want.NEW_FILE, self._save_asked, start, kinds)
+
+    def _save_asked(self, paths: list[Path]) -> None:
+        if self._asked is not None:
+            self.save(self._asked, paths[0])
+
+    def save(self, plot: PlotView, path: Path) -> None:
+        """Save a plot under a name whose ending says how."""
+        self._folder = path.parent
+        try:
+            if path.suffix == ".svg":
+                save.save_svg(plot, path)
+            elif path.suffix == ".png":
+                save.save_png(plot, path)
+            elif isinstance(plot, TimeStack):
+                save.save_csv(plot, path)
+            elif isinstance(plot, PlainPlot):
+                save.save_columns(plot.columns, path)
+            else:
+                raise OSError(f"{path}: this plot has no samples to save")
+        except OSError as error:
+            self.said.emit(f"The plot was not saved: {error}", Tone.BAD)
+        else:
+            self.said.emit(f"Plot saved as {path}", Tone.GOOD)

@@ -1,0 +1,131 @@
+"""What the banner and the signal line say about a snapshot of the instrument; plain functions."""
+
+import math
+
+from analysis.recording import DEFAULT_WAVELENGTH_AIR_M, Role
+from app.window.panels.signal_line import Sign
+from app.window.theme import Tone
+from app.words.wording import local, number, room
+from instrument.acquisition import State
+from instrument.snapshot import KEPT_IN_MEMORY, ChannelSignal, SignalLine, Snapshot
+from instrument.trigger import Level
+
+GOOD_SNR_DB = 25.0
+POOR_SNR_DB = 15.0
+MOVING_HZ = 10e3  # of Doppler shift, 3 mm/s: a beat that sweeps has no line to measure noise against
+CLIPPED_SHARE = 1e-3
+FULL_DISK_BYTES = 2e9
+
+
+def banner(snapshot: Snapshot, last_shot: str, arming: bool = False) -> tuple[str, str, Tone]:
+    """Return (word, sentence, tone) of the state."""
+    state = snapshot.state
+    if arming:
+        return "ARMING", "Starting the digitizer; wait for ARMED before you push.", Tone.BUSY
+    if state is State.ARMED:
+        again = " Arms again by itself." if snapshot.automatic else ""
+        return "ARMED", f"Waiting for the light switch: push the block.{again}", Tone.WAITING
+    if state is State.TRIGGERED:
+        return "CAPTURED", "The light switch fired; the samples of the shot are coming in.", Tone.GOOD
+    if state is State.TRANSFERRING:
+        return "CAPTURED", "All samples came; they are being saved.", Tone.GOOD
+    if state is State.ANALYSING:
+        return "ANALYSING", "The recording is saved. You can arm the next shot at any time.", Tone.BUSY
+    if state is State.FAULT:
+        return "FAULT", fault_words(snapshot), Tone.BAD
+    hint = last_shot or "Press ARM (space), then push the block."
+    return "READY", _sentences(snapshot.message, snapshot.remedy) or hint, Tone.NEUTRAL
+
+
+def fault_words(snapshot: Snapshot) -> str:
+    """Return what happened, what was saved and what to do."""
+    if snapshot.unsaved:
+        saved = f"In memory only: {', '.join(snapshot.unsaved)}."
+    elif snapshot.shots:
+        one = snapshot.shots == 1
+        saved = "The one shot taken so far is saved." if one else f"All {snapshot.shots} shots so far are saved."
+    else:
+        saved = "No shot was lost: none had been taken."
+    kept = snapshot.remedy == KEPT_IN_MEMORY and not snapshot.unsaved  # it was saved elsewhere since
+    remedy = "Arm again, or choose another folder first (F2)" if kept else snapshot.remedy or "arm again"
+    return _sentences(snapshot.message or "something went wrong", saved, remedy)
+
+
+def _sentences(*parts: str) -> str:
+    told = [part.strip() for part in parts if part.strip()]
+    return " ".join(part[0].upper() + part[1:] + ("" if part.endswith((".", "!", "?")) else ".") for part in told)
+
+
+def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[str, Sign]:
+    """Return the tiles of the signal line."""
+    found = {"pd0": Sign("–", Tone.NEUTRAL), "pd1": Sign("–", Tone.NEUTRAL)}
+    rest_hz = next((c.frequency_hz for c in line.channels if c.role is Role.REFERENCE), None)
+    for channel in line.channels:
+        if channel.role is Role.REFERENCE:
+            found["pd0"] = _beat(channel)
+        elif channel.role is Role.MEASUREMENT:
+            found["pd1"] = _beat(channel)
+            moving = rest_hz is not None and abs((channel.frequency_hz or rest_hz) - rest_hz) > MOVING_HZ
+            if moving and channel.clipped_fraction <= CLIPPED_SHARE:
+                words = local(f"{1e-6 * (channel.frequency_hz or 0.0):.5f} MHz  moving")
+                found["pd1"] = Sign(words, Tone.NEUTRAL, "The block moves: judged when it is at rest")
+    found["switch"] = _switch(line)
+    found["floor"] = _floor(line, rate_hz, bandwidth_hz)
+    found["disk"] = _disk(line)
+    return found
+
+
+def _beat(channel: ChannelSignal) -> Sign:
+    if channel.frequency_hz is None or channel.snr_db is None:
+        return Sign("no beat", Tone.BAD, "Nothing stands out of the noise: check laser, alignment and cable")
+    words = local(f"{1e-6 * channel.frequency_hz:.5f} MHz  {channel.snr_db:.0f} dB")
+    if channel.clipped_fraction > CLIPPED_SHARE:
+        return Sign(f"{words}", Tone.WARNING, f"Clipped: {100 * channel.clipped_fraction:.2g} % of samples at the rail")
+    if channel.snr_db < POOR_SNR_DB:
+        return Sign(words, Tone.BAD, "Too weak for a clean shot: align the beams")
+    if channel.snr_db < GOOD_SNR_DB:
+        return Sign(words, Tone.WARNING, "Weak: the noise of velocity and force will be high")
+    return Sign(words, Tone.GOOD, f"Strong enough; amplitude {number(channel.amplitude_v, 3)} V")
+
+
+def _switch(line: SignalLine) -> Sign:
+    words = {Level.LOW: "low", Level.HIGH: "high"}.get(line.switch_level, "–")
+    if line.switch_toggles:
+        return Sign(words, Tone.GOOD, f"Seen to toggle {line.switch_toggles} times")
+    return Sign(words, Tone.NEUTRAL, "Not seen to toggle yet: pass the block through it once")
+
+
+def velocity_floor_m_per_s(line: SignalLine, rate_hz: float, bandwidth_hz: float) -> float | None:
+    """Return the standard deviation of velocity that the beats' noise makes in a bandwidth.
+
+    White phase noise of density 1/(SNR * rate/2) in rad^2/Hz a beat; differentiated and integrated to B it is
+    lambda/2 * sqrt(density * B^3 / 3).
+    """
+    density = 0.0
+    for channel in line.channels:
+        if channel.role is Role.SWITCH:
+            continue
+        if channel.snr_db is None:
+            return None
+        density += 2.0 / (10 ** (channel.snr_db / 10) * rate_hz)
+    if density == 0.0:
+        return None
+    return 0.5 * DEFAULT_WAVELENGTH_AIR_M * math.sqrt(density * bandwidth_hz**3 / 3.0)
+
+
+def _floor(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> Sign:
+    floor = velocity_floor_m_per_s(line, rate_hz, bandwidth_hz) if rate_hz else None
+    if floor is None:
+        return Sign("–", Tone.NEUTRAL)
+    words = f"{number(1e6 * floor, 2)} µm/s at {number(1e-3 * bandwidth_hz, 3)} kHz"
+    return Sign(words, Tone.NEUTRAL, "Standard deviation of velocity that the noise of both beats makes")
+
+
+def _disk(line: SignalLine) -> Sign:
+    if line.folder_problem:
+        return Sign("cannot save", Tone.BAD, line.folder_problem)
+    if line.disk_free_bytes is None:
+        return Sign("–", Tone.NEUTRAL)
+    tone = Tone.GOOD if line.disk_free_bytes > FULL_DISK_BYTES else Tone.BAD
+    hover = "Room on the disk of the folder" if tone is Tone.GOOD else "Nearly full: choose another folder (F2)"
+    return Sign(f"{room(line.disk_free_bytes)} free", tone, hover)

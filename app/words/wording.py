@@ -1,0 +1,102 @@
+"""Numbers and names as the screen states them: value ± uncertainty in the system's decimal format."""
+
+import math
+import re
+
+from PySide6.QtCore import QLocale
+
+from analysis.quantity import NotSeen, Quantity, Reading
+from app.words.physics_words import effect_words as effect_words
+from app.words.physics_words import flag_words as flag_words
+from app.words.physics_words import parameter_parts as parameter_parts
+
+DASH = "–"
+
+MILD_FLAGS = ("wander", "leak_removed", "rest_drift")  # seen, and already contained in the numbers
+
+
+def local(text: str) -> str:
+    """Return a number written with "." in the system's decimal format."""
+    point = QLocale().decimalPoint()
+    return text if point == "." else text.replace(".", point)
+
+
+def local_words(text: str) -> str:
+    """Return a sentence with its numbers in the system's decimal format, exponents without needless signs and zeros."""
+    plain = re.sub(r"(?<![\w.)])(\d+(?:\.\d+)?)e\+?0*([0-6])\b", lambda m: f"{float(m[0]):.0f}", text)
+    plain = re.sub(r"(?<=\d)e([+-])0?(\d+)", lambda found: f"e{found[1].replace('+', '')}{found[2]}", plain)
+    point = QLocale().decimalPoint()
+    return plain if point == "." else re.sub(r"(?<=\d)\.(?=\d)", point, plain)
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Return a bare number with so many significant digits, or a dash."""
+    if value is None or not math.isfinite(value):
+        return DASH
+    text = f"{value + 0.0:.{digits}g}"  # no minus before nothing
+    mantissa, exponent, power = text.partition("e")
+    if not exponent:
+        return local(text)
+    if 0 < int(power) < 7:  # 14900 is read faster than 1.49e+04
+        return local(f"{float(text):.0f}")
+    return local(f"{mantissa}e{int(power)}")
+
+
+def value_text(reading: Reading | None, scale: float = 1.0) -> str:
+    """Return "value ± std" in a unit ``scale`` times smaller than the reading's own, or a dash."""
+    if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
+        return DASH
+    return local(str(reading.scaled(scale)))
+
+
+def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
+    """Return "0.98756(12)": the digits in brackets are the standard uncertainty of the last ones; or a dash."""
+    if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
+        return DASH
+    value, std = reading.value * scale, reading.std * abs(scale)
+    if not (math.isfinite(std) and std > 0):
+        return local(f"{value:.6g}")
+    decimals = 1 - math.floor(math.log10(std))
+    if decimals <= 0 or decimals > 12:
+        return value_text(reading, scale)
+    digits = round(std * 10**decimals)
+    return local(f"{value:.{decimals}f}({digits})")
+
+
+def how_text(name: str, reading: Reading | None, meaning: str = "") -> str:
+    """Return the hover text: what the number is, how it was read, or why it was not."""
+    lines = [f"<b>{name}</b>"]
+    if meaning:
+        lines.append(meaning)
+    if isinstance(reading, Quantity):
+        lines.append(f"Read from: {reading.how}" if reading.how else "")
+        if reading.std > 0 and math.isfinite(reading.std):
+            lines.append("± is the standard uncertainty.")
+    elif isinstance(reading, NotSeen):
+        lines.append(f"Not seen: {reading.reason}")
+    else:
+        lines.append("No shot yet.")
+    return "<br>".join(line for line in lines if line)
+
+
+def parameter_words(name: str, value: Quantity) -> str:
+    """Return "coefficient 0.00190 ± 0.00010 N s²/m²" for "coefficient_n_s2_per_m2"."""
+    base, _, shot = name.partition(".")
+    words, unit = parameter_parts(base)
+    which = f" of shot {shot}" if shot else ""
+    return f"{words}{which} {value_text(value)} {unit}".rstrip()
+
+
+def duration(seconds: float) -> str:
+    """Return minutes and seconds, "01:05"."""
+    whole = max(0, int(seconds))
+    return f"{whole // 60:02d}:{whole % 60:02d}"
+
+
+def room(size_bytes: float) -> str:
+    """Return a disk size, "412 GB"."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if size_bytes < 1000:
+            return f"{size_bytes:.0f} {unit}"
+        size_bytes /= 1000
+    return local(f"{size_bytes:.1f} TB")

@@ -11,6 +11,7 @@ and the like serve both as well).  The integrators (njit) never change for a new
 import math
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from llvmlite import ir
@@ -37,13 +38,14 @@ MASS = 5  # added to the block's inertia in kg
 OUTPUTS = 6
 
 Kernel = Callable[[Any, Any, Any], None]
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
 
 
 @cache
 def _compiled(function: Kernel, number: Any) -> Any:
     pointer = types.CPointer(number)  # type: ignore[no-untyped-call]
-    return cfunc(types.void(pointer, pointer, pointer), **_OPTIONS)(function)
+    # A law that a person wrote has no file whose age could tell whether a kept kernel is still right.
+    options: Any = {"cache": Path(function.__code__.co_filename).is_file(), "error_model": "numpy"}
+    return cfunc(types.void(pointer, pointer, pointer), **options)(function)
 
 
 def address(function: Kernel) -> int:

@@ -1,0 +1,113 @@
+"""A law that a person wrote: it moves the block as the catalogue's row of the same equation does."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.laws.own import LawError, OwnLaw, from_mapping
+from analysis.model import general
+from analysis.model.effects import named
+from analysis.model.parameters import PAPER
+
+TIMES_S = np.arange(-1000, 4001) * 1e-5
+
+
+def law(where: str, formula: str, **start: float) -> OwnLaw:
+    parameters = {name: {"unit": "", "start": value} for name, value in start.items()}
+    return from_mapping({"name": "mine", "where": where, "formula": formula, "parameters": parameters})
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "where", "formula"),
+    [
+        ("coulomb_friction", (1e-4,), "block", "-a*sign(v)"),
+        ("viscous_drag", (1e-3,), "block", "-a*v"),
+        ("quadratic_drag", (1e-2,), "block", "-a*v*abs(v)"),
+        ("bearing_gradient", (5.0,), "block", "-a*x"),
+        ("cubic_stiffness", (2e5,), "plate", "-a*y**3"),
+        ("plate_damping", (1e-3,), "plate", "-a*u"),
+        ("nonlinear_contact_damping", (1e3,), "contact", "a*d*d_rate"),
+        ("contact_exponent", (0.1,), "contact", "1e4*d*((d/50e-6)**a - 1)"),
+    ],
+)
+def test_a_typed_law_is_the_row_of_its_equation(name: str, values: Any, where: str, formula: str) -> None:
+    row, own = named(name), law(where, formula, a=values[0]).effect
+    assert own.acts is row.acts
+    assert own.amplitude == "a"
+    directions = [0, 2, 4, general.direction(0, 0)]
+    if name == "contact_exponent":
+        directions.remove(2)  # the row scales the fitted contact stiffness, the typed law a number
+    theirs = general.solve(PAPER, [general.Active(row, values)], TIMES_S, directions=directions)
+    ours = general.solve(PAPER, [general.Active(own, values)], TIMES_S, directions=directions)
+    assert [e.kind for e in ours.events] == [e.kind for e in theirs.events]
+    assert ours.displacement_m == pytest.approx(theirs.displacement_m, abs=2e-15)
+    # Where a law is not smooth at the touch, derivatives are right to the strides by which each was followed.
+    part = 1e-5 if row.rough else 1e-8
+    for k in range(len(directions)):
+        size = np.max(np.abs(theirs.displacement_derivatives[:, k]))
+        assert ours.displacement_derivatives[:, k] == pytest.approx(
+            theirs.displacement_derivatives[:, k], abs=part * size
+        )
+
+
+@pytest.mark.parametrize(
+    "formula", ["-a*exp(b*x)*v", "a*tanh(v/b)", "-a*max(0, -x - b)", "a*cos(x/b)*u", "-a*sqrt(abs(y))*v + b*0"]
+)
+def test_derivatives_of_any_formula_are_those_of_differences(formula: str) -> None:
+    own = law("block", formula, a=1e-3, b=2e-3 if "b" in formula else 1.0).effect
+    values = (1e-3, 2e-3)
+    run = general.solve(
+        PAPER, [general.Active(own, values)], TIMES_S, directions=[general.direction(0, k) for k in (0, 1)]
+    )
+    for k in (0, 1):
+        moved = []
+        for sign in (-1, 1):
+            near = list(values)
+            near[k] *= 1 + sign * 1e-4
+            moved.append(general.solve(PAPER, [general.Active(own, tuple(near))], TIMES_S).displacement_m)
+        slope = (moved[1] - moved[0]) / (2e-4 * values[k])
+        exact = run.displacement_derivatives[:, k]
+        assert np.max(np.abs(exact - slope)) <= 2e-3 * np.max(np.abs(slope)) + 1e-9
+
+
+def table(**changes: Any) -> dict[str, Any]:
+    whole: dict[str, Any] = {
+        "name": "pull", "where": "block", "formula": "-a*exp(x/b)",
+        "parameters": {"a": {"unit": "N", "start": 1e-3, "lower": 0}, "b": {"unit": "m", "start": 1e-3, "lower": 1e-5}},
+    }  # fmt: skip
+    whole |= changes
+    return {key: value for key, value in whole.items() if value is not None}
+
+
+def test_what_was_written_is_read_again() -> None:
+    own = from_mapping(table(words="a pull that fades"))
+    assert from_mapping(own.written()) == own
+    assert own.effect is from_mapping(own.written()).effect  # compiled once
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"name": None}, "name: missing"),
+        ({"name": "two words"}, "name: 'two words'"),
+        ({"name": "adhesion"}, "already"),
+        ({"where": "floor"}, "where: 'floor'"),
+        ({"formula": "a*b"}, "names nothing of the motion"),
+        ({"formula": "a*b*q"}, "formula: column 5: no 'q'"),
+        ({"formula": "x**2 + a + b"}, "no parameter turns the law off"),
+        ({"formula": "a*log(x)*b"}, "no finite force"),
+        ({"formula": "a*b*0*x"}, "no force anywhere"),
+        ({"parameters": {}}, "one to 3"),
+        ({"parameters": {"a": 3}}, "write it as"),
+        ({"parameters": {"a": {"unit": "N", "start": 0}}}, "parameters.a.start"),
+        ({"parameters": {"a": {"unit": "N", "start": 1, "upper": 0.5}}}, "does not lie between"),
+        ({"parameters": {"a": {"unit": "N", "start": 10**400}}}, "parameters.a.start: beyond all size"),
+        ({"parameters": {"a": {"start": 1.0}}}, "parameters.a.unit: missing"),
+        ({"extra": 1}, "unknown key 'extra'"),
+    ],
+)
+def test_a_law_that_cannot_be_used_is_refused_in_one_line(changes: dict[str, Any], why: str) -> None:
+    with pytest.raises(LawError, match=why) as refused:
+        from_mapping(table(**changes))
+    assert "\n" not in str(refused.value)

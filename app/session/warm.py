@@ -4,8 +4,8 @@ The first start after an installation compiles for some ten seconds; the result 
 only loads it.
 """
 
+import contextlib
 import gc
-import hashlib
 import os
 import subprocess
 import sys
@@ -14,11 +14,7 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import llvmlite
-import numba
-from llvmlite.binding import get_host_cpu_name
-from numba import config
-
+from analysis import kernel_cache
 from analysis.diagnosis import diagnose
 from analysis.shot import Cancelled
 from app.session.jobs import Asked, Report
@@ -77,30 +73,14 @@ class Kernels:
 
 def _on_disk() -> bool:
     """Return whether the kernels were all compiled by just this program, Python, numba and processor."""
-    mark = _mark()
     try:
-        return mark is not None and mark.read_text(encoding="utf-8") == _made_by()
+        return _mark().read_text(encoding="utf-8") == kernel_cache.whole_program()
     except (OSError, UnicodeDecodeError):
         return False
 
 
-def _mark() -> Path | None:
-    return Path(str(config.CACHE_DIR)) / "complete" if config.CACHE_DIR else None
-
-
-def _made_by() -> str:
-    """Return what numba's own cache goes by, so that the mark never outlives what it tells of.
-
-    A kernel is compiled anew where its file's date or size changed, though its text did not (a reinstallation).
-    """
-    dates = hashlib.sha256()
-    house = Path(__file__).resolve().parent.parent
-    for package in ("analysis", "instrument"):
-        for source in sorted((house / package).rglob("*.py")):
-            state = source.stat()
-            dates.update(f"{source}:{state.st_mtime_ns}:{state.st_size};".encode())
-    parts = (sys.version, numba.__version__, llvmlite.__version__, get_host_cpu_name(), dates.hexdigest())
-    return "\n".join(parts)
+def _mark() -> Path:
+    return kernel_cache.root() / "complete"
 
 
 def _in_another_process(cancelled: Asked) -> None:
@@ -126,9 +106,8 @@ def main() -> int:
     if hasattr(os, "nice"):
         os.nice(5)
     run_once(with_diagnosis=True)
-    mark = _mark()
-    if mark is not None and mark.parent.is_dir():
-        mark.write_text(_made_by(), encoding="utf-8")
+    with contextlib.suppress(OSError):
+        _mark().write_text(kernel_cache.whole_program(), encoding="utf-8")
     return 0
 
 

@@ -1,43 +1,139 @@
-"""Kernels are compiled anew when their text changes, and wherever the home folder cannot be written to."""
+"""No kernel outlives a source it was made of, and none is compiled anew for anything else."""
 
+import ast
+import os
+import shutil
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from numba.core import caching
 
 from analysis import kernel_cache
 
-ROOT = Path(__file__).resolve().parents[2]
-ASK = "import os, analysis; print(os.environ['NUMBA_CACHE_DIR'])"
+HOUSE = Path(__file__).resolve().parents[2]
+
+SOURCES = {
+    "__init__": "from analysis import kernel_cache\nkernel_cache.keep_true()\n",
+    "plain": "FACTOR = 2.0\n",
+    "small": (
+        "from numba import njit\nfrom analysis import plain\n\n"
+        "@njit(cache=True)\ndef small(x):\n    return plain.FACTOR * x + 1.0\n"
+    ),
+    "large": (
+        "from numba import njit\nfrom analysis.small import small\n\n@njit(cache=True)\ndef large(x):\n"
+        "    return small(x) * 10.0\n"
+    ),
+    "other": "WORDS = 'no kernel needs this'\n",
+}
+ASK = (
+    "import sys; sys.path.insert(0, sys.argv[1])\nfrom analysis.large import large\n"
+    "print(large(1.0), sum(large.stats.cache_hits.values()))"
+)
 
 
-def _cache_dir(environment: dict[str, str]) -> str:
-    done = subprocess.run(
-        [sys.executable, "-c", ASK], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
-    )
+def test_a_changed_helper_or_constant_is_seen_and_nothing_else_compiles(tmp_path: Path) -> None:
+    package = tmp_path / "house" / "analysis"
+    package.mkdir(parents=True)
+    shutil.copy(kernel_cache.__file__, package)
+    for name, text in SOURCES.items():
+        (package / f"{name}.py").write_text(text)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "mine"), "PYTHONDONTWRITEBYTECODE": "1"}
+
+    def asked() -> str:
+        command = [sys.executable, "-c", ASK, str(package.parent)]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    assert asked() == "30.0 0"
+    (package / "other.py").write_text("WORDS = 'changed'\n")
+    assert asked() == "30.0 1"  # from the disk
+    (package / "plain.py").write_text("FACTOR = 3.0\n")
+    assert asked() == "40.0 0"
+    (package / "small.py").write_text(SOURCES["small"].replace("1.0", "-7.0"))
+    assert asked() == "-40.0 0"
+    assert any((tmp_path / "mine").rglob("*.nbi"))  # the folder the user chose is respected, and no less true
+
+
+def test_every_import_of_the_program_is_seen() -> None:
+    for path in [*(HOUSE / "analysis").rglob("*.py"), *(HOUSE / "instrument").rglob("*.py")]:
+        text = path.read_text(encoding="utf-8")
+        every = {ast.dump(n) for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Import | ast.ImportFrom)}
+        assert every <= {ast.dump(n) for n in kernel_cache.import_statements(text)}, path
+        holds_kernels = "numba" in text and path.name != "kernel_cache.py"
+        assert not (holds_kernels and ("import_module" in text or "__import__" in text)), f"{path}: no stamp sees it"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from a import (  # one (of two)\n    b,  # here)\n    c,\n)\n",
+        "if True: import a\n",
+        "import a; import b\n",
+        "from a \\\n    import b\n",
+        "def f():\n    from . import a as b, c\n",
+        '"""From here one may\n\nimport what (one\nlikes.\n"""\nimport a.b, c\n',
+    ],
+)
+def test_imports_of_any_form(text: str) -> None:
+    every = {ast.dump(n) for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Import | ast.ImportFrom)}
+    assert every <= {ast.dump(n) for n in kernel_cache.import_statements(text)}
+
+
+def test_a_source_that_changed_under_a_running_process_is_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert kernel_cache._text_digest("analysis.model.gear") == kernel_cache._text_digest("analysis.model.gear")
+    monkeypatch.setattr(kernel_cache, "_BEGAN_NS", 0)  # as though everything had changed since
+    assert kernel_cache._text_digest("analysis.model.gear") != kernel_cache._text_digest("analysis.model.gear")
+
+
+def test_without_sources_the_installation_stands_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_cache, "source_of", lambda module: None)
+    listed = kernel_cache._text_digest("analysis.model.gear")
+    assert listed == kernel_cache._text_digest("analysis.model.gear")
+    monkeypatch.setattr(metadata.PathDistribution, "read_text", lambda self, name: "another list")
+    kernel_cache._installation.cache_clear()
+    assert kernel_cache._text_digest("analysis.model.gear") != listed
+    kernel_cache._installation.cache_clear()
+
+
+def test_two_types_compiled_at_once_do_not_share_a_name(tmp_path: Path) -> None:
+    one, two = (caching.IndexDataCacheFile(str(tmp_path), "kernel", "stamp") for _ in range(2))
+    both_began = {}
+    one._load_index = two._load_index = lambda: dict(both_began)
+    one.save("a float", "its code")
+    two.save("an integer", "other code")
+    index = caching.IndexDataCacheFile(str(tmp_path), "kernel", "stamp")
+    assert index.load("an integer") == "other code"
+    assert index.load("a float") in (None, "its code")
+    assert len(list(tmp_path.glob("*.nbc"))) == 2
+
+
+def _root(environment: dict[str, str]) -> str:
+    ask = "from analysis import kernel_cache; print(kernel_cache.root())"
+    command = [sys.executable, "-c", ask]
+    done = subprocess.run(command, cwd=HOUSE, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
     return done.stdout.strip()
-
-
-def test_one_folder_for_one_text(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    before = kernel_cache._fingerprint()
-    assert before == kernel_cache._fingerprint()
-    changed = tmp_path / "house" / "analysis"
-    changed.mkdir(parents=True)
-    (changed / "kernel.py").write_text("@njit\ndef f(): return 1\n")
-    monkeypatch.setattr(kernel_cache, "__file__", str(changed / "kernel_cache.py"))
-    first = kernel_cache._fingerprint()
-    (changed / "kernel.py").write_text("@njit\ndef f(): return 2\n")
-    assert kernel_cache._fingerprint() != first
 
 
 def test_a_home_that_cannot_be_written_to(tmp_path: Path) -> None:
     wall = tmp_path / "a file, not a folder"
     wall.write_text("")
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(wall), "XDG_CACHE_HOME": str(wall), "TMPDIR": str(tmp_path)}
-    assert _cache_dir(environment).startswith(str(tmp_path / "levimass-kernels"))
+    kept = _root(environment)
+    assert kept.startswith(str(tmp_path / "levimass-kernels"))
+    environment["NUMBA_CACHE_DIR"] = str(wall)
+    assert _root(environment) == kept
 
 
-def test_a_folder_the_user_chose_is_respected(tmp_path: Path) -> None:
-    environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "mine")}
-    assert _cache_dir(environment) == str(tmp_path / "mine")
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners here")
+def test_binaries_that_somebody_else_may_have_laid_are_not_run(tmp_path: Path) -> None:
+    wall, theirs = tmp_path / "a file", tmp_path / "theirs"
+    wall.write_text("")
+    theirs.mkdir()
+    (tmp_path / f"levimass-kernels-{os.getuid()}").symlink_to(theirs)
+    environment = {"PATH": "/usr/bin:/bin", "HOME": str(wall), "XDG_CACHE_HOME": str(wall), "TMPDIR": str(tmp_path)}
+    assert Path(_root(environment)).resolve() != theirs

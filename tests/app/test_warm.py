@@ -1,14 +1,16 @@
 """The mark that says the kernels are on disk: true only for what wrote it."""
 
+import llvmlite
+import numba
 import pytest
-from numba import config
 
+from analysis import kernel_cache
 from app.session import warm
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(kernel_cache, "root", lambda: tmp_path)
     monkeypatch.setattr(warm, "run_once", lambda **_: None)
     monkeypatch.setattr(warm.os, "nice", lambda _: 0)
     return tmp_path
@@ -20,10 +22,10 @@ def test_the_mark_holds_for_the_program_that_wrote_it(folder):
     assert warm._on_disk()
 
 
-@pytest.mark.parametrize("what", ["numba", "llvmlite"])
+@pytest.mark.parametrize("what", [numba, llvmlite])
 def test_another_numba_does_not_trust_it(folder, monkeypatch, what):
     warm.main()
-    monkeypatch.setattr(getattr(warm, what), "__version__", "999.0")
+    monkeypatch.setattr(what, "__version__", "999.0")
     assert not warm._on_disk()
 
 

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 from analysis.recording import Setup
 from instrument.bench.effects import Effects, complete, for_shot
 from instrument.bench.floor import Floor
+from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, Trajectory
 from instrument.bench.optics import Optics, Path, fill, node_times_s
-from instrument.bench.script import Scene, held, next_pause_s, play
+from instrument.bench.script import Scene, held, next_pause_s, play, push_s
 from instrument.bench.sight import lit, shoot
+from instrument.bench.site import QUIET, Site
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +25,8 @@ class Rig:
     bodies: Bodies = field(default_factory=Bodies)
     optics: Optics = field(default_factory=Optics)
     effects: Effects = field(default_factory=dict)
-    floor_m: float = 3e-10  # rms of the building's vibration
+    site: Site = QUIET  # what shakes the frame
+    floor_m: float = 3e-10  # rms of what the optical path does by itself
     velocity_m_per_s: float = 0.265  # towards the plate
     velocity_spread: float = 0.15  # each push is off by up to this part
     seed: int = 1
@@ -55,6 +58,7 @@ class Stage:
         self._optics = lit(rig.optics, rig.effects)
         self._effects = complete(rig.effects)
         self._floor = Floor(rig.floor_m, rig.seed)
+        self._frame = frame_of(rig.site, rig.seed)
         self._shot = first_shot
         self._scenes: list[Scene] = []
 
@@ -75,16 +79,18 @@ class Stage:
         speed = rig.velocity_m_per_s * (1 + rig.velocity_spread * float(random.uniform(-1, 1)))
         effects = for_shot(self._effects, self._shot, rig.seed)
 
-        def collide(velocity: float, distance: float, duration: float) -> Trajectory:
-            return shoot(velocity, effects, rig.bodies, distance, duration)
+        def collide(velocity: float, distance: float, duration: float, frame: Frame) -> Trajectory:
+            return shoot(velocity, effects, rig.bodies, distance, duration, frame)
 
-        scene = play(next_pause_s(max(time_s, self.free_from_s)), -speed, collide, effects)
+        start_s = next_pause_s(max(time_s, self.free_from_s))
+        self._frame = self._frame.knocked(start_s + push_s(speed), self._shot)
+        scene = play(start_s, -speed, collide, effects, self._frame)
         self._shot += 1
         self._scenes = [*self._scenes[-1:], scene]  # older ones are past: the stream only goes forward
         return scene
 
     def path(self, time_s: Floats) -> Path:
-        """Return the path at ascending times of equal spacing (s)."""
+        """Return the path at ascending times of equal spacing (s): what is in space, seen from the frame."""
         x, v = held(time_s)
         block = x.copy()
         for scene in self._scenes:
@@ -92,7 +98,8 @@ class Stage:
             if b > a:
                 x[a:b], v[a:b], block[a:b] = scene.at(time_s[a:b])
         shake_x, shake_v = self._floor.at(float(time_s[0]), float(time_s[1] - time_s[0]), time_s.size)
-        return Path(x + shake_x, v + shake_v, block)
+        frame_x, frame_v = self._frame.motion(time_s)
+        return Path(x + shake_x - frame_x, v + shake_v - frame_v, block - frame_x)
 
     def fill(self, first_sample: int, out: NDArray[np.int16]) -> tuple[int, ...]:
         """Fill ``out`` (n, channels) with samples ``first_sample`` on; return how many clipped a channel."""

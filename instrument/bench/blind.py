@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 RATE_HZ = 100e3
 DURATION_S = 0.06
 BEFORE_TOUCH_S = 0.012
-_STEP_S, _FLIGHT_STEP_S = 8e-6, 2e-5  # below 0.1 pm off at the ends of a shot
+_STEPS_S = (8e-6, 2e-5)  # in contact, in flight: below 0.1 pm off at the ends of a shot
 _NONE: Mapping[str, float] = {}
 
 
@@ -86,8 +86,7 @@ def run(truth: Truth, shot: int, bodies: Bodies | None = None, speed_m_per_s: fl
         distance_m=truth.speeds_m_per_s[shot] * BEFORE_TOUCH_S,
         duration_s=DURATION_S,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
-        step_s=_STEP_S,
-        flight_step_s=_FLIGHT_STEP_S,
+        steps_s=_STEPS_S,
     )
 
 

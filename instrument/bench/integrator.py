@@ -1,5 +1,7 @@
 """Dormand-Prince steps of fixed length; every switch (touch, release, turnaround, reach) is met by bisection."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -27,24 +29,57 @@ Floats = NDArray[np.float64]
 BISECTIONS = 45  # 10 us / 2^45: below a femtosecond
 
 
+class Drive(NamedTuple):
+    """Acceleration (m/s2) of the frame and its rate (m/s3) at nodes of equal spacing from time zero; none: still."""
+
+    spacing_s: float
+    acceleration: Floats
+    jerk: Floats
+
+
+STILL = Drive(1.0, np.empty(0), np.empty(0))
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _step(y: Floats, h: float, p: Floats, on: NDArray[np.int64], k: Floats, work: Floats, new: Floats) -> None:
-    """Advance ``y`` by ``h`` into ``new`` with the switches held: six stages, fifth order (Dormand, Prince 1980)."""
-    rates(y, p, on, k[0])
+def drive_at(drive: Drive, t: float) -> float:
+    """Return the frame's acceleration at ``t``, cubic between nodes.  Cost: 5 ns."""
+    last = drive.acceleration.shape[0] - 2
+    if last < 0:
+        return 0.0
+    h = drive.spacing_s
+    j = min(max(int(t / h), 0), last)
+    u = t / h - j
+    w = 1.0 - u
+    d = drive.acceleration[j + 1] - drive.acceleration[j]
+    a = h * drive.jerk[j] - d
+    b = d - h * drive.jerk[j + 1]
+    return float(drive.acceleration[j] + u * (d + w * (a * w + b * u)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _step(
+    y: Floats, t: float, h: float, p: Floats, on: NDArray[np.int64], drive: Drive, k: Floats, new: Floats
+) -> None:
+    """Advance ``y`` from ``t`` by ``h`` into ``new`` with the switches held.
+
+    Six stages, fifth order (Dormand, Prince 1980); ``k`` holds the stages and, in its last row, what they start from.
+    """
+    work = k[6]
+    rates(y, p, on, drive_at(drive, t), k[0])
     for i in range(STATES):
         work[i] = y[i] + h * (k[0, i] / 5)
-    rates(work, p, on, k[1])
+    rates(work, p, on, drive_at(drive, t + h / 5), k[1])
     for i in range(STATES):
         work[i] = y[i] + h * (3 / 40 * k[0, i] + 9 / 40 * k[1, i])
-    rates(work, p, on, k[2])
+    rates(work, p, on, drive_at(drive, t + 0.3 * h), k[2])
     for i in range(STATES):
         work[i] = y[i] + h * (44 / 45 * k[0, i] - 56 / 15 * k[1, i] + 32 / 9 * k[2, i])
-    rates(work, p, on, k[3])
+    rates(work, p, on, drive_at(drive, t + 0.8 * h), k[3])
     for i in range(STATES):
         work[i] = y[i] + h * (
             19372 / 6561 * k[0, i] - 25360 / 2187 * k[1, i] + 64448 / 6561 * k[2, i] - 212 / 729 * k[3, i]
         )
-    rates(work, p, on, k[4])
+    rates(work, p, on, drive_at(drive, t + 8 / 9 * h), k[4])
     for i in range(STATES):
         work[i] = y[i] + h * (
             9017 / 3168 * k[0, i]
@@ -53,7 +88,7 @@ def _step(y: Floats, h: float, p: Floats, on: NDArray[np.int64], k: Floats, work
             + 49 / 176 * k[3, i]
             - 5103 / 18656 * k[4, i]
         )
-    rates(work, p, on, k[5])
+    rates(work, p, on, drive_at(drive, t + h), k[5])
     for i in range(STATES):
         new[i] = y[i] + h * (
             35 / 384 * k[0, i] + 500 / 1113 * k[2, i] + 125 / 192 * k[3, i] - 2187 / 6784 * k[4, i] + 11 / 84 * k[5, i]
@@ -78,29 +113,28 @@ def _switches(y: Floats, p: Floats, before: NDArray[np.int64], now: NDArray[np.i
 @njit(cache=True, nogil=True, error_model="numpy")
 def integrate(
     start: Floats,
-    t_start: float,
     t_end: float,
-    h_contact: float,
-    h_flight: float,
+    steps_s: tuple[float, float],
     p: Floats,
-    out_t: Floats,
-    out_y: Floats,
-    out_on: NDArray[np.int64],
+    drive: Drive,
+    out: tuple[Floats, Floats, NDArray[np.int64]],
 ) -> int:
-    """Integrate from ``t_start`` to ``t_end``; write time, state and switches of every node; return how many.
+    """Integrate from time zero to ``t_end``; write time, state and switches of every node; return how many.
 
+    ``steps_s`` are those in contact and in flight.
     A node stands at every step and at every event, where it carries the switches that hold after the event.
     Returns -1 when the node arrays are too short (events without end).  Cost: about 0.4 us a node.
     """
     y = start.copy()
     new = np.empty(STATES)
-    k = np.empty((6, STATES))
-    work = np.empty(STATES)
+    h_contact, h_flight = steps_s
+    out_t, out_y, out_on = out
+    k = np.empty((7, STATES))
     on = np.zeros(SWITCHES, np.int64)
     now = np.zeros(SWITCHES, np.int64)
     _switches(y, p, on, now)
     on[:] = now
-    t = t_start
+    t = 0.0
     n = 0
     out_t[0] = t
     out_y[0] = y
@@ -111,18 +145,18 @@ def integrate(
             return -1
         h = h_contact if on[IN_CONTACT] == 1 else h_flight
         h = min(h, t_end - t)
-        _step(y, h, p, on, k, work, new)
+        _step(y, t, h, p, on, drive, k, new)
         if _switches(new, p, on, now):
             low, high = 0.0, h
             for _ in range(BISECTIONS):
                 middle = 0.5 * (low + high)
-                _step(y, middle, p, on, k, work, new)
+                _step(y, t, middle, p, on, drive, k, new)
                 if _switches(new, p, on, now):
                     high = middle
                 else:
                     low = middle
             h = high
-            _step(y, h, p, on, k, work, new)
+            _step(y, t, h, p, on, drive, k, new)
             _switches(new, p, on, now)
             if now[JUMPED] == 1 and on[JUMPED] == 0:  # what is picked up was at rest
                 carried = p[M_BLOCK] - p[M_HIDDEN]

@@ -8,7 +8,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from instrument.bench import forces as slot
-from instrument.bench.integrator import integrate
+from instrument.bench.cubic import at_times
+from instrument.bench.frame import Frame
+from instrument.bench.integrator import STILL, Drive, drive_at, integrate
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +30,8 @@ class Bodies:
 class Trajectory:
     """The motion as nodes in time; arrays have shape (n,) and ``states`` (n, 13), see forces.py for its columns.
 
-    Time zero is the start of the flight.  ``events`` are ("touch" | "release", time in s), in order.
+    Positions are against the frame, so is everything that follows from them.  Time zero is the start of the flight.
+    ``events`` are ("touch" | "release", time in s), in order.
     """
 
     time_s: Floats
@@ -62,38 +65,11 @@ class Trajectory:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def with_slope(node_s: Floats, value: Floats, slope: Floats, time_s: Floats) -> tuple[Floats, Floats]:
-    """Return the cubic Hermite interpolant of nodes at ascending times, and its slope.  Cost: about 10 ns a time."""
-    result, rate = np.empty(time_s.shape[0]), np.empty(time_s.shape[0])
-    j = 0
-    last = node_s.shape[0] - 2
-    for i in range(time_s.shape[0]):
-        t = time_s[i]
-        while j < last and node_s[j + 1] <= t:
-            j += 1
-        h = node_s[j + 1] - node_s[j]
-        u = (t - node_s[j]) / h if h > 0.0 else 0.0
-        d = value[j + 1] - value[j]
-        a = h * slope[j] - d
-        b = d - h * slope[j + 1]
-        w = 1.0 - u
-        result[i] = value[j] + u * (d + w * (a * w + b * u))
-        rate[i] = (d + (w - u) * (a * w + b * u) + u * w * (b - a)) / h if h > 0.0 else slope[j]
-    return result, rate
-
-
-def at_times(node_s: Floats, value: Floats, slope: Floats, time_s: Floats) -> Floats:
-    """Return the cubic Hermite interpolant of nodes at ascending times."""
-    result: Floats = with_slope(node_s, value, slope, time_s)[0]
-    return result
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _accelerations(states: Floats, on: NDArray[np.int64], p: Floats) -> Floats:
+def _accelerations(time_s: Floats, states: Floats, on: NDArray[np.int64], p: Floats, drive: Drive) -> Floats:
     dy = np.empty(slot.STATES)
     result = np.empty(states.shape[0])
     for i in range(states.shape[0]):
-        slot.rates(states[i], p, on[i], dy)
+        slot.rates(states[i], p, on[i], drive_at(drive, time_s[i]), dy)
         result[i] = dy[slot.BLOCK_V]
     return result
 
@@ -120,17 +96,20 @@ def collide(
     distance_m: float = 2e-3,
     duration_s: float = 0.06,
     plate_at_touch: tuple[float, float] = (0.0, 0.0),
-    step_s: float = 4e-6,
-    flight_step_s: float = 1e-5,
+    steps_s: tuple[float, float] = (4e-6, 1e-5),
+    frame: Frame | None = None,
 ) -> Trajectory:
     """Let the block start at ``distance_m`` with ``velocity_m_per_s`` (negative: towards the plate) and follow it.
 
     ``plate_at_touch`` is the displacement (m) and velocity (m/s) that a freely swinging plate shall have when the
-    block arrives.  Raises ValueError when the block does not move towards the plate.
+    block arrives; ``steps_s`` those of the integration in contact and in flight.  With a ``frame``, whose time zero
+    is the start, distance and velocity are the block's against space, the trajectory is against the frame, and the
+    plate has swung in it long before.  Raises ValueError when the block does not move towards the plate.
     """
     if not velocity_m_per_s < 0.0:
         raise ValueError(f"the block must start towards the plate: velocity {velocity_m_per_s} m/s is not negative")
     p = parameters(bodies or Bodies(), extra)
+    step_s, flight_step_s = steps_s
     fastest = max(p[slot.W_HIDDEN], p[slot.W_MODE], p[slot.W_CLAMP])
     if fastest > 0.0:
         step_s = min(step_s, 0.1 / fastest)  # 1e-9 of the ringing a step
@@ -141,15 +120,22 @@ def collide(
     start = np.zeros(slot.STATES)
     start[slot.BLOCK_X] = start[slot.HIDDEN_X] = distance_m
     start[slot.BLOCK_V] = start[slot.HIDDEN_V] = velocity_m_per_s
+    w = float(np.sqrt(p[slot.K_PLATE] / p[slot.M_PLATE]))
     if plate_at_touch != (0.0, 0.0):
-        w = float(np.sqrt(p[slot.K_PLATE] / p[slot.M_PLATE]))
         back = w * (distance_m - plate_at_touch[0]) / abs(velocity_m_per_s)
         x, v = plate_at_touch
         start[slot.PLATE_X] = x * np.cos(back) - v / w * np.sin(back)
         start[slot.PLATE_V] = x * w * np.sin(back) + v * np.cos(back)
+    drive = STILL
+    if frame is not None:
+        (x,), (v,) = frame.motion(np.zeros(1))
+        start[[slot.BLOCK_X, slot.HIDDEN_X]] -= x
+        start[[slot.BLOCK_V, slot.HIDDEN_V]] -= v
+        start[[slot.PLATE_X, slot.PLATE_V]] += frame.swing(w)
+        drive = Drive(*frame.pull(duration_s))
     room = int(duration_s / min(step_s, flight_step_s)) + 20_000
     time_s, states, on = np.empty(room), np.empty((room, slot.STATES)), np.empty((room, slot.SWITCHES), np.int64)
-    n = integrate(start, 0.0, duration_s, step_s, flight_step_s, p, time_s, states, on)
+    n = integrate(start, duration_s, (step_s, flight_step_s), p, drive, (time_s, states, on))
     if n < 0:
         raise ValueError("the block came to rest against the plate or the bearing: more events than a shot can have")
     time_s, states, on = time_s[:n].copy(), states[:n].copy(), on[:n].copy()
@@ -159,7 +145,7 @@ def collide(
     return Trajectory(
         time_s=time_s,
         states=states,
-        acceleration_m_per_s2=_accelerations(states, on, p),
+        acceleration_m_per_s2=_accelerations(time_s, states, on, p, drive),
         events=events,
         velocity_in_m_per_s=float(states[at_touch[0] + 1, slot.BLOCK_V]) if at_touch.size else float("nan"),
         velocity_out_m_per_s=float(states[at_release[-1] + 1, slot.BLOCK_V]) if at_release.size else float("nan"),

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.bench.cubic import with_slope
 from instrument.bench.effects import Effects
-from instrument.bench.mechanics import Trajectory, with_slope
+from instrument.bench.frame import Frame
+from instrument.bench.mechanics import Trajectory
 from instrument.bench.sight import seen
 
 Floats = NDArray[np.float64]
@@ -20,12 +22,15 @@ AFTER_S = 0.19  # of free flight after the plate
 _NODES = 400
 _TREMOR_M, _TREMOR_HZ = 3e-6, 9.0
 
-Shoot = Callable[[float, float, float], Trajectory]  # (velocity m/s, distance m, duration s)
+Shoot = Callable[[float, float, float, Frame], Trajectory]  # (velocity m/s, distance m, duration s, frame)
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """One shot on the stream's clock, from the hand's first move to the block back at home; arrays of shape (n,)."""
+    """One shot on the stream's clock, from the hand's first move to the block back at home; arrays of shape (n,).
+
+    Positions are against space: the hand is not the frame's, nor is the block in flight.
+    """
 
     start_s: float
     end_s: float
@@ -38,7 +43,7 @@ class Scene:
     block_m_per_s: Floats
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return optical position (m), its velocity (m/s) and the block's position (m) at ascending times."""
+        """Return optical position (m), its velocity (m/s) and the block's position (m) at ascending times, in space."""
         x, v = with_slope(self.time_s, self.optical_m, self.optical_m_per_s, time_s)
         return x, v, with_slope(self.time_s, self.block_m, self.block_m_per_s, time_s)[0]
 
@@ -48,25 +53,27 @@ def push_s(velocity_m_per_s: float) -> float:
     return 2.0 * (HOME_M - RELEASE_M) / abs(velocity_m_per_s)
 
 
-def play(start_s: float, velocity_m_per_s: float, shoot: Shoot, effects: Effects) -> Scene:
-    """Return the scene of a push that starts at ``start_s``."""
+def play(start_s: float, velocity_m_per_s: float, shoot: Shoot, effects: Effects, frame: Frame) -> Scene:
+    """Return the scene of a push that starts at ``start_s``; the frame, on the stream's clock, carries the plate."""
     u = np.linspace(0.0, 1.0, _NODES)
     step, slope, area = u**3 * (10 + u * (6 * u - 15)), 30 * u**2 * (1 - u) ** 2, u**4 * (2.5 + u * (u - 3))
     pushing = push_s(velocity_m_per_s)
     push_x, push_v = HOME_M + velocity_m_per_s * pushing * area, velocity_m_per_s * step
     free = RELEASE_M / abs(velocity_m_per_s) + 0.03 + AFTER_S
-    trajectory = shoot(velocity_m_per_s, RELEASE_M, free)
+    release = start_s + pushing
+    trajectory = shoot(velocity_m_per_s, RELEASE_M, free, frame.from_time(release))
     flight_t = trajectory.time_s
-    block_x, block_v = trajectory.block_m(flight_t), trajectory.block_velocity_m_per_s(flight_t)
+    frame_x, frame_v = frame.motion(release + flight_t)
+    block_x = trajectory.block_m(flight_t) + frame_x
+    block_v = trajectory.block_velocity_m_per_s(flight_t) + frame_v
     flight_x, flight_v = seen(trajectory, effects, flight_t)
-    flight_x = flight_x - flight_x[0] + RELEASE_M
+    flight_x, flight_v = flight_x - flight_x[0] + RELEASE_M + frame_x - frame_x[0], flight_v + frame_v
     catch_x, catch_v = block_x[-1] + block_v[-1] * CATCH_S * (u - area), block_v[-1] * (1 - step)
     way = HOME_M - catch_x[-1]
     hand_x = np.concatenate((catch_x[1:], catch_x[-1] + way * step[1:]))
     hand_v = np.concatenate((catch_v[1:], way * slope[1:] / RETURN_S))
     gained = float(flight_x[-1] - block_x[-1])  # by the optics on the block; given back on the way home
     still = np.zeros(_NODES - 1)
-    release = start_s + pushing
     caught = release + free
     time_s = np.concatenate(
         (

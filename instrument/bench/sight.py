@@ -9,8 +9,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from instrument.bench.cubic import at_times
 from instrument.bench.effects import Effects, force_slots
-from instrument.bench.mechanics import Bodies, Trajectory, at_times, collide
+from instrument.bench.frame import Frame
+from instrument.bench.mechanics import Bodies, Trajectory, collide
 from instrument.bench.optics import Optics
 
 Floats = NDArray[np.float64]
@@ -19,9 +21,14 @@ _NONE: Mapping[str, float] = {}
 
 
 def shoot(
-    velocity_m_per_s: float, effects: Effects, bodies: Bodies, distance_m: float, duration_s: float
+    velocity_m_per_s: float,
+    effects: Effects,
+    bodies: Bodies,
+    distance_m: float,
+    duration_s: float,
+    frame: Frame | None = None,
 ) -> Trajectory:
-    """Let the block go with the effects of one shot."""
+    """Let the block go with the effects of one shot, in a frame whose time zero is that moment."""
     motion = effects.get("plate_motion", _NONE)
     return collide(
         velocity_m_per_s,
@@ -30,6 +37,7 @@ def shoot(
         distance_m=distance_m,
         duration_s=duration_s,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
+        frame=frame,
     )
 
 

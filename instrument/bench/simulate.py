@@ -14,9 +14,11 @@ from analysis.recording import Recording
 from instrument.bench.bench import Rig
 from instrument.bench.effects import BEYOND, CATALOGUE, Effects, complete, draw, for_shot
 from instrument.bench.floor import Floor
-from instrument.bench.optics import Optics, fill, node_times_s
+from instrument.bench.frame import frame_of
 from instrument.bench.optics import Path as LightPath
+from instrument.bench.optics import fill, node_times_s
 from instrument.bench.sight import lit, seen, shoot
+from instrument.bench.site import QUIET, Site
 from instrument.recording_file import write_recording
 
 SAMPLE_RATE_HZ = 10e6
@@ -33,10 +35,10 @@ def simulate(
     effects: Effects | None = None,
     undeclared: bool = False,
     *,
-    optics: Optics | None = None,
     sample_rate_hz: float = SAMPLE_RATE_HZ,
     duration_s: float = DURATION_S,
     speeds_m_per_s: Sequence[float] | None = None,
+    site: Site = QUIET,
 ) -> list[Path]:
     """Write ``shots`` recordings of one rig at different speeds into ``folder``; return their metadata files.
 
@@ -47,7 +49,7 @@ def simulate(
     if undeclared and effects:
         raise ValueError("an undeclared effect is drawn from the seed; no effect can be given beside it")
     wanted = draw_undeclared(seed) if undeclared else complete(effects or {})
-    rig = Rig(effects=wanted, optics=optics or Optics(), seed=seed)
+    rig = Rig(effects=wanted, site=site, seed=seed)
     speeds = tuple(speeds_m_per_s) if speeds_m_per_s is not None else speeds_of_set(shots, seed)
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
@@ -56,7 +58,7 @@ def simulate(
     for index, speed in enumerate(speeds):
         recording, truth = record_shot(rig, index, speed, sample_rate_hz, duration_s)
         if not undeclared:
-            recording = replace(recording, note=_told(truth))
+            recording = replace(recording, note=_told(truth, site))
         paths.append(Path(write_recording(recording, place / recording.name)))
         truths.append(truth)
     if undeclared:
@@ -104,11 +106,12 @@ def record_shot(
     effects = for_shot(complete(rig.effects), index, rig.seed)
     optics = lit(rig.optics, effects)
     distance = max(speed_m_per_s * BEFORE_TOUCH_S, optics.switch_m + 1e-3)
-    trajectory = shoot(-speed_m_per_s, effects, rig.bodies, distance, duration_s + 1e-4)
+    shot_seed = int(np.random.default_rng((rig.seed, index, 0xC)).integers(2**62))
+    frame = frame_of(rig.site, shot_seed).knocked(0.0, index)
+    trajectory = shoot(-speed_m_per_s, effects, rig.bodies, distance, duration_s + 1e-4, frame)
     samples = round(duration_s * sample_rate_hz)
     time_s = node_times_s(0, samples, sample_rate_hz)
     x, v = seen(trajectory, effects, time_s)
-    shot_seed = int(np.random.default_rng((rig.seed, index, 0xC)).integers(2**62))
     shake_x, shake_v = Floor(rig.floor_m, shot_seed).at(0.0, float(time_s[1]), time_s.size)
     block = trajectory.block_m(time_s)
     counts: NDArray[np.int16] = np.empty((samples, len(optics.channels)), np.int16)
@@ -127,8 +130,9 @@ def record_shot(
     return recording, effects
 
 
-def _told(effects: Effects) -> str:
+def _told(effects: Effects, site: Site) -> str:
+    at = f" at {site.name}" if site.moves else ""
     if not effects:
-        return "simulated; the paper's plate and contact, nothing else"
+        return f"simulated{at}; the paper's plate and contact, nothing else"
     parts = (f"{name} " + ", ".join(f"{k} = {v:.6g}" for k, v in values.items()) for name, values in effects.items())
-    return "simulated with " + "; ".join(parts)
+    return f"simulated{at} with " + "; ".join(parts)

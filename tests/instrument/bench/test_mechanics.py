@@ -34,7 +34,7 @@ def test_velocity_force_and_deflection_of_the_reference_solution(paper):
 
 
 def test_step_halved_changes_nothing_that_the_optics_could_see(paper):
-    fine = collide(-SPEED, step_s=1e-6, flight_step_s=2.5e-6)
+    fine = collide(-SPEED, steps_s=(1e-6, 2.5e-6))
     time = np.arange(0.0, 0.06, 1e-5)
     assert np.abs(fine.block_m(time) - paper.block_m(time)).max() < 1e-13  # a floor of 1e-10 m is measured
 

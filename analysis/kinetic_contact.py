@@ -6,13 +6,11 @@ of bounce times depend on how the plate swings between the contacts; this one is
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.fit import Fit
-from analysis.impact import Impact
 from analysis.model.exact import Event, solve
 from analysis.model.parameters import Collision, Variant
 from analysis.quantity import NotSeen, Quantity, Reading
@@ -77,11 +75,6 @@ def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
     if not math.isfinite(variance) or variance < 0.0:
         return NotSeen("the fit does not determine its contact")
     return Quantity(_ratio(collision, release), math.sqrt(variance), "-(v_b - v_p) out / in of the fitted contact")
-
-
-def with_contact_cor(impact: Impact, fit: Fit, block_mass_kg: float) -> Impact:
-    """Return ``impact`` with ``cor_kinetic.contact`` filled from the fit, or with the reason why it cannot be."""
-    return replace(impact, cor_kinetic=replace(impact.cor_kinetic, contact=fitted_contact_cor(fit, block_mass_kg)))
 
 
 def _collision(model: str, values: Mapping[str, float], block_mass_kg: float) -> Collision:

@@ -1,12 +1,9 @@
 """Run one shot through the whole road: demodulate, read, fit; stop where it breaks and say why."""
 
 import time
+from dataclasses import replace
 
-from analysis.fit import Fit
-from analysis.impact import Impact
-from analysis.kinetic_contact import with_contact_cor
-from analysis.model.driven import fit_driven
-from analysis.model.fitting import fit_shots
+from analysis.fitted_shot import fit_again
 from analysis.motion import Motion
 from analysis.reading.read import NoImpact, read_impact
 from analysis.recording import Recording, Setup
@@ -84,44 +81,23 @@ def analyse_motion(
 
 def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | None = None) -> Shot:
     """Return the shot with impact and fit read from its motion."""
-    from dataclasses import replace
-
     assert shot.motion is not None
     seconds = dict(shot.seconds)
-    impact: Impact | None = None
-    fit: Fit | None = None
-    problem = shot.problem
-    flags = shot.flags
-    driven = shot.settings.model == "driven"  # a slider under a known force strikes nothing
     _tell(progress, cancelled, "reading the impact", 0.5)
     started = time.perf_counter()
-    if not driven:
+    if shot.settings.model != "driven":  # a slider under a known force strikes nothing
         try:
             impact = read_impact(shot.motion)
-            flags = _merged(flags, impact.flags)
+            shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
         except NoImpact as error:
-            problem = str(error)
+            shot = replace(shot, problem=str(error))
     seconds["impact"] = time.perf_counter() - started
-    seconds["fit"] = 0.0
-    if shot.settings.fit and (impact is not None or driven):
-        _tell(progress, cancelled, "fitting the model", 0.6)
-        started = time.perf_counter()
-        try:
-            if driven:
-                fit = fit_driven([shot.motion], shot.settings.effects)
-            else:
-                fit = fit_shots(
-                    [shot.motion], model=shot.settings.model, effects=shot.settings.effects, cancelled=cancelled
-                )
-            flags = _merged(flags, fit.flags, () if fit.converged else ("fit_not_converged",))
-        except AnalysisError as error:
-            flags = _merged(flags, ("fit_failed",))
-            problem = problem or (str(error) if driven else None)
-        seconds["fit"] = time.perf_counter() - started
-    if impact is not None and fit is not None:
-        impact = with_contact_cor(impact, fit, shot.motion.moving_mass_kg)
+    _tell(progress, cancelled, "fitting the model", 0.6)
+    started = time.perf_counter()
+    shot = fit_again(shot, shot.settings.effects, cancelled)
+    seconds["fit"] = time.perf_counter() - started
     _tell(progress, cancelled, "done", 1.0)
-    return replace(shot, impact=impact, fit=fit, problem=problem, flags=flags, seconds=seconds)
+    return replace(shot, seconds=seconds)
 
 
 def _tell(progress: Progress | None, cancelled: Stop | None, what: str, fraction: float) -> None:

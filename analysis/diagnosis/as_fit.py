@@ -1,15 +1,21 @@
 """A diagnosis' own fit in the form that everything else reads."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.derivatives import has_tangents, released
 from analysis.diagnosis.knobs import Knob
+from analysis.diagnosis.quick_shot import Run
 from analysis.fit import Fit, ShotFit
 from analysis.model.overlay import lay_over
 from analysis.motion import Motion
 from analysis.quantity import Quantity
+
+Floats = NDArray[np.float64]
 
 
 def effect_parameters(fitted: Fitted) -> dict[str, dict[str, Quantity]]:
@@ -54,7 +60,7 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
         shots.append(
             ShotFit(
                 velocity_in_m_per_s=Quantity(float(values[0]), float(spread[0]), "joint fit"),
-                velocity_out_m_per_s=Quantity(float(run.velocity_m_per_s[-1]), float(spread[0]), "end of the record"),
+                velocity_out_m_per_s=_velocity_out(fitted, index, run),
                 touch_time_s=Quantity(float(values[1]), float(spread[1]), "joint fit"),
                 offset_m=Quantity(float(values[2]), float(spread[2]), "joint fit"),
                 overlay=lay_over(motion, run.displacement_m, run.plate_m, run.gap_m, events),
@@ -74,6 +80,35 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
         flags=() if fitted.converged else ("fit_not_converged",),
         seconds=seconds,
     )
+
+
+def _velocity_out(fitted: Fitted, index: int, run: Run) -> Quantity:
+    """Return the block's velocity after its last release, as uncertain as all parameters together leave it."""
+    hypothesis, z = fitted.hypothesis, fitted.z
+    if has_tangents(hypothesis):
+        out = released(hypothesis, index, z)
+        if out is None:
+            return Quantity(math.nan, math.nan, "the record ends in contact")
+        value, slope = out
+    else:
+        value, slope = _at_release(hypothesis.rig.shots[index].time_s, run), np.zeros(z.size)
+        for column in range(z.size):
+            if hypothesis.touches(column, index):
+                step = 0.3 * math.sqrt(fitted.inverse[column, column]) * np.eye(z.size)[column]
+                ahead, behind = (hypothesis.run(index, hypothesis.unpack(z + s * step)) for s in (1, -1))
+                times_s = hypothesis.rig.shots[index].time_s
+                change = _at_release(times_s, ahead) - _at_release(times_s, behind)
+                slope[column] = change / (2 * step[column])
+    return Quantity(value, math.sqrt(max(float(slope @ fitted.inverse @ slope), 0.0)), "joint fit")
+
+
+def _at_release(times_s: Floats, run: Run) -> float:
+    """Return the velocity of the last release, led back from the two samples after it: there the force is steady."""
+    after = int(np.searchsorted(times_s, run.changes_s[-1]))
+    if len(run.changes_s) % 2 or after + 2 > times_s.size:
+        return math.nan
+    (one, two), v = times_s[after : after + 2], run.velocity_m_per_s[after : after + 2]
+    return float(v[0] + (run.changes_s[-1] - one) * (v[1] - v[0]) / (two - one))
 
 
 def _called(knob: Knob, shot: int) -> str:

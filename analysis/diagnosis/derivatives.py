@@ -15,7 +15,7 @@ from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.seen import Point
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
-from analysis.model.response import Model, Response, ShotData, respond
+from analysis.model.response import OWN_NAMES, Model, Response, ShotData, respond
 from analysis.noise import Noise
 
 if TYPE_CHECKING:
@@ -59,20 +59,32 @@ def solved(
 
 def linearised_shot(hypothesis: "Hypothesis", index: int, z: Floats) -> tuple[Floats, Floats]:
     """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""
-    rig = hypothesis.rig
-    shot = rig.shots[index]
     model, response = solved(hypothesis, index, hypothesis.unpack(z), derivatives=True)
-    by = dict(zip((*model.shared_names, *model.own_names), response.derivatives.T, strict=True))
+    return response.displacement_m, _by_search(hypothesis, index, z, model, response.derivatives)
 
-    physical = np.zeros((shot.valid.size, hypothesis.size))
+
+def released(hypothesis: "Hypothesis", index: int, z: Floats) -> tuple[float, Floats] | None:
+    """Return the block's velocity after its last release and its derivatives by ``z``; None where it is in contact."""
+    model, response = solved(hypothesis, index, hypothesis.unpack(z), derivatives=True)
+    if response.velocity_out is None:
+        return None
+    value, slope = response.velocity_out
+    return value, _by_search(hypothesis, index, z, model, slope[None, :])[0]
+
+
+def _by_search(hypothesis: "Hypothesis", index: int, z: Floats, model: Model, derivatives: Floats) -> Floats:
+    """Return derivatives by ``z``, shape (n, size), of what has ``derivatives`` by one shot's parameters."""
+    rig = hypothesis.rig
+    by = dict(zip((*model.shared_names, *model.own_names), derivatives.T, strict=True))
+    physical = np.zeros((derivatives.shape[0], hypothesis.size))
     for place, name in enumerate(rig.base.names):
         physical[:, place] = by[name]
-    for place, name in enumerate(("velocity_in_m_per_s", "touch_time_s", "offset_m")):
+    for place, name in enumerate(OWN_NAMES):
         physical[:, rig.count + 3 * index + place] = by[name]
     for k, (name, knob, of) in enumerate(hypothesis.knobs):
         if of in (-1, index):
             physical[:, hypothesis.offset + k] = by[f"{name}.{knob.name}"]
-    return response.displacement_m, physical @ hypothesis.slope(z)
+    return np.asarray(physical @ hypothesis.slope(z))
 
 
 def _chosen(hypothesis: "Hypothesis", values: Values) -> tuple[tuple[str, float], ...]:

@@ -1,4 +1,4 @@
-"""The model that the shots of a session are fitted with, away from the screen: refitting, saving, what has drifted."""
+"""The model that the shots of a session are fitted with, away from the screen: saving, loading, what has drifted."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,16 +13,6 @@ from instrument.recording_writer import write_text_beside
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
 Asked = Callable[[], bool]
-
-
-def refit(shot: Shot, effects: tuple[str, ...], cancelled: Asked) -> Fit | None:
-    """Return the shot's fit with these effects, or None where the data do not carry it."""
-    if shot.motion is None:
-        return None
-    try:
-        return fit_shots([shot.motion], model=shot.settings.model, effects=effects, cancelled=cancelled)
-    except AnalysisError:
-        return None  # this shot does not carry the model; its old fit stays
 
 
 def save_model(

@@ -5,28 +5,26 @@ from dataclasses import replace
 from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.fit import Fit
+from analysis.fitted_shot import fit_again
 from analysis.shot import AnalysisSettings, Progress, Shot
 from app.report.export import export
 from app.report.page import report_of
 from app.session.jobs import Asked
 from app.session.load import load_and_analyse
-from app.session.model_in_use import refit, save_model
+from app.session.model_in_use import save_model
 from instrument.recording_writer import write_text_beside
 
 
 def open_shot(
     path: Path, settings: AnalysisSettings, effects: tuple[str, ...], *, progress: Progress, cancelled: Asked
 ) -> Shot:
-    """Return the recording at ``path`` analysed, and fitted with the effects in the model where there are any."""
-    shot = load_and_analyse(path, settings=settings, progress=progress, cancelled=cancelled)
-    fit = refit(shot, effects, cancelled) if effects and shot.fit is not None else None
-    return shot if fit is None else replace(shot, fit=fit)
+    """Return the recording at ``path`` analysed, and fitted with the effects in the model."""
+    return load_and_analyse(path, settings=replace(settings, effects=effects), progress=progress, cancelled=cancelled)
 
 
-def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, cancelled: Asked) -> Fit | None:
-    """Return a shot's fit with these effects, or None where the data do not carry it."""
-    return refit(shot, effects, cancelled)
+def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, cancelled: Asked) -> Shot:
+    """Return a shot fitted with these effects."""
+    return fit_again(shot, effects, cancelled)
 
 
 def write_model(

@@ -12,6 +12,7 @@ from typing import Any
 
 from analysis.diagnosis import diagnose
 from analysis.diagnosis.model_file import SavedModel
+from analysis.fitted_shot import with_fit
 from analysis.shot import AnalysisSettings, Shot
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, SavedElsewhere
 from app.session.jobs import Asked, Job, Jobs, Report
@@ -89,7 +90,7 @@ class Workbench:
         """Take a shot that the rig captured and analysed; the model's effects join it in a job."""
         path = self._paths_ahead.pop(shot.name, None) if shot.path is None else None
         entry = self.session.add(shot if path is None else replace(shot, path=path))
-        if self.effects and shot.motion is not None and shot.fit is not None:
+        if self.effects and shot.motion is not None:
             self._submit_refit([entry])
         return entry
 
@@ -180,11 +181,10 @@ class Workbench:
         if found is None or set(self.effects) != set(found.diagnosis.fit_after.effects):
             return ()
         joint = found.diagnosis.fit_after
-        for number, part in zip(found.numbers, joint.shots, strict=True):
+        for place, number in enumerate(found.numbers):
             entry = self.session.entry(number)
             if entry is not None and entry.shot is not None:
-                fit = replace(joint, shots=(part,), reduced_chi2=part.reduced_chi2)
-                self.session.fill(number, replace(entry.shot, fit=fit))
+                self.session.fill(number, with_fit(entry.shot, joint.of_shot(place)))
         self._waiting.append(Event(Kind.CHANGED, "", found.numbers))
         return found.numbers
 
@@ -288,12 +288,10 @@ class Workbench:
             done: list[tuple[int, Shot]] = []
             for place, entry in enumerate(entries):
                 shot = entry.shot
-                if shot is None or shot.motion is None or shot.fit is None:
+                if shot is None or shot.motion is None:
                     continue
                 report(f"fitting {entry.name}", place / len(entries))
-                fit = self._do(partial(refit_shot, shot, effects), report, cancelled)
-                if fit is not None:
-                    done.append((entry.number, replace(shot, fit=fit)))
+                done.append((entry.number, self._do(partial(refit_shot, shot, effects), report, cancelled)))
             return Filled(tuple(done))
 
         self.jobs.submit("fit with the new model", work, "refit")

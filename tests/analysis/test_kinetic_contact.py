@@ -10,11 +10,9 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from analysis.fit import Fit
-from analysis.impact import KineticCor
-from analysis.kinetic_contact import contact_cor, fitted_contact_cor, with_contact_cor
+from analysis.kinetic_contact import contact_cor, fitted_contact_cor
 from analysis.model.parameters import PAPER, Collision, Variant
 from analysis.quantity import NotSeen, Quantity
-from tests.analysis.impacts import impact_of
 
 NAMES = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 
@@ -115,11 +113,3 @@ def test_what_has_no_contact_says_why() -> None:
     ):
         reading = fitted_contact_cor(other, PAPER.block_mass_kg)
         assert isinstance(reading, NotSeen) and word in reading.reason
-
-
-def test_the_impact_is_completed_not_changed() -> None:
-    impact = impact_of(cor_kinetic=KineticCor(force_peaks=Quantity(0.563, 0.001)))
-    done = with_contact_cor(impact, fit_of(PAPER, np.diag([1.0, 1e-12, 1e2, 1e-6])), PAPER.block_mass_kg)
-    assert isinstance(done.cor_kinetic.contact, Quantity)
-    assert done.cor_kinetic.force_peaks is impact.cor_kinetic.force_peaks
-    assert replace(done, cor_kinetic=impact.cor_kinetic) == impact

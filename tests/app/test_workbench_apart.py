@@ -2,17 +2,21 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from analysis.kinetic_contact import fitted_contact_cor
 from analysis.motion import ARRAYS
 from analysis.shot import AnalysisSettings
-from app.session.event import Event, Kind
+from app.session.event import Diagnosed, Event, Kind
+from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.workbench import Workbench
 from instrument.apart.work import WorkApart
 from instrument.bench.simulate import simulate
+from tests.app import synthetic
 
 LONGEST_S = 120.0
 
@@ -56,6 +60,11 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
             assert not getattr(theirs.motion, name).flags.writeable
         assert theirs.fit.effects == ours.fit.effects == ("quadratic_drag",)
         assert theirs.fit.reduced_chi2 == ours.fit.reduced_chi2
+        # What `--replay --model FILE` says of this shot is what the window says after the effect is added.
+        replayed = load_and_analyse(recordings_of_bench[0], settings=AnalysisSettings(effects=("quadratic_drag",)))
+        for shot in (ours, theirs):
+            assert (shot.impact, shot.flags, shot.settings) == (replayed.impact, replayed.flags, replayed.settings)
+            assert shot.fit.parameters == replayed.fit.parameters
 
         there.report([1], tmp_path / "report.html")
         done = until(there, lambda h: h.kind in (Kind.EXPORTED, Kind.PROBLEM))
@@ -82,5 +91,23 @@ def test_a_diagnosis_there_tells_how_far_it_is_and_is_cancelled(child, recording
         assert job.done.wait(LONGEST_S) and job.result is None and job.problem is None
         assert child.child_id == alive  # it heeded; it was not ended
         assert workbench.diagnosed is None
+    finally:
+        assert workbench.jobs.close() and workbench.errands.close()
+
+
+def test_a_fit_taken_from_the_diagnosis_brings_its_own_contact_and_flags() -> None:
+    shot = replace(synthetic.shot(), flags=("fit_not_converged",))
+    shot = replace(shot, fit=replace(shot.fit, converged=False))
+    workbench = Workbench(Session(), AnalysisSettings)
+    try:
+        number = workbench.session.add(shot).number
+        found = synthetic.diagnosis(shot)
+        joint = replace(shot.fit, converged=True, effects=("quadratic_drag",), flags=("noise_not_known",))
+        workbench.diagnosed = Diagnosed(replace(found, fit_after=joint), (number,))
+        workbench.add_effects(("quadratic_drag",))
+        taken = workbench.session.entry(number).shot
+        assert taken.fit.effects == taken.settings.effects == ("quadratic_drag",)
+        assert taken.flags == ("noise_not_known",)
+        assert taken.impact.cor_kinetic.contact == fitted_contact_cor(taken.fit, shot.motion.moving_mass_kg)
     finally:
         assert workbench.jobs.close() and workbench.errands.close()

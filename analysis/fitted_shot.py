@@ -1,0 +1,59 @@
+"""A shot and its fit: what follows from a fit follows it, whoever made the fit."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from analysis.fit import Fit
+from analysis.kinetic_contact import fitted_contact_cor
+from analysis.model.driven import fit_driven
+from analysis.model.fitting import fit_shots
+from analysis.quantity import NotSeen
+from analysis.shot import AnalysisError, Shot
+
+NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
+
+
+def with_fit(shot: Shot, fit: Fit | None) -> Shot:
+    """Return ``shot`` with this fit in place of the one it had; None says that a fit was tried and failed.
+
+    The fit's flags, the contact's COR and the effects in the settings are the new fit's; nothing of the old one stays.
+    """
+    read = (*(shot.motion.flags if shot.motion else ()), *(shot.impact.flags if shot.impact else ()))
+    gone = {FAILED, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
+    kept = (flag for flag in shot.flags if flag not in gone)
+    flags = tuple(dict.fromkeys((*kept, *(flags_of(fit) if fit else (FAILED,)))))
+    effects = fit.effects if fit else shot.settings.effects
+    settings = replace(shot.settings, effects=effects)
+    impact = shot.impact
+    if impact is not None:
+        contact = NotSeen("the fit failed") if fit is None else fitted_contact_cor(fit, _mass_kg(shot))
+        impact = replace(impact, cor_kinetic=replace(impact.cor_kinetic, contact=contact))
+    return replace(shot, fit=fit, impact=impact, flags=flags, settings=settings)
+
+
+def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool] | None = None) -> Shot:
+    """Return ``shot`` fitted with its own base model and ``effects``; as it is where there is nothing to fit.
+
+    Where the data do not carry the model the shot comes back without a fit and flagged, as from a first analysis.
+    Raises Cancelled.
+    """
+    driven = shot.settings.model == "driven"  # a slider under a known force strikes nothing
+    if shot.motion is None or not shot.settings.fit or (shot.impact is None and not driven):
+        return shot
+    shot = replace(shot, settings=replace(shot.settings, effects=effects))
+    assert shot.motion is not None
+    try:
+        if driven:
+            return replace(with_fit(shot, fit_driven([shot.motion], effects)), problem=None)
+        return with_fit(shot, fit_shots([shot.motion], model=shot.settings.model, effects=effects, cancelled=cancelled))
+    except AnalysisError as error:
+        return replace(with_fit(shot, None), problem=shot.problem or (str(error) if driven else None))
+
+
+def flags_of(fit: Fit) -> tuple[str, ...]:
+    """Return what a shot with this fit is flagged with."""
+    return tuple(dict.fromkeys((*fit.flags, *(() if fit.converged else (NOT_CONVERGED,)))))
+
+
+def _mass_kg(shot: Shot) -> float:
+    return shot.motion.moving_mass_kg if shot.motion is not None else float("nan")

@@ -85,7 +85,7 @@ TIMED_OUT: Mapping[State, tuple[str, str]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Deadlines:
-    """The longest wait in each state, in s."""
+    """The longest wait in each state without any progress, in s."""
 
     armed_s: float = 3600.0
     triggered_s: float = 60.0
@@ -159,6 +159,12 @@ class Acquisition:
         """Let the present arming re-arm by itself, or end with its shot; without one, or after its shot, nothing."""
         if self.status.state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
             self.status = replace(self.status, automatic=on)
+
+    def progressed(self) -> None:
+        """Begin the wait of the present state anew: what it waits for is on its way."""
+        limit = self.deadlines.of(self.status.state)
+        if limit is not None:
+            self.status = replace(self.status, deadline_s=self.clock() + limit)
 
     def tick(self) -> Transition | None:
         """Take the event TIMEOUT where the deadline has passed; call often."""

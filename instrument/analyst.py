@@ -22,6 +22,7 @@ class Analyst:
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="levimass analysis", daemon=True)
         self.doing: tuple[str, float] | None = None  # what is in progress and how far
+        self.steps = 0  # how often that was told
 
     def start(self) -> None:
         """Start the thread."""
@@ -75,6 +76,7 @@ class Analyst:
     def _one(self, recording: Recording) -> tuple[Shot | None, str | None]:
         def progress(what: str, share: float) -> None:
             self.doing = (what, share)
+            self.steps += 1
 
         def cancelled() -> bool:
             return self._closing or self._cancelled.is_set()

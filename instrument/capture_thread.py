@@ -3,7 +3,6 @@
 import queue
 import threading
 from collections.abc import Callable
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -56,13 +55,13 @@ class CaptureThread:
         self._recorder = recorder
         self._finished = finished
         self._orders = orders
-        self._deadlines = deadlines
         self._clock = clock
         self._say = say
         self._warm = warm
         self._look_from = 0  # ring number before which a step of the light switch does not count
         self._fire = False
         self._lock: FolderLock | None = None
+        self._progress = (0, 0, 0)  # samples of the shot taken and written, steps of the analysis
         self._awaited: int | None = None  # number of the shot whose analysis ends ANALYSING
         self.thread = threading.Thread(target=self._main, name="levimass capture", daemon=True)
 
@@ -109,6 +108,7 @@ class CaptureThread:
 
     def _turn(self) -> None:
         self.take_orders()
+        self._look_for_progress()
         self._do(self.machine.tick())
         if self.run.running:
             self._read()
@@ -117,6 +117,16 @@ class CaptureThread:
                 self._take(self._orders.get(timeout=_ORDERS_S))
             except queue.Empty:
                 return
+
+    def _look_for_progress(self) -> None:
+        """Let nothing that goes on be taken for something that hangs: a long shot, a slow disk, kernels compiling."""
+        shot, analyst = self.shot, self._finished.analyst
+        grown = (shot.filled, shot.written) if shot is not None else (0, 0)
+        now = (*grown, analyst.steps if analyst is not None else 0)
+        if now != self._progress:
+            self._progress = now
+            if self.machine.status.state is not State.ARMED:
+                self.machine.progressed()
 
     # orders and what they lead to ---------------------------------------------------------------------------------
 
@@ -171,9 +181,6 @@ class CaptureThread:
             raise DigitizerError(f"{len(self._finished.unsaved)} shots are only in memory", "save them first")
         settings = self._settings()
         check_settings(settings, len(self._digitizer.capabilities.channels))
-        duration_s = settings.samples / settings.sample_rate_hz
-        limit_s = max(self._deadlines.triggered_s, 2 * duration_s + 10)
-        self.machine.deadlines = replace(self._deadlines, triggered_s=limit_s)
         if not self.run.continues(settings, self.options):
             self.run.start(settings, self.options)
         stream = self.run.stream

@@ -155,12 +155,9 @@ def write_recording(recording: Recording, stem: Path | str) -> Path:
         raise
 
 
-def rewrite_note(recording: Recording, note: str) -> Recording:
-    """Put another note into the metadata of a recording on disk and return it with that note; samples stay."""
-    if recording.path is not None:
-        path = Path(recording.path)
-        write_json_beside(path, metadata_json(replace(read_metadata(path), note=note)), sync=True)
-    return replace(recording, note=note)
+def rewrite_note(path: Path, note: str) -> None:
+    """Put another note into the metadata file ``path`` of a recording on disk; samples stay."""
+    write_json_beside(path, metadata_json(replace(read_metadata(path), note=note)), sync=True)
 
 
 def write_json_beside(path: Path, value: Mapping[str, Any], *, sync: bool) -> None:

@@ -58,18 +58,20 @@ def load_and_analyse(
     except Cancelled:
         raise
     except (RecordingError, AnalysisError) as error:
-        return _failed(path, chosen, str(error))
+        return unanalysed(path, chosen, str(error))
     except OSError as error:
-        return _failed(path, chosen, f"{error.filename or path}: {error.strerror or error}")
+        return unanalysed(path, chosen, f"{error.filename or path}: {error.strerror or error}")
     except Exception as error:  # a fault of the program's own must not cost the other shots their analysis
         cause = " ".join(str(error).split())
-        return _failed(path, chosen, f"a fault of the program: {type(error).__name__}: {cause}")
+        return unanalysed(path, chosen, f"a fault of the program: {type(error).__name__}: {cause}")
 
 
-def _failed(path: Path, settings: AnalysisSettings, problem: str) -> Shot:
+def unanalysed(path: Path | None, settings: AnalysisSettings, problem: str, name: str = "") -> Shot:
+    """Return a shot of which only the recording is known, or, without a path, not even that, and why."""
+    stem = path.name.removesuffix(".sigmf-meta").removesuffix(".sigmf-data") if path is not None else ""
     return Shot(
-        name=path.name.removesuffix(".sigmf-meta").removesuffix(".sigmf-data"),
-        path=str(path),
+        name=name or stem,
+        path=None if path is None else str(path),
         settings=settings,
         setup=None,
         sample_rate_hz=None,

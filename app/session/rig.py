@@ -275,8 +275,11 @@ class Rig:
         self._running = _Running(source, digitizer, capture, able.channels, able.bits, rate)
 
     def _analyse(self, recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
-        progress("waiting for the kernels", 0.0)
-        self._kernels(cancelled)
+        def given_up() -> bool:
+            progress("compiling, at the first start only", 0.0)  # time and again: who waits long is not stuck
+            return cancelled()
+
+        self._kernels(given_up)
         if self._analyst is not None:
             return self._analyst.analyse(recording, self._analysis(), progress, cancelled)
         return analyse(recording, self._analysis(), progress=progress, cancelled=cancelled)

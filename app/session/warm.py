@@ -84,7 +84,7 @@ def _mark() -> Path:
 
 
 def _in_another_process(cancelled: Asked) -> None:
-    house = str(Path(__file__).resolve().parent.parent)
+    house = str(Path(__file__).resolve().parents[2])
     paths = os.pathsep.join(filter(None, (house, os.environ.get("PYTHONPATH"))))
     quiet = subprocess.DEVNULL
     with subprocess.Popen(

@@ -16,6 +16,7 @@ from analysis.fitted_shot import with_fit
 from analysis.shot import AnalysisSettings, Shot
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, SavedElsewhere
 from app.session.jobs import Asked, Job, Jobs, Report
+from app.session.load import unanalysed
 from app.session.model_in_use import load_model, model_words
 from app.session.saver import Saver
 from app.session.session import Entry, Session
@@ -78,12 +79,19 @@ class Workbench:
                 self._submit_fill(entry)
 
     def reanalyse(self, numbers: Sequence[int]) -> int:
-        """Queue copies of these entries with the present settings; return how many."""
+        """Queue copies of these entries with the present settings; return how many.
+
+        An entry that was never analysed is filled in its own place.
+        """
         count = 0
         for entry in self._entries(numbers):
-            if entry.path is not None:
+            if entry.path is None:
+                continue
+            if entry.shot is not None and entry.shot.motion is None:
+                self._submit_fill(replace(entry, settings=self._settings()))
+            else:
                 self._submit_open(Path(entry.path), self._settings(), copy_of=entry.number)
-                count += 1
+            count += 1
         return count
 
     def add_shot(self, shot: Shot) -> Entry:
@@ -93,6 +101,12 @@ class Workbench:
         if self.effects and shot.motion is not None:
             self._submit_refit([entry])
         return entry
+
+    def add_unanalysed(self, path: Path | None, problem: str, name: str) -> Entry:
+        """List a shot that the rig captured and nobody analysed: ``reanalyse`` does."""
+        ahead = self._paths_ahead.pop(name, None) if path is None else None
+        words = f"{problem}: analyse it again (Ctrl+R)"
+        return self.session.add(unanalysed(Path(ahead) if ahead else path, self._settings(), words, name))
 
     def export(self, numbers: Sequence[int], folder: Path) -> None:
         """Queue the export of these entries, or of all when none is named."""
@@ -143,7 +157,7 @@ class Workbench:
         path = Path(entry.path)
 
         def work(_: Report, __: Asked) -> None:
-            rewrite_note(path, note)
+            rewrite_note(path, note)  # RecordingError, which the job's problem says, where it is read-only
 
         self.jobs.submit(f"note of {entry.name}", work, "note")
 

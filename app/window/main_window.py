@@ -45,7 +45,7 @@ class MainWindow(QMainWindow):
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
         self.rig, self.workbench, self.theme = rig, workbench, theme
-        self._warned = False  # that shots are only in memory
+        self._warned: frozenset[str] = frozenset()  # names of the shots only in memory that a close warned of
         self.panels = Layout(theme, self)
         self.setCentralWidget(self.panels)
         self.rig_presenter = RigPresenter(rig, choices, self.panels, self)
@@ -99,6 +99,7 @@ class MainWindow(QMainWindow):
     def pull(self) -> None:
         """Bring the screen up to date; the only place where it happens."""
         snapshot = self.rig_presenter.refresh()
+        self._warned &= frozenset(snapshot.unsaved)  # a name that comes again is another shot's
         self.session_presenter.rig_doing, self.session_presenter.rig_share = snapshot.doing, snapshot.progress
         self.session_presenter.refresh()
         self.selection_presenter.refresh()
@@ -156,10 +157,10 @@ class MainWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """End every thread before the window goes; shots only in memory ask for a second thought."""
-        unsaved = len(self.rig.latest().unsaved)
-        if unsaved and not self._warned:
-            self._warned = True
-            what = "1 shot is" if unsaved == 1 else f"{unsaved} shots are"
+        unsaved = frozenset(self.rig.latest().unsaved)
+        if not unsaved <= self._warned:
+            self._warned = unsaved
+            what = "1 shot is" if len(unsaved) == 1 else f"{len(unsaved)} shots are"
             self.say(f"{what} only in memory: save elsewhere (Ctrl+S), or close again to drop them", Tone.BAD)
             event.ignore()
             return

@@ -72,8 +72,13 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         qtbot.waitUntil(lambda: "1 shot saved to" in window.panels.work.notices.words, timeout=WAIT_MS)
         assert window.workbench.session.entries[0].path == str(meta)
         assert open_recording(meta).samples > 0
+        window.pull()
+
+        qtbot.keyClick(window, Qt.Key.Key_Space)  # the next such shot is warned of anew
+        qtbot.waitUntil(lambda: len(window.rig.latest().unsaved) == 1, timeout=WAIT_MS)
+        window.close()
+        assert window.isVisible()
     finally:
-        window._warned = True
         window.close()
     assert not window.isVisible()
 

@@ -11,7 +11,7 @@ import pytest
 
 from analysis.recording import Recording, Setup
 from analysis.shot import Cancelled, Shot
-from instrument.acquisition import State
+from instrument.acquisition import Deadlines, State
 from instrument.capture import CaptureOptions
 from instrument.digitizer import Block, CaptureSettings
 from instrument.recording_file import read_recording, verify
@@ -214,3 +214,28 @@ def test_the_signal_line_tells_what_the_fake_sends(tmp_path: Path) -> None:
         assert measurement.snr_db is not None and measurement.snr_db > 30 and measurement.clipped_fraction == 0
         assert switch.amplitude_v in (pytest.approx(0.1), pytest.approx(1.6)) and switch.frequency_hz is None
         assert now.signal.disk_free_bytes and now.live.raw_v.shape[1] == 3 and not now.live.raw_v.flags.writeable
+
+
+def test_an_analysis_that_goes_on_is_waited_for_and_one_that_hangs_is_not(tmp_path: Path) -> None:
+    hang = threading.Event()
+
+    def slow(recording: Recording, progress: Callable[[str, float], None], cancelled: Callable[[], bool]) -> Shot:
+        for _ in range(20):
+            progress("compiling, at the first start only", 0.0)
+            if hang.wait(0.05):
+                break
+        while hang.is_set() and not cancelled():
+            time.sleep(0.01)
+        if cancelled():
+            raise Cancelled
+        return analysed(recording, progress, cancelled)
+
+    with Rig(tmp_path, analyse=slow, live=False, deadlines=Deadlines(analysing_s=0.3)) as rig:
+        rig.capture.arm()
+        done = until(rig.capture, lambda s: bool(s.finished))
+        assert done.finished[0].shot is not None and done.state is not State.FAULT
+        hang.set()
+        rig.capture.arm()
+        fault = until(rig.capture, lambda s: s.state is State.FAULT)
+        assert "took too long" in fault.message
+        until(rig.capture, lambda s: len(s.finished) == 2)

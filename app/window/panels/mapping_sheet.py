@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from PySide6.QtCore import QLocale, Signal, Slot
+from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
 from analysis.recording import Role, Setup
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.typed_number import typed_number
 from app.words.wording import local
 from instrument.foreign.contents import ForeignContents
 from instrument.foreign.mapping import ForeignMapping, MappedChannel
@@ -175,9 +176,11 @@ class MappingSheet(SideSheet):
         text = self.edits[key].text().strip()
         if not text:
             return None
-        value, ok = QLocale().toDouble(text)
-        if not ok:
-            value, ok = QLocale.c().toDouble(text)
-        if not ok or not 0.0 < value < 1e9:
-            raise ValueError(f"{words.partition(' (')[0]}: {text} is not a number above zero")
+        name = words.partition(" (")[0]
+        try:
+            value = typed_number(text)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+        if not 0.0 < value < 1e9:
+            raise ValueError(f"{name}: {text} is not a number above zero")
         return value * scale

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import QLocale, Qt, Signal, Slot
-from PySide6.QtGui import QDoubleValidator
+from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -22,6 +21,7 @@ from app.session.setting_field import Field, Value
 from app.window.file_question import Want, ask
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.typed_number import typed_number
 from app.words.wording import local
 
 
@@ -110,9 +110,6 @@ class SettingsSheet(SideSheet):
             return QCheckBox(field.words, inner)
         line = QLineEdit(inner)
         if field.kind == "number":
-            validator = QDoubleValidator(line)
-            validator.setLocale(QLocale())
-            line.setValidator(validator)
             line.setPlaceholderText("not given" if field.optional else "")
             line.setMinimumWidth(line.fontMetrics().horizontalAdvance("632.99135400000"))
         line.returnPressed.connect(self.apply)
@@ -188,11 +185,10 @@ class SettingsSheet(SideSheet):
     def _number(self, field: Field, text: str) -> tuple[float | None, str]:
         if not text.strip():
             return (None, "") if field.optional else (None, f"{field.words}: a number is missing")
-        value, ok = QLocale().toDouble(text.strip())
-        if not ok:
-            value, ok = QLocale.c().toDouble(text.strip())
-        if not ok:
-            return None, f"{field.words}: {text} is not a number"
+        try:
+            value = typed_number(text)
+        except ValueError as error:
+            return None, f"{field.words}: {error}"
         stored = value / field.scale
         if not field.low <= stored <= field.high:
             low, high = field.low * field.scale, field.high * field.scale

@@ -2,6 +2,7 @@
 
 from PySide6.QtGui import QHideEvent
 from PySide6.QtWidgets import QFrame, QWidget
+from shiboken6 import isValid
 
 
 class SideSheet(QFrame):
@@ -35,5 +36,8 @@ class SideSheet(QFrame):
         """Give the keyboard back to what had it."""
         super().hideEvent(event)
         focused, before = self.window().focusWidget(), self._before
-        if focused is not None and self.isAncestorOf(focused) and before is not None and before.isVisible():
+        self._before = None
+        if focused is None or not self.isAncestorOf(focused) or before is None:
+            return
+        if isValid(before) and before.isVisible():  # meanwhile it may have been deleted, as a row's button is
             before.setFocus()

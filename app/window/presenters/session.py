@@ -79,10 +79,11 @@ class SessionPresenter(QObject):
 
     def take(self, finished: FinishedShot, stay: bool) -> None:
         """Take a shot of the rig; ``stay``: leave the page that is in front."""
-        if finished.shot is None:
-            self.said.emit(f"{finished.name}: {finished.problem or 'not analysed'}", Tone.BAD)
-            return
-        entry = self._workbench.add_shot(finished.shot)
+        shot = finished.shot
+        if shot is None:
+            entry = self._workbench.add_unanalysed(finished.path, finished.problem or "not analysed", finished.name)
+        else:
+            entry = self._workbench.add_shot(shot)
         self._show_table()
         if finished.problem:
             self.said.emit(f"{finished.name}: {finished.problem}", Tone.BAD)

@@ -3,8 +3,9 @@
 ``bench`` · ``replay:PATH`` · ``hantek6022`` · ``scpi:ADDRESS`` · ``niscope:RESOURCE``, all but the second with options
 after a question mark, for example ``hantek6022?roles=switch,measurement&gains=1,5`` or
 ``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling&level=1.2``.  ``bench?effect=quadratic_drag`` is a simulated rig
-with what the base model lacks, ``seed`` another one.  The last three take what is known of the rig:
-``mass`` (kg), ``rest`` (the rest frequency in Hz, needed where no channel carries PD0) and ``wavelength`` (in air, m).
+with what the base model lacks, ``seed`` another one, ``bench?site=VC-D`` one in a building.  The last three
+sources take what is known of the rig: ``mass`` (kg), ``rest`` (the rest frequency in Hz, needed where no channel
+carries PD0) and ``wavelength`` (in air, m).
 """
 
 import importlib
@@ -13,14 +14,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 from analysis.recording import Role, Setup
+from instrument.bench.site import QUIET, site_named
 from instrument.digitizer import Digitizer, DigitizerError
 from instrument.drivers.assumed_rig import assumed_rig
 from instrument.found_devices import FoundDevice, found_devices
 
-__all__ = ["SOURCES", "FoundDevice", "found_devices", "open_source"]
+__all__ = ["SOURCES", "FoundDevice", "at_site", "found_devices", "is_bench", "open_source"]
 
 SOURCES = ("bench", "replay:PATH", "hantek6022", "scpi:ADDRESS", "niscope:RESOURCE")
 _RIG = ("mass", "rest", "wavelength")
@@ -47,13 +49,30 @@ def open_source(text: str, *, setup: Setup | None = None) -> Digitizer:
     return opener(rest, setup)
 
 
+def is_bench(source: str) -> bool:
+    """Return whether the text of a source names the simulated bench."""
+    return source.strip().partition("?")[0].lower() == "bench"
+
+
+def at_site(source: str, site: str) -> str:
+    """Return the text of a source with its bench at ``site``; of another source, or one that says where, unchanged."""
+    if not is_bench(source) or re.search("[?&]site=", source):
+        return source
+    return f"{source}{'&' if '?' in source else '?'}site={quote(site)}"
+
+
 def _bench(rest: str, setup: Setup | None) -> Digitizer:
-    options = _options(rest.removeprefix("?"), "bench", ("effect", "seed"))
+    options = _options(rest.removeprefix("?"), "bench", ("effect", "seed", "site"))
     try:
         effects = _imported("instrument.bench.effects").parse(options["effect"]) if "effect" in options else {}
     except ValueError as error:
         raise DigitizerError(f"source bench: {error}", "leave the effect out, or name one of these") from error
-    rig = _imported("instrument.bench.bench").Rig(effects=effects, seed=_integer(options.get("seed", "1"), "seed"))
+    try:
+        site = site_named(options.get("site", QUIET.name))
+    except ValueError as error:
+        raise DigitizerError(f"source bench: {error}", "leave the site out, or name another") from error
+    seed = _integer(options.get("seed", "1"), "seed")
+    rig = _imported("instrument.bench.bench").Rig(effects=effects, site=site, seed=seed)
     # patient: a shot of the simulated rig with holes in it, because the computer is busy, teaches nobody anything
     bench: Digitizer = _imported("instrument.bench.digitizer").BenchDigitizer(rig, patient=True)
     return bench

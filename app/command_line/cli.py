@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from app.command_line.model_choice import MODELS, is_model_file
+from instrument.bench.site import NAMES, site_named
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -44,11 +45,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
 
 
-def window(argv: Sequence[str] | None = None) -> int:
-    """Open the desktop application."""
+def window(argv: Sequence[str] | None = None, *, site: str | None = None) -> int:
+    """Open the desktop application; its simulated bench stands at ``site``, else where the settings say."""
     from app.window.main_window import run
 
-    return run(list(sys.argv[1:] if argv is None else argv))
+    return run(list(sys.argv[1:] if argv is None else argv), site)
 
 
 @contextlib.contextmanager
@@ -111,7 +112,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
         return partial(
             acquire,
             options.acquire,
-            source=options.source,
+            source=options.source if options.site is None else _at_site(options.source, options.site),
             out=options.out,
             rate_hz=options.rate,
             samples=options.samples,
@@ -127,6 +128,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             seed=options.seed,
             effect=options.effect,
             undeclared=options.undeclared,
+            site=options.site,
         )
     if options.map is not None:
         from app.command_line.map_foreign import map_foreign
@@ -151,7 +153,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
         from app.command_line.doctor import doctor
 
         return partial(doctor, source=options.source)
-    return partial(window, arguments)
+    return partial(window, arguments, site=options.site)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -212,6 +214,13 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--seed", type=_whole, default=1, metavar="S", help="seed of the draw (1)")
     group.add_argument("--effect", metavar="NAME:PARAMETER=VALUE,...", help="an effect the base model lacks")
     group.add_argument("--undeclared", action="store_true", help="draw an effect, or none, that is not told")
+    group = parser.add_argument_group("the simulated bench: with --simulate, --acquire --source bench, or the window")
+    group.add_argument(
+        "--site",
+        type=_name,
+        metavar="SITE",
+        help=f"where it stands: {', '.join(NAMES)}, or a TOML file (quiet; in the window as set there)",
+    )
     return parser
 
 
@@ -249,8 +258,32 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         parser.error("--source and --out go with --acquire, --source with --doctor too")
     if options.simulate is None and (options.effect is not None or options.undeclared):
         parser.error("--effect and --undeclared go with --simulate")
+    if options.site is not None:
+        _check_site(parser, options)
     if options.effect is not None and options.undeclared:
         parser.error("--undeclared draws the effect itself: leave --effect out")
+
+
+def _is_bench(source: str) -> bool:
+    from instrument.sources import is_bench
+
+    return is_bench(source)
+
+
+def _at_site(source: str, site: str) -> str:
+    from instrument.sources import at_site
+
+    return at_site(source, site)
+
+
+def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    elsewhere = any(mode is not None for mode in (options.replay, options.map, options.paper, options.doctor or None))
+    if elsewhere or (options.acquire is not None and not _is_bench(options.source)):
+        parser.error("--site is where the simulated bench stands: with --simulate, --acquire --source bench or alone")
+    try:
+        site_named(options.site)
+    except ValueError as error:
+        parser.error(f"--site: {error}")
 
 
 class _Version(argparse.Action):

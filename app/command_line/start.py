@@ -6,6 +6,7 @@ from pathlib import Path
 
 from app.command_line.cli import window
 from app.command_line.display import why_no_window
+from instrument.bench.site import USUAL_SITE
 
 
 def main() -> int:
@@ -18,12 +19,12 @@ def main() -> int:
 
 
 def headless_shot() -> int:
-    """Simulate one shot, analyse it and print its numbers."""
+    """Simulate one shot in a usual laboratory, analyse it and print its numbers."""
     from app.command_line.replay import replay
     from app.command_line.simulate import simulate
 
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
-        status = simulate(Path(folder), shots=1, seed=1, effect=None, undeclared=False)
+        status = simulate(Path(folder), shots=1, seed=1, effect=None, undeclared=False, site=USUAL_SITE)
         return status or replay([Path(folder)], json_to=None, export_to=None, diagnose=False, model=None)
 
 

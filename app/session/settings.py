@@ -10,6 +10,7 @@ from platformdirs import user_documents_path
 from analysis.recording import Air, Setup
 from analysis.shot import AnalysisSettings
 from app.session.setting_field import Field, Value
+from instrument.bench.site import LEVELS_M_PER_S, NAMES, USUAL_SITE
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.network_scope import network_source
@@ -47,6 +48,7 @@ class Settings:
     folder: str = ""
     appearance: str = "system"
     source: str = "bench"
+    site: str = USUAL_SITE  # of the simulated bench
     network: str = ""  # oscilloscopes in the network that answered, newest first, blanks between them
     tour_done: bool = False
 
@@ -147,6 +149,10 @@ class Settings:
             raise WrongSettings(f"unknown setting: {error}") from None
 
 
+SITES = tuple(
+    (name, f"{name}: {LEVELS_M_PER_S[name] * 1e6:.3g} µm/s in a third-octave" if name in LEVELS_M_PER_S else name)
+    for name in NAMES
+)
 FIELDS: tuple[Field, ...] = (
     Field("moving_mass_kg", "The rig", "Moving mass", "number", "g", 1e3, 1e-4, 100.0,
           "Block with corner cube and extension; force and impulse scale with it"),
@@ -186,6 +192,8 @@ FIELDS: tuple[Field, ...] = (
     Field("rest", "Analysis", "Rest beat", "choice", choices=(
         ("smoothed", "smoothed PD0"), ("instantaneous", "instantaneous PD0")),
           hover="How PD0 is taken off PD1"),
+    Field("site", "Simulated bench", "stands at", "choice", choices=SITES,
+          hover="How much the floor under the simulated bench moves: the vibration criteria of the field"),
     Field("folder", "Folders and looks", "Recordings", "folder",
           hover="Where shots are saved; empty: Levimass in your documents"),
     Field("appearance", "Folders and looks", "Colours", "choice", choices=(

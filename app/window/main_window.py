@@ -31,7 +31,9 @@ from app.window.theme import Theme, Tone
 from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import open_apart
 from instrument.apart.work import WorkApart
+from instrument.digitizer import Digitizer
 from instrument.snapshot import FinishedShot
+from instrument.sources import at_site
 
 PULL_MS = 35
 SWITCH_S = 5e-4  # a busy thread gives way this soon; Python's own 5 ms, at each of a frame's many calls, adds up
@@ -170,9 +172,12 @@ class MainWindow(QMainWindow):
         event.accept()
 
 
-def open_window(folder: Path, open_digitizer: Open = open_apart, *, apart: bool = True) -> MainWindow:
+def open_window(
+    folder: Path, open_digitizer: Open | None = None, *, apart: bool = True, site: str | None = None
+) -> MainWindow:
     """Return the window, not shown yet, with settings and session kept in ``folder``.
 
+    Its simulated bench stands at ``site``, or else where the settings say.
     ``apart``: the rig's shots are analysed in a process of their own, what is asked for beside it in another.
     """
     sys.setswitchinterval(SWITCH_S)
@@ -180,12 +185,16 @@ def open_window(folder: Path, open_digitizer: Open = open_apart, *, apart: bool 
     theme = Theme(choices.settings.appearance)
     analyst, helper = (AnalysisApart(run_once), WorkApart(run_once)) if apart else (None, None)
     kernels = Kernels([child.start for child in (analyst, helper) if child is not None])
+
+    def opened(source: str) -> Digitizer:
+        return open_apart(at_site(source, site or choices.settings.site))
+
     rig = Rig(
         choices.options,
         choices.analysis,
         kernels.wait,
         source=choices.settings.source,
-        open_digitizer=open_digitizer,
+        open_digitizer=open_digitizer or opened,
         analyst=analyst,
     )
     workbench = Workbench(Session.reopen(folder / "session.json"), choices.analysis, Saver(), helper)
@@ -196,14 +205,14 @@ def open_window(folder: Path, open_digitizer: Open = open_apart, *, apart: bool 
     return window
 
 
-def run(argv: list[str]) -> int:
+def run(argv: list[str], site: str | None = None) -> int:
     """Open the window on the simulated bench and stay until it is closed; return the exit status."""
     application = QApplication.instance() or QApplication([sys.argv[0] if sys.argv else "levimass", *argv])
     assert isinstance(application, QApplication)
     application.setApplicationName("Levimass")
     application.setStyle("Fusion")
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Qt's loop never returns to Python for a Ctrl+C
-    window = open_window(user_config_path("levimass"))
+    window = open_window(user_config_path("levimass"), site=site)
     window.show()
     window.tour_presenter.start_once()
     return application.exec()

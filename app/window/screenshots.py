@@ -16,6 +16,7 @@ from app.window.main_window import MainWindow, open_window
 from instrument.bench.bench import Rig as BenchRig
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.simulate import simulate
+from instrument.bench.site import USUAL_SITE, site_named
 from instrument.digitizer import Digitizer, DigitizerError
 
 SIZE = (1480, 920)
@@ -43,7 +44,8 @@ class Photographer:
     """Drives one window and takes its pictures."""
 
     def __init__(self, folder: Path, into: Path) -> None:
-        self._bench = _Unplugged(BenchRig(seed=7), patient=True, first_push_s=0.3, push_every_s=0.7)
+        rig = BenchRig(site=site_named(USUAL_SITE), seed=7)
+        self._bench = _Unplugged(rig, patient=True, first_push_s=0.3, push_every_s=0.7)
         self._into = into
         self._scratch = folder
         (folder / "settings.json").write_text(f'{{"levimass_settings": 1, "folder": "{(folder / "data").as_posix()}"}}')

@@ -19,6 +19,7 @@ LEVELS_M_PER_S: Mapping[str, float] = {
     **{f"VC-{letter}": 50e-6 / 2**step for step, letter in enumerate("ABCDEFG")},
 }
 NAMES = ("quiet", *LEVELS_M_PER_S)
+USUAL_SITE = "VC-D"  # where a newcomer's bench stands: numbers that a good laboratory can have
 LOWEST_LINE_HZ, HIGHEST_LINE_HZ = 0.1, 2000.0
 _LARGEST_FILE = 1 << 20
 

@@ -37,6 +37,10 @@ HOUSE = Path(__file__).resolve().parents[2]
         ["--figures", "d"],
         ["--replay", ""],
         ["--simulate", "d", "--seed", "-5"],
+        ["--simulate", "d", "--site", "VC-Z"],
+        ["--simulate", "d", "--site", "no-such-file.toml"],
+        ["--replay", "x", "--site", "VC-C"],
+        ["--acquire", "1", "--source", "hantek6022", "--out", "d", "--site", "VC-C"],
     ],
 )
 def test_wrong_usage_is_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:

@@ -62,7 +62,8 @@ def test_shots_are_acquired_from_the_bench_and_from_a_replay(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, again = tmp_path / "first", tmp_path / "again"
-    assert main(["--acquire", "1", "--source", "bench", "--out", str(first), "--timeout", "30"]) == 0
+    site = ["--site", "VC-C"]
+    assert main(["--acquire", "1", "--source", "bench", "--out", str(first), "--timeout", "30", *site]) == 0
     assert main(["--acquire", "1", "--source", f"replay:{first}", "--out", str(again), "--timeout", "30"]) == 0
     paths = capsys.readouterr().out.split()
     assert [Path(p).exists() for p in paths] == [True, True]

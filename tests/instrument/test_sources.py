@@ -6,7 +6,7 @@ import pytest
 
 from instrument.digitizer import DigitizerError
 from instrument.drivers import usb_bus
-from instrument.sources import open_source
+from instrument.sources import at_site, open_source
 from tests.instrument.drivers.scripted_usb import In, Plugged, ScriptedUsb
 
 
@@ -20,6 +20,7 @@ from tests.instrument.drivers.scripted_usb import In, Plugged, ScriptedUsb
         ("replay:/no/such/folder", "nothing to replay at /no/such/folder"),
         ("bench?speed=3", "is no option"),
         ("bench?effect=gremlins", "no effect is called"),
+        ("bench?site=cellar", "no site is called 'cellar'; there are quiet, ISO-office, VC-A"),
         ("hantek6022:3", "takes no address"),
         ("hantek6022?gains=3,3", "input gain must be one of 1, 2, 5, 10"),
         ("hantek6022?gains=x", "'x' is no gain number"),
@@ -39,6 +40,13 @@ def test_a_wrong_source_is_one_clear_line(text: str, line: str) -> None:
     with pytest.raises(DigitizerError, match=re.escape(line)) as caught:
         open_source(text)
     assert "\n" not in str(caught.value)
+
+
+def test_a_bench_stands_where_it_is_put() -> None:
+    assert at_site("bench", "VC-D") == "bench?site=VC-D"
+    assert at_site("bench?effect=tilt", "my site&.toml") == "bench?effect=tilt&site=my%20site%26.toml"
+    assert at_site("bench?site=VC-A", "VC-D") == "bench?site=VC-A"
+    assert at_site("scpi:host?channels=1", "VC-D") == "scpi:host?channels=1"
 
 
 def test_roles_gains_and_firmware_reach_the_hantek(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ from app.window.layout import Layout
 from app.window.theme import Tone
 from app.words.wording import duration, value_text
 from instrument.snapshot import Snapshot
+from instrument.sources import is_bench
 
 RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)"
 
@@ -163,9 +164,12 @@ class RigPresenter(QObject):
 
     @Slot(dict)
     def _settings_applied(self, values: dict[str, object]) -> None:
+        stood = self._choices.settings.site
         problem = self._choices.change(values)
         if problem:
             self._panels.settings.refuse(problem)
             return
+        if self._choices.settings.site != stood and is_bench(self._rig.source):
+            self._rig.open(self._rig.source)
         self._rig.options_changed()
         self.appearance_chosen.emit(self._choices.settings.appearance)

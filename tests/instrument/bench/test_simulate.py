@@ -10,6 +10,7 @@ from instrument.bench.mechanics import Bodies
 from instrument.bench.optics import Optics
 from instrument.bench.sight import cyclic_m, lit, seen, shoot
 from instrument.bench.simulate import draw_undeclared, read_truth, simulate, speeds_of_set
+from instrument.bench.site import site_named
 from instrument.recording_file import find_recordings, read_recording, verify
 
 SPEED = 0.265
@@ -197,3 +198,10 @@ def test_what_differs_from_shot_to_shot_does():
     first, second, again = (for_shot(effects, shot, 5) for shot in (0, 1, 1))
     assert first == effects and second == again
     assert second["plate_motion"] != first["plate_motion"] and second["tilt"] == first["tilt"]
+
+
+def test_a_recording_says_where_the_bench_stood(tmp_path):
+    shaken, quiet = (simulate(tmp_path / name, 1, 3, site=site_named(name)) for name in ("VC-B", "quiet"))
+    one, other = (read_recording(paths[0]) for paths in (shaken, quiet))
+    assert "at VC-B" in one.note and " at " not in other.note
+    assert not np.array_equal(one.counts, other.counts)

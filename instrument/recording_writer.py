@@ -5,7 +5,7 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -169,26 +169,27 @@ def write_json_beside(path: Path, value: Mapping[str, Any], *, sync: bool) -> No
     write_text_beside(path, text + "\n", sync=sync)
 
 
-def write_text_beside(path: Path, text: str, *, sync: bool) -> None:
-    """Write text, as ``write_beside`` does; a file's name in it may hold bytes that are no text."""
-    write_beside(path, text.encode("utf-8", errors="backslashreplace"), sync=sync)
+def write_text_beside(path: Path, text: str | Iterable[str], *, sync: bool) -> None:
+    """Write text, whole or piece by piece, as ``write_beside`` does; a file's name in it may hold bytes no text has."""
+    pieces = (text,) if isinstance(text, str) else text
+    write_beside(path, (piece.encode("utf-8", errors="backslashreplace") for piece in pieces), sync=sync)
 
 
-def write_beside(path: Path, content: bytes | memoryview, *, sync: bool) -> None:
-    """Write a file beside ``path``, fsync it, and ``os.replace`` it into place.  Raises RecordingError.
+def write_beside(path: Path, content: Iterable[bytes | memoryview], *, sync: bool) -> None:
+    """Write a file, in pieces, beside ``path``, fsync it, and ``os.replace`` it into place.  Raises RecordingError.
 
     A link stays a link, to the new content; a device or a pipe is written into, as nothing may take its place.
     """
     check_writable(path)
     with _as_recording_error(path):
         if _is_device(path):
-            path.write_bytes(content)
+            path.write_bytes(b"".join(content))
             return
         path = Path(os.path.realpath(path))
         beside = path.with_name(f".{path.name}.{os.getpid()}.new")
         try:
             with open(beside, "wb") as file:
-                file.write(content)
+                file.writelines(content)
                 if sync:
                     file.flush()
                     os.fsync(file.fileno())

@@ -81,7 +81,7 @@ def _work(arguments: Sequence[str]) -> Callable[[], int]:
 
 def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[], int]:
     if options.replay is not None and (options.jobs is not None or options.scheduler is not None):
-        from app.command_line.campaign import campaign
+        from app.command_line.campaign.run import campaign
 
         return partial(
             campaign,

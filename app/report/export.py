@@ -2,8 +2,9 @@
 
 import csv
 import io
+import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,7 @@ def write_motion(shot: Shot, path: Path) -> None:
     write_text_beside(path, "\n".join(lines) + "\n", sync=True)
 
 
-def write_shots(rows: Sequence[Sequence[str]], path: Path) -> None:
+def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
     """Write ``shots.csv`` from rows of ``shot_row``; each reading stands beside its standard uncertainty."""
     header = ["name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"]
     for name, unit, _ in READINGS:
@@ -113,13 +114,15 @@ def write_shots(rows: Sequence[Sequence[str]], path: Path) -> None:
     write_table(header, rows, path)
 
 
-def write_table(header: Sequence[str], rows: Sequence[Sequence[str]], path: Path) -> None:
-    """Write a table as CSV, whole or not at all."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(header)
-    table.writerows(rows)
-    write_text_beside(path, text.getvalue(), sync=True)
+def write_table(header: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
+    """Write a table as CSV, whole or not at all, one row in memory at a time."""
+    write_text_beside(path, map(_csv_line, itertools.chain([header], rows)), sync=True)
+
+
+def _csv_line(cells: Sequence[str]) -> str:
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue()
 
 
 def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:

@@ -29,7 +29,7 @@ def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
         if shot.motion is None:
             continue
         path = folder / Path(name).with_suffix(".h5").name
-        write_beside(path, _bytes(shot, [other for other in shots if other is not shot], path), sync=True)
+        write_beside(path, (_bytes(shot, [other for other in shots if other is not shot], path),), sync=True)
         written.append(path)
     return written
 

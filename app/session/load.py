@@ -29,41 +29,60 @@ def load_and_analyse(
 
     ``model`` overrides the base model of ``settings``; without it a motion record's own rules.  Raises Cancelled.
     """
+    try:
+        return analysed(path, model, settings=settings, progress=progress, cancelled=cancelled)
+    except Cancelled:
+        raise
+    except Exception as error:
+        return unanalysed(path, settings or AnalysisSettings(), cause_of(path, error))
+
+
+def analysed(
+    path: Path,
+    model: str | None = None,
+    *,
+    settings: AnalysisSettings | None = None,
+    progress: Progress | None = None,
+    cancelled: Cancel | None = None,
+) -> Shot:
+    """Do as ``load_and_analyse`` does; raises whatever stops it."""
     started = time.perf_counter()
     chosen = settings or AnalysisSettings()
-    try:
-        if is_motion_record(path):
-            record = read_motion(path)
-            motion = motion_from_displacement(
-                record.time_s,
-                record.displacement_m,
-                record.velocity_m_per_s,
-                record.force_n,
-                moving_mass_kg=record.moving_mass_kg,
-                moving_mass_u_kg=record.moving_mass_u_kg or 0.0,
-            )
-            return analyse_motion(
-                motion,
-                replace(chosen, model=model or BASE_OF_RECORD[record.model]),
-                name=path.stem,
-                path=str(path),
-                load_seconds=time.perf_counter() - started,
-                progress=progress,
-                cancelled=cancelled,
-            )
+    if not is_motion_record(path):
         recording = open_recording(path)
         loaded = time.perf_counter() - started
         chosen = replace(chosen, model=model or chosen.model)
         return analyse(recording, chosen, load_seconds=loaded, progress=progress, cancelled=cancelled)
-    except Cancelled:
-        raise
-    except (RecordingError, AnalysisError) as error:
-        return unanalysed(path, chosen, str(error))
-    except OSError as error:
-        return unanalysed(path, chosen, f"{error.filename or path}: {error.strerror or error}")
-    except Exception as error:  # a fault of the program's own must not cost the other shots their analysis
-        cause = " ".join(str(error).split())
-        return unanalysed(path, chosen, f"a fault of the program: {type(error).__name__}: {cause}")
+    record = read_motion(path)
+    motion = motion_from_displacement(
+        record.time_s,
+        record.displacement_m,
+        record.velocity_m_per_s,
+        record.force_n,
+        moving_mass_kg=record.moving_mass_kg,
+        moving_mass_u_kg=record.moving_mass_u_kg or 0.0,
+    )
+    return analyse_motion(
+        motion,
+        replace(chosen, model=model or BASE_OF_RECORD[record.model]),
+        name=path.stem,
+        path=str(path),
+        load_seconds=time.perf_counter() - started,
+        progress=progress,
+        cancelled=cancelled,
+    )
+
+
+def cause_of(path: Path, error: Exception) -> str:
+    """Return in one line why ``path`` was not analysed."""
+    if isinstance(error, RecordingError | AnalysisError):
+        return str(error)
+    if isinstance(error, OSError):
+        return f"{error.filename or path}: {error.strerror or error}"
+    if isinstance(error, MemoryError):
+        return f"{path}: this machine has not the memory for it"
+    # a fault of the program's own must not cost the other shots their analysis
+    return f"a fault of the program: {type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def unanalysed(path: Path | None, settings: AnalysisSettings, problem: str, name: str = "") -> Shot:

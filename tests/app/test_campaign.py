@@ -7,8 +7,11 @@ from typing import Any
 
 import pytest
 
-from app.command_line.campaign import JOURNAL
+from app.command_line.campaign.crew import Processes
+from app.command_line.campaign.journal import JOURNAL
+from app.command_line.campaign.task import NotReached, tasks_of
 from app.command_line.cli import main
+from tests.app.deadly import DEADLY, unless_deadly
 
 
 @pytest.fixture(scope="module")
@@ -53,20 +56,41 @@ def test_as_one_process_and_resumed(shots: Path, tmp_path: Path, capsys: pytest.
     assert [_without_times(s) for s in resumed["shots"]] == [_without_times(s) for s in one["shots"]]
 
 
-def test_over_a_scheduler(shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        arguments = ["--replay", str(shots / "a"), "--scheduler", cluster.scheduler_address]
-        assert main([*arguments, "--export", str(tmp_path)]) == 0
-    assert "2 shots, 2 analysed" in capsys.readouterr().out
-
-
 def test_a_scheduler_that_does_not_answer(
     shots: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
-    monkeypatch.setattr("app.command_line.campaign.SCHEDULER_ANSWERS_S", 0.5)
+    monkeypatch.setattr("app.command_line.campaign.cluster.SCHEDULER_ANSWERS_S", 0.5)
     assert main(["--replay", str(shots / "a"), "--scheduler", "tcp://127.0.0.1:9"]) == 1
     assert "127.0.0.1:9" in capsys.readouterr().err
+
+
+def test_what_was_not_reached_is_no_result(shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A data file that is not there yet is told, counted apart, and tried again by the next call."""
+    folder = tmp_path / "late"
+    folder.mkdir()
+    (source,) = (shots / "a").glob("*-1.sigmf-meta")
+    (folder / "late.sigmf-meta").write_bytes(source.read_bytes())
+    command = ["--replay", str(folder), "--jobs", "1", "--export", str(tmp_path / "out")]
+    assert main(command) == 1
+    heard = capsys.readouterr()
+    assert "1 shots, 0 analysed, 0 failed, 1 not reached" in heard.out and "no such file" in heard.err
+    (folder / "late.sigmf-data").write_bytes(source.with_suffix(".sigmf-data").read_bytes())
+    assert main(command) == 0
+
+
+def test_a_process_that_dies_is_not_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shots under way with one that kills its process are analysed all the same; the killer is told and no result."""
+    crew = Processes(2)
+    try:
+        monkeypatch.setattr("app.command_line.campaign.crew.analyse_one", unless_deadly)
+        tasks = tasks_of([Path("a"), Path(DEADLY), Path("b")], None, (), None)
+        for task in tasks:
+            crew.give(task)
+        outcomes: dict[str, Any] = {}
+        while len(outcomes) < 3:
+            outcomes |= {task.path: outcome for task, outcome in crew.take()}
+    finally:
+        crew.close()
+    assert outcomes[DEADLY] == NotReached("the process that analysed it died")
+    assert all(outcomes[task.path]["shot"]["path"] == task.path for task in (tasks[0], tasks[2]))

@@ -1,0 +1,160 @@
+"""The machines of a dask scheduler: each worker is asked before it gets a shot; one that dies costs none."""
+
+import logging
+import sys
+import time
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from app.command_line.campaign.crew import LOOK_S, CrewLost
+from app.command_line.campaign.place import program, unfit
+from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one
+
+SCHEDULER_ANSWERS_S = 10.0
+SCHEDULER_HANGS_S = 60.0  # without an answer in the middle of a campaign: a busy machine is no dead one
+WORKERS_COME_S = 5.0  # the longest wait for one that can do the work, when a campaign begins
+WORKERS_RETURN_S = 15.0  # and later on: a nanny needs some seconds to start another process
+ASKED_S = 60.0  # a worker that does not say in this time whether it can is taken for one that cannot
+_WATCH_S = 1.0
+_MOST_FOLDERS = 200  # looked for by each worker beforehand; what lies in others is told with each shot
+
+
+class Cluster:
+    """The workers of a scheduler that have this program, see the shots' folders and can write where they have to."""
+
+    def __init__(self, address: str, todo: Sequence[Task]) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise OSError(0, "needs dask.distributed: pip install 'levimass[cluster]'", "--scheduler") from None
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is said here, in one line
+        self._address = address
+        try:
+            self._client: Any = Client(address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
+        except (OSError, ValueError) as error:  # nobody there; an address that is none
+            raise CrewLost(0, getattr(error, "strerror", None) or str(error) or "does not answer", address) from None
+        folders = sorted({str(Path(task.path).parent) for task in todo})[:_MOST_FOLDERS]
+        csv = next((task.motion_csv for task in todo if task.motion_csv), None)
+        self._question = (program(), folders, None if csv is None else str(Path(csv).parent))
+        self._watcher = ThreadPoolExecutor(1)  # so that a scheduler that hangs does not hang the campaign
+        self._watching: Any = None
+        self._watched_at = 0.0
+        self._threads: dict[str, int] = {}  # of every worker there is
+        self._asked: dict[str, tuple[Any, float]] = {}
+        self._unfit: dict[str, str] = {}
+        self._fit: set[str] = set()
+        self._running: dict[Any, tuple[Task, frozenset[str]]] = {}
+        self._waiting: deque[Task] = deque()
+        self._began = self._without_since = time.monotonic()
+
+    @property
+    def width(self) -> int:
+        """Get the number of threads of all workers that can do the work."""
+        return sum(self._threads[worker] for worker in self._fit)
+
+    def give(self, task: Task) -> None:
+        """Hand out a task."""
+        self._waiting.append(task)
+
+    def take(self) -> list[tuple[Task, Outcome]]:
+        """Return what is ready, waiting a moment where nothing is.  Raises CrewLost."""
+        self._watch()
+        if self._client.status != "running":
+            raise self._lost("the scheduler is gone")
+        if self._fit:
+            while self._waiting:
+                self._hand_on(self._waiting.popleft())
+        ready = [future for future in self._running if future.done()]
+        if not ready:
+            time.sleep(LOOK_S)
+        return [taken for future in ready if (taken := self._taken(future)) is not None]
+
+    def close(self) -> None:
+        """Let go of the scheduler; what was not taken is done by the next call."""
+        self._watcher.shutdown(wait=False, cancel_futures=True)
+        self._client.close(timeout=2.0)
+
+    def _hand_on(self, task: Task) -> None:
+        workers = frozenset(self._fit)
+        future = self._client.submit(analyse_one, task, workers=sorted(workers), pure=False)
+        self._running[future] = task, workers
+
+    def _taken(self, future: Any) -> tuple[Task, Outcome] | None:
+        task, _ = self._running.pop(future)
+        try:
+            return task, future.result(timeout=SCHEDULER_HANGS_S)
+        except Exception as error:  # a worker that died under it three times, a lost connection, no room for the result
+            if self._client.status != "running":
+                raise self._lost("the scheduler is gone") from None
+            return task, NotReached(f"lost by its worker ({_in_words(error)})")
+
+    def _lost(self, cause: str) -> CrewLost:
+        return CrewLost(0, f"{cause}; what was done is kept, the same command goes on from there", self._address)
+
+    def _watch(self) -> None:
+        """Look, at most once a second, who came and who went, and whether anybody is left."""
+        now = time.monotonic()
+        if self._watching is None and now - self._watched_at >= _WATCH_S:
+            self._watching, self._watched_at = self._watcher.submit(self._client.nthreads), now
+        if self._watching is not None:
+            if self._watching.done():
+                self._look(self._watching)
+                self._watching = None
+            elif now - self._watched_at > SCHEDULER_HANGS_S:
+                raise self._lost("the scheduler does not answer any more")
+        self._listen(now)
+        if self._fit:
+            self._without_since = now
+        elif not self._asked:
+            self._nobody(now)
+
+    def _look(self, watching: Any) -> None:
+        try:
+            self._threads = dict(watching.result())
+        except Exception as error:
+            raise self._lost(f"the scheduler is gone ({_in_words(error)})") from None
+        there = set(self._threads)
+        self._fit &= there
+        for future, (task, workers) in list(self._running.items()):
+            if not workers & there and not future.done():  # all it may run on are gone
+                del self._running[future]
+                future.cancel()
+                self._waiting.appendleft(task)
+        for worker in list(self._asked):
+            if worker not in there:
+                del self._asked[worker]
+        for worker in there - self._fit - set(self._asked) - set(self._unfit):
+            question = self._client.submit(unfit, *self._question, workers=[worker], pure=False, priority=10)
+            self._asked[worker] = question, time.monotonic()
+
+    def _listen(self, now: float) -> None:
+        """Take the answers of workers that were asked whether they can do the work."""
+        for worker, (answer, asked_at) in list(self._asked.items()):
+            if not answer.done() and now - asked_at < ASKED_S:
+                continue
+            del self._asked[worker]
+            try:
+                cause = answer.result(timeout=SCHEDULER_HANGS_S) if answer.done() else "does not answer"
+            except Exception as error:
+                cause = f"cannot run levimass ({_in_words(error)})"
+            if cause is None:
+                self._fit.add(worker)
+            else:
+                self._unfit[worker] = cause
+                print(f"levimass: worker {worker} is left out: it {cause}", file=sys.stderr)
+
+    def _nobody(self, now: float) -> None:
+        at_first = self._without_since == self._began
+        if now - self._without_since < (WORKERS_COME_S if at_first else WORKERS_RETURN_S):
+            return
+        if self._unfit:
+            raise self._lost("none of its workers can do this work")
+        start = f"start some on each machine: dask worker {self._address} --nworkers auto --nthreads 1"
+        raise self._lost(f"it has no worker; {start}")
+
+
+def _in_words(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

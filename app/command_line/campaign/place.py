@@ -1,0 +1,39 @@
+"""Whether a worker can do a campaign's work where it stands."""
+
+import hashlib
+import os
+import uuid
+from collections.abc import Iterable
+from pathlib import Path
+
+from analysis.report import program_version
+
+_HOUSE = Path(__file__).resolve().parents[2]
+
+
+def program() -> str:
+    """Return the version with a digest of the source: two machines that tell the same give the same numbers."""
+    digest = hashlib.sha256()
+    for part in ("analysis", "instrument", "app"):
+        for source in sorted((_HOUSE / part).rglob("*.py")):
+            digest.update(source.relative_to(_HOUSE).as_posix().encode() + source.read_bytes())
+    return f"{program_version()} ({digest.hexdigest()[:12]})"
+
+
+def unfit(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:
+    """Return why work that reads from and writes to these folders cannot be done here, or None."""
+    if (own := program()) != wanted_program:
+        return f"has levimass {own}, not {wanted_program}"
+    for folder in reads:
+        if not os.path.isdir(folder):
+            return f"does not see the folder {folder}"
+        if not os.access(folder, os.R_OK | os.X_OK):
+            return f"may not read the folder {folder}"
+    if writes is not None:
+        trial = Path(writes) / f".levimass-{uuid.uuid4().hex}"
+        try:
+            trial.write_bytes(b"levimass")
+            trial.unlink()
+        except OSError as error:
+            return f"cannot write to {writes} ({error.strerror or error})"
+    return None

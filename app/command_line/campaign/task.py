@@ -1,0 +1,102 @@
+"""One shot of a campaign, as it is handed out and as it comes back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from analysis.report import program_version, shot_result
+from analysis.shot import AnalysisSettings
+from app.report.export import motion_file_names, shot_row, write_motion
+from app.session.load import analysed, cause_of, unanalysed
+from instrument.foreign.remembered import remembered_mapping
+from instrument.recording_error import FileNotReached, RecordingError, one_line
+from instrument.recording_search import recording_stem
+
+Entry = dict[str, Any]  # "stamp", "shot" as in the result file, "row" of shots.csv
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One shot to analyse; its paths are absolute, as a worker may stand in another folder.
+
+    ``stamp`` changes when the files, the model or the program do; ``sizes`` are those of the shot's files (bytes, -1
+    where there is none) as seen by who hands it out.
+    """
+
+    path: str
+    base: str | None
+    effects: tuple[str, ...]
+    motion_csv: str | None
+    stamp: str
+    sizes: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class NotReached:
+    """Why a shot was not analysed though nothing is wrong with it: a missing folder, a full disk, a worker that died.
+
+    That is no result: it stands in no journal, and the next call tries again.
+    """
+
+    cause: str
+
+
+Outcome = Entry | NotReached
+
+
+def tasks_of(found: Sequence[Path], base: str | None, effects: tuple[str, ...], export_to: Path | None) -> list[Task]:
+    """Return a task for each shot that was found; motion is written to ``export_to`` where that is given."""
+    names = motion_file_names([recording_stem(path).stem for path in found])
+    tasks = []
+    for path, name in zip(found, names, strict=True):
+        csv = str(export_to.absolute() / name) if export_to is not None else None
+        sizes, dates = _state(path)
+        stamp = (program_version(), base, effects, csv, str(path.resolve()), sizes, dates)
+        tasks.append(Task(str(path.absolute()), base, effects, csv, "|".join(map(str, stamp)), sizes))
+    return tasks
+
+
+def analyse_one(task: Task) -> Outcome:
+    """Analyse one shot, in a worker."""
+    path = Path(task.path)
+    if _state(path)[0] != task.sizes:
+        return NotReached(f"{path}: not here as it was handed out (another folder, or still being copied)")
+    settings = AnalysisSettings(effects=task.effects)
+    motion_csv = ""
+    try:
+        shot = analysed(path, task.base, settings=settings)
+        if task.motion_csv and shot.motion is not None:
+            write_motion(shot, Path(task.motion_csv))
+            motion_csv = Path(task.motion_csv).name
+    except (FileNotReached, OSError, MemoryError) as error:
+        return NotReached(one_line(cause_of(path, error), 600))
+    except Exception as error:
+        if task.motion_csv and isinstance(error, RecordingError) and error.path == task.motion_csv:
+            return NotReached(str(error))
+        shot = unanalysed(path, settings, cause_of(path, error))
+    return {"stamp": task.stamp, "shot": shot_result(shot), "row": shot_row(shot, motion_csv)}
+
+
+def failed_entry(task: Task, cause: str) -> Entry:
+    """Return what stands in the results for a shot that was not reached."""
+    name = recording_stem(task.path).name
+    shot = {"name": name, "path": task.path, "status": "failed", "problem": cause, "flags": []}
+    return {"stamp": task.stamp, "shot": shot, "row": [name, task.path, "", "failed", cause]}
+
+
+def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return sizes and dates of the files that make up a shot."""
+    stem = recording_stem(path)
+    beside = (stem.with_name(stem.name + ".sigmf-data"), path.with_suffix(".toml"), remembered_mapping(path) or path)
+    sizes, dates = [], []
+    for file in (path, *beside):
+        try:
+            state = file.stat()
+        except (OSError, ValueError):
+            sizes.append(-1)
+            dates.append(-1)
+        else:
+            sizes.append(state.st_size)
+            dates.append(state.st_mtime_ns)
+    return tuple(sizes), tuple(dates)

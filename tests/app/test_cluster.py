@@ -1,0 +1,111 @@
+"""A campaign over a real scheduler and two workers: wrong folder first, a worker killed, the scheduler killed."""
+
+import csv
+import os
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from app.command_line.campaign.journal import JOURNAL
+from app.command_line.cli import main
+from tests.app.cluster import LoopbackCluster, kill
+
+pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+SHOTS = 5
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cluster")
+    assert main(["--simulate", str(folder / "one"), "--shots", "1", "--seed", "4"]) == 0
+    (folder / "shots").mkdir()
+    (folder / "elsewhere").mkdir()
+    for number in range(SHOTS):
+        for file in (folder / "one").iterdir():
+            os.link(file, folder / "shots" / f"copy-{number}{file.suffix}")
+    return folder
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[LoopbackCluster]:
+    running = LoopbackCluster(tmp_path)
+    yield running
+    running.close()
+
+
+def _in_journal(out: Path) -> int:
+    journal = out / JOURNAL
+    return len(journal.read_bytes().splitlines()) if journal.exists() else 0
+
+
+class _Call(threading.Thread):
+    """A campaign under way."""
+
+    def __init__(self, *arguments: str) -> None:
+        super().__init__()
+        self._arguments, self.status = list(arguments), -1
+        self.start()
+
+    def run(self) -> None:
+        self.status = main(self._arguments)
+
+    def ended(self) -> int:
+        self.join(120)
+        assert not self.is_alive(), "it hangs"
+        return self.status
+
+
+def _wait_for(out: Path, lines: int, call: _Call) -> None:
+    end = time.monotonic() + 90
+    while _in_journal(out) < lines:
+        assert time.monotonic() < end and call.is_alive(), "no shot was analysed"
+        time.sleep(0.02)
+
+
+def test_no_worker_wrong_folder_a_worker_killed_the_scheduler_killed(
+    place: Path, cluster: LoopbackCluster, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.command_line.campaign.cluster.WORKERS_COME_S", 1.0)
+    monkeypatch.chdir(place)
+    over = ("--scheduler", cluster.address)
+    began = time.monotonic()
+    assert main(["--replay", "shots", "--export", "out", *over]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and f"dask worker {cluster.address}" in said
+    assert time.monotonic() - began < 8
+
+    first = cluster.worker(place / "elsewhere")
+    monkeypatch.setattr("app.command_line.campaign.cluster.WORKERS_COME_S", 60.0)
+    # a path that leads somewhere else for each process, as one that is mounted on this machine alone
+    assert main(["--replay", "/proc/self/cwd/shots", "--export", str(place / "out"), *over]) == 1
+    said = capsys.readouterr().err
+    assert "does not see the folder /proc/self/cwd/shots" in said and "Traceback" not in said
+    assert _in_journal(place / "out") == 0
+
+    cluster.worker(place / "elsewhere")
+    call = _Call("--replay", "shots", "--export", "out", *over)  # relative, and the workers stand elsewhere
+    _wait_for(place / "out", 1, call)
+    kill(first)
+    assert call.ended() == 0
+    assert f"{SHOTS} shots, {SHOTS} analysed, 0 failed\n" in capsys.readouterr().out
+    with open(place / "out" / "shots.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["path"] for row in rows] == [f"shots/copy-{n}.sigmf-meta" for n in range(SHOTS)]
+    assert all((place / "out" / row["motion_file"]).stat().st_size > 1000 for row in rows)
+
+    # the other worker goes on, and this time the scheduler dies
+    command = ("--replay", "shots", "--export", "again")
+    call = _Call(*command, "--scheduler", cluster.address)
+    _wait_for(place / "again", 1, call)
+    kill(cluster.scheduler)
+    assert call.ended() == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "the same command goes on" in said
+    done = _in_journal(place / "again")
+    assert 1 <= done < SHOTS
+    assert main([*command, "--jobs", "1"]) == 0
+    assert f"{SHOTS} shots, {SHOTS} analysed" in capsys.readouterr().out
+    assert _in_journal(place / "again") == SHOTS  # nothing was done twice

@@ -78,7 +78,7 @@ class Gap:
 class Recording:
     """A raw shot.
 
-    ``counts`` is int16, shape (samples, channels), read-only, often memory-mapped; time zero is its first sample.
+    ``counts`` is int16, shape (samples, channels), read-only; time zero is its first sample.
     ``flags`` says what is known to be wrong with it ("clipped", "gap", "truncated", "longer_than_declared", ...).
     """
 
@@ -104,6 +104,20 @@ class Recording:
     def trigger_time_s(self) -> float | None:
         """Get the time in s from the first sample to the light switch."""
         return None if self.trigger_sample is None else self.trigger_sample / self.sample_rate_hz
+
+    @property
+    def bridgeable_gaps(self) -> tuple[Gap, ...]:
+        """Get the gaps inside the recording that lost something, oldest first.
+
+        Once they come to more than all that was stored their length counts as unknown: no motion can be foretold over
+        it, and a few bytes of metadata must not ask for more memory than the samples themselves.
+        """
+        inside = (gap for gap in self.gaps if 0 < gap.sample_start < self.samples and gap.samples_lost != 0)
+        gaps, lost = [], 0
+        for gap in sorted(inside, key=lambda gap: gap.sample_start):
+            lost += gap.samples_lost or 0
+            gaps.append(gap if lost <= self.samples else Gap(gap.sample_start))
+        return tuple(gaps)
 
     def column(self, role: Role) -> int | None:
         """Return the channel index that carries ``role``, or None."""

@@ -5,10 +5,10 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from instrument.json_reading import open_regular
 from instrument.recording_error import RecordingError
 from instrument.recording_metadata import read_metadata
 from instrument.recording_search import recording_stem
+from instrument.text_file import open_regular
 
 
 @dataclass(frozen=True, slots=True)

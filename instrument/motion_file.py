@@ -1,7 +1,6 @@
 """Motion records: a shot already demodulated, NAME.csv with NAME.toml beside it (RECORDING.md)."""
 
 import csv
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from io import StringIO
@@ -11,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.json_reading import Checked, read_text
+from instrument.checked import Checked
 from instrument.recording_error import RecordingError, one_line
+from instrument.recording_metadata import MASSES_KG
+from instrument.text_file import read_text, read_toml
 
 Floats = NDArray[np.float64]
 MODELS = ("plate", "contact", "driven")
@@ -49,14 +50,11 @@ def read_motion(path: Path | str) -> MotionRecord:
     if table.exists() and not about.exists():
         cause = f"neither {about.name} (of a motion record) nor a mapping (of raw beats) says what it is"
         raise RecordingError(table, f"{cause}; 'levimass --map {table.name}' shows how to give one")
-    try:
-        head = Checked(about, tomllib.loads(read_text(about)))
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise RecordingError(about, f"not TOML ({one_line(str(error), 100)})") from None
+    head = Checked(about, read_toml(about))
     model = head.text("model", 1000)
     if model not in MODELS:
         raise head.refuse("model", "missing" if model is None else f"{model[:20]!r} is none of {', '.join(MODELS)}")
-    mass = head.number("moving_mass_kg", 0.0, 1e6, over=True)
+    mass = head.number("moving_mass_kg", *MASSES_KG)
     mass_u = head.number("moving_mass_u_kg", 0.0, 1e6)
     columns = _columns(table)
     return MotionRecord(

@@ -19,7 +19,7 @@ _MOST_NAMES = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """How the saving ended: ``recording`` is on disk (memory-mapped), or in memory where ``problem`` says why."""
+    """How the saving ended: ``recording`` is on disk, or only in memory where ``problem`` says why."""
 
     shot: GrowingShot
     recording: Recording

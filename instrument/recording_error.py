@@ -17,6 +17,10 @@ class RecordingError(Exception):
         self.key = key
 
 
+class FileNotReached(RecordingError):
+    """A file that is not there, may not be read or whose disk fails: says nothing of what it holds."""
+
+
 class RecordingExists(RecordingError):
     """A recording of that name is there already, and none is ever overwritten."""
 

@@ -1,13 +1,13 @@
 """Recordings on disk: two SigMF files with one stem, as RECORDING.md says.
 
-Read with json and mmap rather than the ``sigmf`` package: every refusal must name file and key in one line, foreign
-metadata must not lead outside their folder (``core:dataset``) nor allocate without bound, and a capture has to be
-readable while it is still being written, none of which that package's checks are made for.  The tests read what is
-written here with the package, so that the two agree on the format.
+Read with json rather than the ``sigmf`` package: every refusal must name file and key in one line, foreign metadata
+must not lead outside their folder (``core:dataset``) nor allocate without bound, and a capture has to be readable
+while it is still being written, none of which that package's checks are made for.  The tests read what is written
+here with the package, so that the two agree on the format.  The samples are read, not mapped: where another program
+cuts a mapped file short, the next look at it ends the process (SIGBUS).
 """
 
 import hashlib
-import mmap
 import os
 from pathlib import Path
 
@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Recording, Role
-from instrument.json_reading import open_regular
-from instrument.recording_error import RecordingError
+from instrument.recording_error import FileNotReached, RecordingError
 from instrument.recording_metadata import Metadata, read_metadata
 from instrument.recording_search import find_recordings, recording_stem
 from instrument.recording_writer import RecordingWriter, rewrite_note, write_recording
+from instrument.text_file import open_regular
 
 __all__ = [
     "RecordingError",
@@ -33,21 +33,23 @@ __all__ = [
 ]
 
 ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all samples asked for came
+_PIECE_BYTES = 4 * 2**20  # hashed while the processor still holds them
 _LOOKED_AT = 256, 256  # places in the file and samples at each: enough to see clipping, too little to wait for
 _CLIPPED_SHARE = 1e-3
 
 
 def read_recording(path: Path | str) -> Recording:
-    """Open a recording; its counts stay on disk (memory-mapped, int16, shape (samples, channels)).
+    """Read a recording; its counts are int16, shape (samples, channels).
 
     Flags: "interrupted" (never closed: no hash), "truncated" (fewer samples than the metadata say),
-    "longer_than_declared", "gap", "cut_short" (ended before all samples asked for came), "clipped" (seen in samples
-    taken across the file).  RecordingError names file and key in one line.  The hash is not checked: see ``verify``.
+    "longer_than_declared", "data_altered" (as many as they say, and not those of their hash), "gap", "cut_short"
+    (ended before all samples asked for came), "clipped" (seen in samples taken across the file).  RecordingError names
+    file and key in one line.  Cost, most of it the hash: 3 ms a MB.
     """
     stem = recording_stem(path)
     metadata = read_metadata(stem.with_name(stem.name + ".sigmf-meta"))
     data = stem.with_name(stem.name + ".sigmf-data")
-    counts, left_over = _map(data, len(metadata.channels))
+    counts, left_over, sha512 = _samples(data, len(metadata.channels))
     samples = counts.shape[0]
     declared, at_least = metadata.declared_samples, metadata.at_least_samples
     flags = []
@@ -57,6 +59,8 @@ def read_recording(path: Path | str) -> Recording:
         flags.append("truncated")
     elif declared is not None and samples > declared:
         flags.append("longer_than_declared")
+    elif metadata.sha512 is not None and metadata.sha512.lower() != sha512:
+        flags.append("data_altered")
     trigger = metadata.trigger_sample
     if trigger is not None and trigger >= samples:
         trigger = None
@@ -114,22 +118,33 @@ def _real_folder(data: Path) -> Path:
     return data.with_name(data.name.removesuffix(".sigmf-data") + ".sigmf-meta").resolve().parent
 
 
-def _map(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
-    """Return the mapped counts, shape (samples, channels), and the bytes left over after the last whole sample."""
+def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int, str]:
+    """Return the counts, shape (samples, channels), the bytes after the last whole sample, and the SHA-512 of all."""
     _stay_inside(data)
-    descriptor = open_regular(data)
-    try:
-        size = os.fstat(descriptor).st_size
-        frame = 2 * channels
-        samples, left_over = divmod(size, frame)
-        if samples == 0:
+    frame = 2 * channels
+    digest = hashlib.sha512()
+    with os.fdopen(open_regular(data), "rb", buffering=0) as file:
+        size = os.fstat(file.fileno()).st_size  # what a capture under way adds from now on is not waited for
+        if size < frame:
             raise RecordingError(data, "holds no samples")
-        mapped = mmap.mmap(descriptor, samples * frame, access=mmap.ACCESS_READ)
-    except (OSError, ValueError) as error:
-        raise RecordingError(data, getattr(error, "strerror", None) or str(error)) from None
-    finally:
-        os.close(descriptor)
-    return np.frombuffer(mapped, dtype="<i2").reshape(samples, channels), left_over
+        try:
+            held = np.empty(size, np.uint8)
+            filled = 0
+            while filled < size and (came := file.readinto(held[filled : filled + _PIECE_BYTES].data)):
+                digest.update(held[filled : filled + came].data)
+                filled += came
+        except OSError as error:
+            raise FileNotReached(data, error.strerror or str(error)) from None
+        except MemoryError:
+            raise RecordingError(
+                data, f"{size / 2**30:.1f} GiB, more than this machine's memory has room for"
+            ) from None
+    samples, left_over = divmod(filled, frame)  # fewer than the size said where it was cut short just now
+    if samples == 0:
+        raise RecordingError(data, "holds no samples")
+    counts = held[: samples * frame].view("<i2").reshape(samples, channels)
+    counts.flags.writeable = False
+    return counts, left_over, digest.hexdigest()
 
 
 def _clipped(counts: NDArray[np.int16], metadata: Metadata) -> bool:

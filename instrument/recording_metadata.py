@@ -6,10 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from analysis.recording import Air, Channel, Gap, Plate, Role, Setup
-from instrument.json_reading import Checked, read_object
+from instrument.checked import Checked
+from instrument.text_file import read_json
 
 SIGMF_VERSION = "1.2.5"
 _EXTENSION = {"name": "lmm", "version": "1.0.0", "optional": True}
+RATES_HZ = 1e-3, 1e12  # beyond what any rig has, within what every formula bears
+MASSES_KG = 1e-9, 1e6
 _MOST_CHANNELS = 64
 _MOST_SAMPLES = 2**53
 _PLATE = ("arm_length_m", "arm_width_m", "thickness_m", "disc_diameter_m", "density_kg_m3", "youngs_modulus_pa")
@@ -37,7 +40,7 @@ class Metadata:
 
 def read_metadata(path: Path) -> Metadata:
     """Read and check a .sigmf-meta file; RecordingError names file and key of what cannot be read."""
-    whole = Checked(path, read_object(path))
+    whole = Checked(path, read_json(path))
     head = whole.object("global")
     if head is None:
         raise whole.refuse("global", "missing")
@@ -46,7 +49,7 @@ def read_metadata(path: Path) -> Metadata:
         raise head.refuse("core:datatype", "missing" if datatype is None else f"{datatype[:20]!r} is not 'ri16_le'")
     head.text("core:version", 1000)
     head.get("core:extensions")
-    rate = head.required("core:sample_rate", 0.0, 1e12, over=True)
+    rate = head.required("core:sample_rate", *RATES_HZ)
     channels, channel_extra = _channels(head)
     setup = _setup(head)
     for key in ("core:trailing_bytes", "core:metadata_only"):
@@ -125,15 +128,15 @@ def setup_of(item: Checked) -> Setup:
         extra["air"] = inside.unread()
     plate = None
     if (inside := item.object("plate")) is not None:
-        plate = Plate(*(inside.required(key, 0.0, 1e15, over=True) for key in _PLATE))
+        plate = Plate(*(inside.required(key, 1e-12, 1e15) for key in _PLATE))
         extra["plate"] = inside.unread()
     setup = Setup(
-        moving_mass_kg=item.required("moving_mass_kg", 0.0, 1e6, over=True),
+        moving_mass_kg=item.required("moving_mass_kg", *MASSES_KG),
         moving_mass_u_kg=item.number("moving_mass_u_kg", 0.0, 1e6, default=0.0) or 0.0,
         wavelength_vacuum_m=item.number("wavelength_vacuum_m", 1e-9, 1e-3),
         wavelength_air_m=item.number("wavelength_air_m", 1e-9, 1e-3),
         air=air,
-        rest_frequency_hz=item.number("rest_frequency_hz", 0.0, 1e12, over=True),
+        rest_frequency_hz=item.number("rest_frequency_hz", *RATES_HZ),
         plate=plate,
         digitizer_bits=item.whole("digitizer_bits", 1, 16) or 16,
     )

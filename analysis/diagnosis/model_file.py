@@ -79,7 +79,7 @@ def from_text(text: str) -> SavedModel:
     """Read a model from TOML; ModelFileError says in one line what is wrong."""
     try:
         data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # a TOMLDecodeError, or a whole number of thousands of digits
         raise ModelFileError(f"not TOML: {' '.join(str(error).split())[:100]}") from None
     if data.get("schema") != SCHEMA:
         raise ModelFileError(f"schema: {SCHEMA!r} is expected, not {str(data.get('schema'))[:40]!r}")
@@ -97,8 +97,8 @@ def from_text(text: str) -> SavedModel:
         parameters[name] = Quantity(_float(entry, "value", name), _float(entry, "std", name), "model file")
     rows = _table(data, "covariance").get("rows", [])
     try:
-        covariance = np.array(rows, dtype=np.float64).reshape(len(rows), -1)
-    except (TypeError, ValueError):
+        covariance = np.array(rows, dtype=np.float64).reshape(len(rows), -1 if rows else 0)
+    except (TypeError, ValueError, OverflowError):
         raise ModelFileError("covariance.rows: rows of numbers are expected") from None
     if covariance.shape not in ((0, 0), (len(parameters), len(parameters))):
         raise ModelFileError(f"covariance.rows: {len(parameters)} rows of {len(parameters)} numbers are expected")
@@ -150,4 +150,7 @@ def _float(entry: Mapping[str, Any], key: str, where: str) -> float:
     value = entry.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ModelFileError(f"{where}.{key}: a number is expected")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:
+        raise ModelFileError(f"{where}.{key}: a number of hundreds of digits") from None

@@ -156,7 +156,7 @@ def _motion(
         flags.append("harmonics")
     if np.count_nonzero(np.abs(track.offset_hz(grid)[: count - 1]) > track.wanted.tuning.half_width_hz) > 0:
         flags.append("out_of_band")
-    if any(gap.samples_lost is None for gap in recording.gaps):
+    if any(gap.samples_lost is None for gap in recording.bridgeable_gaps):
         flags.append("gap_unknown")
     return Motion(
         time_s=time_s,

@@ -79,12 +79,7 @@ class Grid:
         longest: tuple[tuple[int, int, int], ...] = ()
         current: list[tuple[int, int, int]] = []
         start, shift = 0, 0
-        ends = [
-            g for g in sorted(recording.gaps, key=lambda g: g.sample_start) if 0 < g.sample_start < recording.samples
-        ]
-        for gap in (*ends, Gap(recording.samples)):
-            if gap.samples_lost == 0:
-                continue
+        for gap in (*recording.bridgeable_gaps, Gap(recording.samples)):
             current.append((start, gap.sample_start, start + shift))
             start = gap.sample_start
             if gap.samples_lost is not None:

@@ -17,9 +17,9 @@ def is_model_file(model: str) -> bool:
 
 
 def known_model(model: str | None) -> SavedModel | None:
-    """Return the model of a model file, or None where ``model`` is a name.  Raises OSError, AnalysisError."""
+    """Return the model of a model file, or None where ``model`` is a name.  Raises RecordingError."""
     if model is None or not is_model_file(model):
         return None
-    from analysis.diagnosis.model_file import from_text  # not for the sake of a usage error
+    from app.session.model_in_use import load_model  # not for the sake of a usage error
 
-    return from_text(Path(model).read_text(encoding="utf-8", errors="replace"))
+    return load_model(Path(model))

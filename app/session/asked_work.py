@@ -52,7 +52,7 @@ class AskedWork(Generic[Result]):
 
 
 def raw_of(entry: Entry) -> Recording | None:
-    """Return an entry's raw recording, memory-mapped, or None where there is none to be read."""
+    """Return an entry's raw recording, or None where there is none to be read."""
     if entry.path is None or is_motion_record(entry.path):
         return None
     try:

@@ -3,13 +3,15 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from analysis.diagnosis.model_file import SavedModel, drift, from_text, saved, to_text
+from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
 from analysis.model.fitting import fit_shots
 from analysis.shot import AnalysisError, Shot
 from app.words.wording import effect_words, local, parameter_parts
+from instrument.recording_error import RecordingError
 from instrument.recording_writer import write_text_beside
+from instrument.text_file import read_toml_text
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
 Asked = Callable[[], bool]
@@ -43,13 +45,11 @@ def save_model(
 
 
 def load_model(path: Path) -> SavedModel:
-    """Return the model of a file.  Raises AnalysisError, in one line that names the file."""
+    """Return the model of a file.  RecordingError: one line, file and cause."""
     try:
-        return from_text(path.read_text(encoding="utf-8", errors="replace"))
-    except OSError as error:
-        raise AnalysisError(f"{path}: {error.strerror}") from error
-    except AnalysisError as error:
-        raise AnalysisError(f"{path}: {error}") from error
+        return from_text(read_toml_text(path))
+    except ModelFileError as error:
+        raise RecordingError(path, str(error)) from None
 
 
 def model_words(model: SavedModel) -> str:

@@ -2,13 +2,17 @@
 
 import json
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from analysis.diagnosis.model_file import BASES
 from analysis.shot import AnalysisSettings, Shot
 from app.words.physics_words import EFFECT_WORDS
+from instrument.checked import Checked
+from instrument.recording_error import RecordingError, shown
+from instrument.text_file import read_json
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
@@ -170,12 +174,12 @@ class Session:
         if not path.exists():
             return session
         try:
-            document = json.loads(path.read_text(encoding="utf-8"))
-            if document.get("schema") != SCHEMA:
-                raise ValueError(f"schema {document.get('schema')!r} is not {SCHEMA}")
-            session._entries = tuple(_from_json(item) for item in document["shots"])
-            session._effects = tuple(name for name in document.get("effects", ()) if name in EFFECT_WORDS)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            document = Checked(path, read_json(path))
+            if (schema := document.text("schema", 100)) != SCHEMA:
+                raise document.refuse("schema", f"{shown(schema)} is not {SCHEMA}")
+            session._entries = tuple(_from_json(item) for item in document.objects("shots") or ())
+            session._effects = tuple(name for name in _names(document, "effects") if name in EFFECT_WORDS)
+        except RecordingError as error:
             aside = path.with_name(path.name + ".unreadable")
             session.problem = f"the last session could not be read ({error}); it was kept as {aside.name}"
             try:
@@ -197,15 +201,42 @@ def _to_json(entry: Entry) -> dict[str, Any]:
     }
 
 
-def _from_json(item: Mapping[str, Any]) -> Entry:
-    known = {field.name for field in fields(AnalysisSettings)}
-    chosen = {name: value for name, value in item["settings"].items() if name in known}
-    return Entry(
-        number=int(item["number"]),
-        name=str(item["name"]),
-        path=str(item["path"]),
-        settings=AnalysisSettings(**chosen),
-        note=str(item.get("note", "")),
-        verdict=str(item.get("verdict", "")),
-        copy_of=item.get("copy_of"),
+def _from_json(item: Checked) -> Entry:
+    number, path = item.whole("number", 1, 2**31), item.text("path", 10_000)
+    chosen = item.object("settings")
+    for key, value in (("number", number), ("path", path), ("settings", chosen)):
+        if value is None:
+            raise item.refuse(key, "missing")
+    assert number is not None and chosen is not None
+    own = AnalysisSettings()
+    settings = AnalysisSettings(
+        bandwidth_hz=chosen.number("bandwidth_hz", 1.0, 1e9) or own.bandwidth_hz,
+        motion_rate_hz=chosen.number("motion_rate_hz", 1.0, 1e9) or own.motion_rate_hz,
+        model=_one_of(chosen, "model", BASES) or own.model,
+        rest=_one_of(chosen, "rest", ("smoothed", "instantaneous")) or own.rest,
+        fit=chosen.get("fit") is not False,
+        effects=_names(chosen, "effects"),
     )
+    return Entry(
+        number=number,
+        name=item.text("name", 10_000) or "",
+        path=path,
+        settings=settings,
+        note=item.text("note") or "",
+        verdict=item.text("verdict") or "",
+        copy_of=item.whole("copy_of", 1, 2**31),
+    )
+
+
+def _one_of(chosen: Checked, key: str, known: Sequence[str]) -> str | None:
+    value = chosen.text(key, 100)
+    if value is not None and value not in known:
+        raise chosen.refuse(key, f"{shown(value)} is none of {', '.join(known)}")
+    return value
+
+
+def _names(item: Checked, key: str) -> tuple[str, ...]:
+    names = item.get(key) or []
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise item.refuse(key, "not a list of names")
+    return tuple(names)

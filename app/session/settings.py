@@ -14,6 +14,7 @@ from instrument.bench.site import LEVELS_M_PER_S, NAMES, USUAL_SITE
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.network_scope import network_source
+from instrument.recording_error import shown
 from instrument.trigger import Edge
 
 KNOWS_ITS_RIG = ("bench", "replay")  # sources that bring mass and wavelength along
@@ -63,10 +64,10 @@ class Settings:
         if self.pre_trigger_s >= self.duration_s:
             raise WrongSettings("the part before the trigger must be shorter than the shot")
         if not isinstance(self.tour_done, bool):
-            raise WrongSettings(f"tour_done: {self.tour_done!r} is neither true nor false")
+            raise WrongSettings(f"tour_done: {shown(self.tour_done)} is neither true nor false")
         for key in ("source", "network"):
             if not isinstance(getattr(self, key), str):
-                raise WrongSettings(f"{key}: {getattr(self, key)!r} is not a text")
+                raise WrongSettings(f"{key}: {shown(getattr(self, key))} is not a text")
         for field in FIELDS:
             value = getattr(self, field.key)
             if field.kind == "number":
@@ -77,11 +78,11 @@ class Settings:
                     or not isinstance(value, int | float)
                     or not field.low <= value <= field.high
                 ):
-                    raise WrongSettings(f"{field.words}: {value!r} is outside {field.low:g} to {field.high:g}")
+                    raise WrongSettings(f"{field.words}: {shown(value)} is outside {field.low:g} to {field.high:g}")
             elif field.kind == "choice" and value not in {stored for stored, _ in field.choices}:
-                raise WrongSettings(f"{field.words}: {value!r} is none of the choices")
+                raise WrongSettings(f"{field.words}: {shown(value)} is none of the choices")
             elif not isinstance(value, str):
-                raise WrongSettings(f"{field.words}: {value!r} is not a text")
+                raise WrongSettings(f"{field.words}: {shown(value)} is not a text")
 
     @property
     def data_folder(self) -> Path:

@@ -4,9 +4,10 @@ import json
 import os
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 from app.session.settings import Settings, WrongSettings
+from instrument.recording_error import RecordingError, one_line, shown
+from instrument.text_file import read_json
 
 VERSION = 1
 
@@ -19,8 +20,8 @@ def load(path: Path) -> tuple[Settings, list[str]]:
             continue
         try:
             settings, unknown = _read(candidate)
-        except (OSError, ValueError, WrongSettings) as error:
-            words.append(f"The settings in {candidate.name} could not be used ({error})")
+        except (RecordingError, WrongSettings) as error:
+            words.append(f"The settings in {candidate.name} could not be used ({one_line(str(error), 400)})")
             _set_aside(candidate)
             continue
         if unknown:
@@ -52,15 +53,10 @@ def save(path: Path, settings: Settings) -> str | None:
 
 
 def _read(path: Path) -> tuple[Settings, list[str]]:
-    try:
-        document: Any = json.loads(path.read_text(encoding="utf-8"))
-    except RecursionError:
-        raise ValueError("nested too deeply") from None
-    if not isinstance(document, dict):
-        raise ValueError("not an object")
+    document = read_json(path)
     version = document.pop("levimass_settings", None)
     if not isinstance(version, int) or version > VERSION:
-        raise ValueError(f"version {version!r} is not known to this program")
+        raise WrongSettings(f"version {shown(version)} is not known to this program")
     known = {field.name for field in fields(Settings)}
     unknown = sorted(set(document) - known)
     try:

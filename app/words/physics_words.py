@@ -28,6 +28,7 @@ EFFECT_WORDS = {
 FLAG_WORDS = {
     "interrupted": "the capture was cut off before it was closed; analysed as far as it got",
     "cut_short": "the capture ended before all samples asked for came",
+    "data_altered": "the data file is not the one that was recorded: its SHA-512 differs from that in the metadata",
     "trigger_lost": "the light switch's sample lies beyond the end of the file",
     "impulse_disagrees": "quasi-static COR and impulse ratio differ by more than three standard uncertainties",
     "bounces_disturbed": "something else moves the block in its first flights: the kinetic COR is not given",

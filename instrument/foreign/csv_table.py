@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.foreign.contents import MOST_SAMPLES, ForeignChannel, ForeignColumn, ForeignContents, bounded
-from instrument.json_reading import open_regular
 from instrument.recording_error import RecordingError, one_line
+from instrument.text_file import open_regular
 
 _LARGEST_BYTES = 2 * 2**30
 _LOOKED_AT_BYTES, _LONGEST_HEADER = 2**18, 200  # of the beginning

@@ -1,19 +1,18 @@
 """Which channel of a foreign file is which, and the rig it was taken with: asked for once, kept as TOML."""
 
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from analysis.recording import Role, Setup
-from instrument.json_reading import Checked, read_text
-from instrument.recording_error import RecordingError, one_line
-from instrument.recording_metadata import setup_json, setup_of
+from instrument.checked import Checked
+from instrument.recording_error import one_line
+from instrument.recording_metadata import RATES_HZ, setup_json, setup_of
 from instrument.recording_writer import write_text_beside
+from instrument.text_file import read_toml
 
-_LARGEST = 2**20
 _HEAD = "# How Levimass reads this file, or every file of this format in this folder. Numbers are SI."
 
 
@@ -43,10 +42,7 @@ class ForeignMapping:
 
 def read_mapping(path: Path) -> ForeignMapping:
     """Read a mapping; RecordingError names file and key of what is wrong."""
-    try:
-        whole = Checked(path, tomllib.loads(read_text(path, _LARGEST)))
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise RecordingError(path, f"not TOML ({one_line(str(error), 100)})") from None
+    whole = Checked(path, read_toml(path))
     kind = whole.text("format", 100)
     if kind is None:
         raise whole.refuse("format", "missing")
@@ -76,7 +72,7 @@ def read_mapping(path: Path) -> ForeignMapping:
         kind,
         tuple(channels),
         setup_of(rig),
-        whole.number("sample_rate_hz", 0.0, 1e12, over=True),
+        whole.number("sample_rate_hz", *RATES_HZ),
         whole.whole("trigger_sample", 0, 2**53),
     )
 

@@ -14,8 +14,8 @@ from instrument.foreign.contents import LARGEST_FILE_BYTES, MOST_SAMPLES, Foreig
 from instrument.foreign.counts import NotFinite, to_counts
 from instrument.foreign.mapping import ForeignMapping, MappedChannel
 from instrument.foreign.remembered import FORMATS, format_of
-from instrument.json_reading import open_regular
 from instrument.recording_error import RecordingError, one_line
+from instrument.text_file import open_regular
 from instrument.trigger import LightSwitch, TriggerSettings
 
 Answer = TypeVar("Answer")

@@ -1,7 +1,9 @@
 """Where the mapping of a foreign file is remembered: beside the file, or once for all files of its folder."""
 
-import tomllib
 from pathlib import Path
+
+from instrument.recording_error import RecordingError
+from instrument.text_file import read_toml
 
 FORMATS = {
     ".tdms": "tdms",
@@ -37,9 +39,8 @@ def remembered_mapping(path: Path | str) -> Path | None:
         return own
     shared = Path(path).with_name(OF_FOLDER)
     try:
-        with open(shared, "rb") as file:
-            wanted = tomllib.loads(file.read(2**20).decode("utf-8")).get("format")
-    except (OSError, ValueError, RecursionError):
+        wanted = read_toml(shared).get("format")
+    except RecordingError:
         return None
     return shared if wanted == kind else None
 

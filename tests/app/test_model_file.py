@@ -14,6 +14,7 @@ from analysis.shot import AnalysisError
 from app.session.model_in_use import drift_words, load_model, model_words, save_model
 from app.session.session import Session
 from app.window.main_window import open_window
+from instrument.recording_error import RecordingError
 from tests.app import rigs, synthetic
 
 WAIT_MS = 60_000
@@ -26,11 +27,11 @@ def _never() -> bool:
 def test_a_model_that_cannot_be_saved_or_read_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(AnalysisError, match="no shot is fitted"):
         save_model(tmp_path / "m.toml", [synthetic.bare_shot("a")], (), None, _never)
-    with pytest.raises(AnalysisError, match=r"none\.toml: No such file"):
+    with pytest.raises(RecordingError, match=r"none\.toml: no such file"):
         load_model(tmp_path / "none.toml")
     wrong = tmp_path / "wrong.toml"
     wrong.write_text("schema = 3")
-    with pytest.raises(AnalysisError, match=r"wrong\.toml: schema"):
+    with pytest.raises(RecordingError, match=r"wrong\.toml: schema"):
         load_model(wrong)
 
 

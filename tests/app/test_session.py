@@ -1,6 +1,9 @@
 """A session survives being closed, spoilt and regretted."""
 
+import os
 from dataclasses import replace
+
+import pytest
 
 from analysis.shot import AnalysisSettings
 from app.session.session import Session
@@ -36,6 +39,30 @@ def test_a_spoilt_file_is_kept_aside_and_said(tmp_path):
         assert path.with_name("session.json.unreadable").read_text() == text
         session.add(_saved("shot-1", "/data/x.sigmf-meta"))
         assert len(Session.reopen(path).entries) == 1
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        '"bandwidth_hz": Infinity', '"bandwidth_hz": 1e999', '"bandwidth_hz": 1e300', '"bandwidth_hz": "wide"',
+        '"bandwidth_hz": ' + "9" * 400, '"model": 5', '"model": "none"', '"rest": []', '"effects": 3',
+        '"bandwidth_hz": 1e3, "bandwidth_hz": 1e3', '"deep": ' + "[" * 100_000,
+    ],
+)  # fmt: skip
+def test_settings_no_analysis_can_use_never_keep_the_window_shut(tmp_path, spoilt):
+    path = tmp_path / "session.json"
+    text = '{"schema": "levimass.session/1", "shots": [{"number": 1, "name": "a", "path": "/a", "settings": {%s}}]}'
+    path.write_text(text % spoilt)
+    session = Session.reopen(path)
+    assert session.entries == () and session.problem and "\n" not in session.problem
+    assert path.with_name("session.json.unreadable").read_text() == text % spoilt
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names on this system")
+def test_a_pipe_in_the_sessions_place_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "session.json")
+    session = Session.reopen(tmp_path / "session.json")
+    assert session.problem and "not a regular file" in session.problem
 
 
 def test_a_folder_that_cannot_be_written_is_said_and_nothing_is_lost(tmp_path):

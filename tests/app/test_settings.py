@@ -29,6 +29,10 @@ def test_what_is_saved_comes_back(tmp_path):
         '{"levimass_settings": 1, "edge": 3}',
         '{"levimass_settings": 1, "sample_rate_hz": null}',
         "\x00\xff",
+        '{"levimass_settings": 1, "moving_mass_kg": Infinity}',
+        '{"levimass_settings": 1, "moving_mass_kg": ' + "9" * 400 + "}",
+        '{"levimass_settings": 1, "edge": "either", "edge": "either"}',
+        '{"levimass_settings": 1, "edge": ' + "[" * 100_000,
     ],
 )
 def test_a_spoilt_file_gives_the_last_good_copy_and_says_so(tmp_path, text):

@@ -42,6 +42,8 @@ def test_a_name_that_is_no_text_does_no_harm() -> None:
         ('effects = ["coulomb_friction"]', 'effects = ["gremlins"]', "gremlins"),
         ("value = 221.3977", 'value = "much"', "plate_stiffness_n_per_m.value"),
         ("[9e-08, 1e-13]", "[9e-08]", "covariance"),
+        ("[9e-08, 1e-13]", f"[{'9' * 400}, 1e-13]", "covariance"),
+        ("schema =", f"more = {'9' * 5000}\nschema =", "not TOML"),
         ("[errors.before]", "[errors.never]", "errors.never"),
         ("[parameters]", "[parameters", "not TOML"),
     ],
@@ -52,3 +54,14 @@ def test_what_is_wrong_is_named_in_one_line(old: str, new: str, named: str) -> N
     with pytest.raises(ModelFileError, match=named) as caught:
         from_text(text.replace(old, new))
     assert "\n" not in str(caught.value)
+
+
+def test_numbers_of_hundreds_of_digits_are_refused_by_name() -> None:
+    head = 'schema = "levimass.model/1"\nbase = "paper"\n[parameters]\n'
+    with pytest.raises(ModelFileError, match="plate_mass_kg"):
+        from_text(f"{head}plate_mass_kg = {{value = {'9' * 400}, std = 1}}")
+
+
+def test_a_covariance_may_be_missing() -> None:
+    model = from_text('schema = "levimass.model/1"\nbase = "paper"\n[parameters]\nx = {value = 1, std = 1}')
+    assert model.covariance.shape == (0, 0)

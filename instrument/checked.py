@@ -1,68 +1,17 @@
-"""Foreign JSON, read without trust: bounded in size and depth, no NaN, every value checked where it is used."""
+"""The values of a foreign file, read without trust: every one is checked where it is used."""
 
-import json
 import math
-import os
-import stat
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from instrument.recording_error import RecordingError, shown
 
-LARGEST_FILE_BYTES = 16 * 2**20
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not a number in JSON")
-
-
-def open_regular(path: Path) -> int:
-    """Return a read-only file descriptor of a regular file; a pipe or a device is refused, so nothing can hang."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    except FileNotFoundError:
-        raise RecordingError(path, "no such file") from None
-    except (OSError, ValueError) as error:
-        raise RecordingError(path, getattr(error, "strerror", None) or str(error)) from None
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        os.close(descriptor)
-        raise RecordingError(path, "not a regular file")
-    return descriptor
-
-
-def read_text(path: Path, largest_bytes: int = LARGEST_FILE_BYTES) -> str:
-    """Return a UTF-8 text file of at most ``largest_bytes``; RecordingError where it is none."""
-    with os.fdopen(open_regular(path), "rb") as file:
-        try:
-            raw = file.read(largest_bytes + 1)
-        except OSError as error:
-            raise RecordingError(path, error.strerror or str(error)) from None
-    if len(raw) > largest_bytes:
-        raise RecordingError(path, f"larger than {largest_bytes // 2**20} MiB")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise RecordingError(path, f"not UTF-8 text (byte {error.start})") from None
-
-
-def read_object(path: Path) -> dict[str, Any]:
-    """Return the JSON object in ``path``; RecordingError where it is none."""
-    try:
-        value = json.loads(read_text(path), parse_constant=_no_constant)
-    except json.JSONDecodeError as error:
-        raise RecordingError(path, f"not JSON ({error.msg}, line {error.lineno})") from None
-    except RecursionError:
-        raise RecordingError(path, "not JSON that can be read (nested too deeply)") from None
-    except ValueError as error:  # NaN, or a whole number of thousands of digits
-        raise RecordingError(path, f"not JSON ({error})") from None
-    if not isinstance(value, dict):
-        raise RecordingError(path, f"{shown(value)} where an object is wanted")
-    return value
-
 
 class Checked:
-    """One JSON object with its place in the file, so that every refusal names file and key."""
+    """One JSON object or TOML table with its place in the file, so that every refusal names file and key."""
+
+    __slots__ = ("path", "place", "used", "values")
 
     def __init__(self, path: Path, values: Mapping[str, Any], place: str = "") -> None:
         self.path = path

@@ -1,0 +1,60 @@
+"""What a recording's metadata claim: bounded by what its data hold; what changed in the data is said."""
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.recording import Gap, Recording
+from instrument.recording_file import RecordingError, read_recording, write_recording
+
+
+def test_gaps_longer_than_the_recording_are_of_unknown_length(shot: Recording) -> None:
+    """A gap of 1e9 samples took 2 GB, one of 2**53 was a fault of the program."""
+    long = dataclasses.replace(shot, gaps=(Gap(500, 2**53), Gap(300, 10), Gap(0, 7), Gap(shot.samples, 5), Gap(400, 0)))
+    assert long.bridgeable_gaps == (Gap(300, 10), Gap(500, None))
+    many = dataclasses.replace(shot, gaps=tuple(Gap(n, shot.samples // 3) for n in range(100, 110)))
+    assert [gap.samples_lost is None for gap in many.bridgeable_gaps] == [False] * 3 + [True] * 7
+
+
+def test_a_recording_keeps_what_it_says_of_its_gaps(shot: Recording, tmp_path: Path) -> None:
+    meta = write_recording(dataclasses.replace(shot, gaps=(Gap(500, 10**9),)), tmp_path / "s")
+    assert read_recording(meta).gaps == (Gap(500, 10**9),)
+
+
+def test_altered_data_are_said(shot: Recording, tmp_path: Path) -> None:
+    meta = write_recording(shot, tmp_path / "s")
+    assert "data_altered" not in read_recording(meta).flags
+    data = tmp_path / "s.sigmf-data"
+    raw = bytearray(data.read_bytes())
+    raw[len(raw) // 2] ^= 1
+    data.write_bytes(raw)
+    assert "data_altered" in read_recording(meta).flags
+    head = json.loads(meta.read_text())
+    head["global"]["core:sha512"] = head["global"]["core:sha512"].upper()
+    meta.write_text(json.dumps(head))
+    data.write_bytes(np.ascontiguousarray(shot.counts).tobytes())
+    assert "data_altered" not in read_recording(meta).flags
+
+
+def test_a_file_that_shrinks_after_it_was_opened_ends_nothing(shot: Recording, tmp_path: Path) -> None:
+    """A mapped file cut short ended the process with SIGBUS at the next look."""
+    meta = write_recording(shot, tmp_path / "s")
+    opened = read_recording(meta)
+    os.truncate(tmp_path / "s.sigmf-data", 0)
+    np.testing.assert_array_equal(opened.counts, shot.counts)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("moving_mass_kg", 1e-300), ("rest_frequency_hz", 1e-300), ("moving_mass_kg", 0)]
+)
+def test_numbers_no_rig_has_are_refused_by_name(shot: Recording, tmp_path: Path, key: str, value: float) -> None:
+    meta = write_recording(shot, tmp_path / "s")
+    head = json.loads(meta.read_text())
+    head["global"]["lmm:setup"][key] = value
+    meta.write_text(json.dumps(head))
+    with pytest.raises(RecordingError, match=key):
+        read_recording(meta)

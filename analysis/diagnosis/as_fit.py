@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.derivatives import has_tangents, released
-from analysis.diagnosis.knobs import Knob
+from analysis.diagnosis.free_parameters import FreeParameter
+from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.quick_shot import Run
 from analysis.fit import Fit, ShotFit
 from analysis.model.overlay import lay_over
@@ -23,9 +23,9 @@ def effect_parameters(fitted: Fitted) -> dict[str, dict[str, Quantity]]:
     out: dict[str, dict[str, Quantity]] = {name: {} for name in fitted.names}
     hypothesis, point = fitted.hypothesis, fitted.point
     std = fitted.std
-    for k, (name, knob, shot) in enumerate(hypothesis.knobs):
-        value = point.values[max(shot, 0)][name][knob.name]
-        out[name][_called(knob, shot)] = Quantity(value, float(std[hypothesis.offset + k]), "joint fit")
+    for k, (name, free, shot) in enumerate(hypothesis.free_parameters):
+        value = point.values[max(shot, 0)][name][free.name]
+        out[name][_called(free, shot)] = Quantity(value, float(std[hypothesis.offset + k]), "joint fit")
     for name, fixed in fitted.hypothesis.fixed.items():
         if name in out:
             out[name].update({key: Quantity(value, 0.0, "tried") for key, value in fixed.items()})
@@ -35,22 +35,22 @@ def effect_parameters(fitted: Fitted) -> dict[str, dict[str, Quantity]]:
 def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float) -> Fit:
     """Return the fit with overlays and remainders on the motions' own grids."""
     hypothesis, point = fitted.hypothesis, fitted.point
-    rig = hypothesis.rig
-    count = rig.count
+    data = hypothesis.data
+    count = data.count
     std = fitted.std
     parameters = {
-        name: Quantity(float(point.base[i]), float(std[i]), "joint fit") for i, name in enumerate(rig.base.names)
+        name: Quantity(float(point.base[i]), float(std[i]), "joint fit") for i, name in enumerate(data.base.names)
     }
     places = list(range(count))
     effects = effect_parameters(fitted)
-    for k, (name, knob, of) in enumerate(hypothesis.knobs):
-        parameter = _called(knob, of)
+    for k, (name, free, of) in enumerate(hypothesis.free_parameters):
+        parameter = _called(free, of)
         parameters[f"{name}.{parameter}"] = effects[name][parameter]
         places.append(hypothesis.offset + k)
     shots = []
-    freedom = sum(int(s.valid.sum()) for s in rig.shots) - hypothesis.size
+    freedom = sum(int(s.valid.sum()) for s in data.shots) - hypothesis.size
     chi2 = 0.0
-    for index, (motion, shot, white) in enumerate(zip(motions, rig.shots, fitted.whitened(), strict=True)):
+    for index, (motion, shot, white) in enumerate(zip(motions, data.shots, fitted.whitened(), strict=True)):
         run = hypothesis.run(index, point)
         kinds = ("touch", "release")
         events = tuple((kinds[k % 2], t) for k, t in enumerate(run.changes_s))
@@ -91,12 +91,12 @@ def _velocity_out(fitted: Fitted, index: int, run: Run) -> Quantity:
             return Quantity(math.nan, math.nan, "the record ends in contact")
         value, slope = out
     else:
-        value, slope = _at_release(hypothesis.rig.shots[index].time_s, run), np.zeros(z.size)
+        value, slope = _at_release(hypothesis.data.shots[index].time_s, run), np.zeros(z.size)
         for column in range(z.size):
             if hypothesis.touches(column, index):
                 step = 0.3 * math.sqrt(fitted.inverse[column, column]) * np.eye(z.size)[column]
                 ahead, behind = (hypothesis.run(index, hypothesis.unpack(z + s * step)) for s in (1, -1))
-                times_s = hypothesis.rig.shots[index].time_s
+                times_s = hypothesis.data.shots[index].time_s
                 change = _at_release(times_s, ahead) - _at_release(times_s, behind)
                 slope[column] = change / (2 * step[column])
     return Quantity(value, math.sqrt(max(float(slope @ fitted.inverse @ slope), 0.0)), "joint fit")
@@ -111,11 +111,11 @@ def _at_release(times_s: Floats, run: Run) -> float:
     return float(v[0] + (run.changes_s[-1] - one) * (v[1] - v[0]) / (two - one))
 
 
-def _called(knob: Knob, shot: int) -> str:
-    return knob.name if shot < 1 else f"{knob.name}.{shot + 1}"
+def _called(free: FreeParameter, shot: int) -> str:
+    return free.name if shot < 1 else f"{free.name}.{shot + 1}"
 
 
 def _of_one_sample(fitted: Fitted) -> float:
     """Return the noise of one sample of the motion, which is averaged away less than the floor that was learnt."""
-    floor, factor = fitted.floor, fitted.hypothesis.rig.shots[0].factor
+    floor, factor = fitted.floor, fitted.hypothesis.data.shots[0].factor
     return float(np.sqrt(factor * floor.white_m**2 + floor.rms_m[0] ** 2 + floor.rms_m[1] ** 2))

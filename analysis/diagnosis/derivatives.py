@@ -1,54 +1,48 @@
-"""Exact derivatives of a hypothesis: the model's own tangents, chained to the coordinates of the search.
+"""Exact derivatives of a vector: the model's own tangents, chained to the coordinates of the search.
 
 The base model has directions in which the displacement moves ten thousand times less than in others.  A search that
 differences trajectories loses them in the error of the difference and stops in the middle of a valley; the tangents
 that the integrator carries along do not.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.quick_shot import Values, too_fast
 from analysis.diagnosis.samples import Samples
-from analysis.diagnosis.seen import Point
+from analysis.diagnosis.search_vector import SearchVector
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
 from analysis.model.response import OWN_NAMES, Model, Response, ShotData, respond
 from analysis.noise import Noise
 
-if TYPE_CHECKING:
-    from analysis.diagnosis.hypothesis import Hypothesis
-
 Floats = NDArray[np.float64]
 _STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
 
 
-def has_tangents(hypothesis: "Hypothesis") -> bool:
-    """Return whether the model's tangents belong to this hypothesis' coordinates.
+def has_tangents(vector: SearchVector) -> bool:
+    """Return whether the model's tangents belong to this vector' coordinates.
 
     An attraction is entered before the touch: the quick integrator counts its time from there, the model does not.
     """
-    return all(named(kind.name).range_at < 0 for kind in hypothesis.effects)
+    return all(named(kind.name).range_at < 0 for kind in vector.effects)
 
 
 def solved(
-    hypothesis: "Hypothesis", index: int, point: "Point", *, derivatives: bool = False, averaged: bool = True
+    vector: SearchVector, index: int, point: Point, *, derivatives: bool = False, averaged: bool = True
 ) -> tuple[Model, Response]:
     """Return one shot's motion, averaged like the data or on the motion's own grid; Infeasible where there is none.
 
     Cost: 0.3 ms, with derivatives 0.5 to 1 ms; where a law is not linear in the state 1 to 2 ms and 4 to 11 ms.
     """
     values = point.values[index]
-    shot = hypothesis.rig.shots[index]
-    seen = hypothesis.seen_at(index, point)
+    shot = vector.data.shots[index]
+    at = vector.shot_at(index, point)
     # What the model can follow and the quick integrator cannot is no place for a search: it would find no score there.
-    if too_fast(seen.base, seen.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+    if too_fast(at.base, at.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
         raise Infeasible("something would swing faster than any record can show")
-    model = Model(
-        hypothesis.rig.base, tuple(named(kind.name) for kind in hypothesis.effects), _chosen(hypothesis, values)
-    )
+    model = Model(vector.data.base, tuple(named(kind.name) for kind in vector.effects), _chosen(vector, values))
     shared = [*point.base, *(_value(values, name) for name in model.shared_effect_names)]
     own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
     block = shot.factor if averaged else 1
@@ -57,39 +51,39 @@ def solved(
     )
 
 
-def linearised_shot(hypothesis: "Hypothesis", index: int, z: Floats) -> tuple[Floats, Floats]:
+def linearised_shot(vector: SearchVector, index: int, z: Floats) -> tuple[Floats, Floats]:
     """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""
-    model, response = solved(hypothesis, index, hypothesis.unpack(z), derivatives=True)
-    return response.displacement_m, _by_search(hypothesis, index, z, model, response.derivatives)
+    model, response = solved(vector, index, vector.unpack(z), derivatives=True)
+    return response.displacement_m, _by_search(vector, index, z, model, response.derivatives)
 
 
-def released(hypothesis: "Hypothesis", index: int, z: Floats) -> tuple[float, Floats] | None:
+def released(vector: SearchVector, index: int, z: Floats) -> tuple[float, Floats] | None:
     """Return the block's velocity after its last release and its derivatives by ``z``; None where it is in contact."""
-    model, response = solved(hypothesis, index, hypothesis.unpack(z), derivatives=True)
+    model, response = solved(vector, index, vector.unpack(z), derivatives=True)
     if response.velocity_out is None:
         return None
     value, slope = response.velocity_out
-    return value, _by_search(hypothesis, index, z, model, slope[None, :])[0]
+    return value, _by_search(vector, index, z, model, slope[None, :])[0]
 
 
-def _by_search(hypothesis: "Hypothesis", index: int, z: Floats, model: Model, derivatives: Floats) -> Floats:
+def _by_search(vector: SearchVector, index: int, z: Floats, model: Model, derivatives: Floats) -> Floats:
     """Return derivatives by ``z``, shape (n, size), of what has ``derivatives`` by one shot's parameters."""
-    rig = hypothesis.rig
+    data = vector.data
     by = dict(zip((*model.shared_names, *model.own_names), derivatives.T, strict=True))
-    physical = np.zeros((derivatives.shape[0], hypothesis.size))
-    for place, name in enumerate(rig.base.names):
+    physical = np.zeros((derivatives.shape[0], vector.size))
+    for place, name in enumerate(data.base.names):
         physical[:, place] = by[name]
     for place, name in enumerate(OWN_NAMES):
-        physical[:, rig.count + 3 * index + place] = by[name]
-    for k, (name, knob, of) in enumerate(hypothesis.knobs):
+        physical[:, data.count + 3 * index + place] = by[name]
+    for k, (name, free, of) in enumerate(vector.free_parameters):
         if of in (-1, index):
-            physical[:, hypothesis.offset + k] = by[f"{name}.{knob.name}"]
-    return np.asarray(physical @ hypothesis.slope(z))
+            physical[:, vector.offset + k] = by[f"{name}.{free.name}"]
+    return np.asarray(physical @ vector.slope(z))
 
 
-def _chosen(hypothesis: "Hypothesis", values: Values) -> tuple[tuple[str, float], ...]:
+def _chosen(vector: SearchVector, values: Values) -> tuple[tuple[str, float], ...]:
     """Return what is not searched, as the point has it: a screen tries one order after another."""
-    return tuple((f"{name}.{key}", values[name][key]) for name, given in hypothesis.fixed.items() for key in given)
+    return tuple((f"{name}.{key}", values[name][key]) for name, given in vector.fixed.items() for key in given)
 
 
 def _value(values: Values, full: str) -> float:

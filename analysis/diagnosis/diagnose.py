@@ -6,26 +6,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.diagnosis import words
+from analysis.diagnosis.acceptance import CLEAR_OF_A_MISFIT, accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
-from analysis.diagnosis.begin import accept, base_fit, explored
-from analysis.diagnosis.compare import Fitted
+from analysis.diagnosis.base_fit import accept, base_fit, explored
+from analysis.diagnosis.competing_models import apart
+from analysis.diagnosis.cross_validation import Prediction, choose, predict
 from analysis.diagnosis.driven import diagnose_driven
-from analysis.diagnosis.errors import errors
-from analysis.diagnosis.explore import LEAST_FALL, Trail, without
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.gates import CLEAR_OF_A_MISFIT, clear, pass_gates
-from analysis.diagnosis.held_out import Foretold, choose, foretell
-from analysis.diagnosis.hypothesis import Rig
-from analysis.diagnosis.knobs import Kind, kinds
+from analysis.diagnosis.forward_selection import LEAST_FALL, Trail, without
+from analysis.diagnosis.free_parameters import TrialEffect, trial_effects
+from analysis.diagnosis.full_rate import seen_finely
+from analysis.diagnosis.hypothesis import JointData
+from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
+from analysis.diagnosis.profile import with_profile_std
 from analysis.diagnosis.projector import Projector, projector
-from analysis.diagnosis.remainder import Remainder, describe, judge, looks_like
+from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
-from analysis.diagnosis.ripple import seen_finely
-from analysis.diagnosis.rivals import apart
 from analysis.diagnosis.samples import together
-from analysis.diagnosis.separate import Separation, least_seen, missed_without
-from analysis.diagnosis.settle import settle
-from analysis.diagnosis.widen import widened
 from analysis.fit import Fit
 from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
@@ -59,24 +57,24 @@ def diagnose(
         raise ValueError("no shot to diagnose")
     if model == "driven":
         return diagnose_driven(motions)
-    catalogue = kinds()
+    catalogue = trial_effects()
     tell("fitting the base model", 0.0)
-    rig = Rig(together(motions), base_named(model))
+    data = JointData(together(motions), base_named(model))
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop)
-    before = accept(base_fit(rig, fit_before, stop), catalogue, accepted, stop)
+    before = accept(base_fit(data, fit_before, stop), catalogue, accepted, stop)
     tell("scoring the catalogue", 0.15)
     best, trail = explored(before, fit_before, motions, catalogue, stop)
     best, trail = seen_finely(best, trail, motions) or (best, trail)
-    before, rig = trail.start, trail.start.hypothesis.rig
-    held = choose(rig, in_turn=best is not before) if hold_out is None else (hold_out,)
+    before, data = trail.start, trail.start.hypothesis.data
+    held = choose(data, in_turn=best is not before) if hold_out is None else (hold_out,)
     stands = settle(best, trail, held, tell)
     best, at, far, rest, told = stands.best, stands.at, stands.far, stands.rest, stands.told
     tell("telling look-alikes apart", 0.8)
     while True:
-        sure = widened(best, stop)
+        sure = with_profile_std(best, stop)
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], rest, far[n], trail) for n in trail.added(best)]
-        effects, verdict = pass_gates(found, rest, best)
+        effects, verdict = accepted_effects(found, rest, best)
         unclear = [effect.name for effect in found if not clear(effect, rest, CLEAR_OF_A_MISFIT)]
         if effects or not rest.significant or len(unclear) in (0, len(found)):
             break
@@ -87,7 +85,7 @@ def diagnose(
         best, at = fewer, projector(fewer)
         rest, far = judge(best, at), apart(best, at, trail)
     if best is not stands.passed and told is not None:
-        retold = foretell(best, held, best.floor, stop)
+        retold = predict(best, held, best.floor, stop)
         told = (told[0], retold) if retold is not None else None
     after = sure if effects else before
     left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(best, trail, rest)
@@ -103,13 +101,13 @@ def diagnose(
         candidates=_candidates(best, trail),
         error_before=error_before,
         error_after=error_after,
-        error_held_out_before=_held(motions, rig, held, told[0] if told else None, after.floor),
-        error_held_out_after=_held(motions, rig, held, told[1] if told else None, after.floor),
+        error_held_out_before=_held(motions, data, held, told[0] if told else None, after.floor),
+        error_held_out_after=_held(motions, data, held, told[1] if told else None, after.floor),
         fit_before=fit if fit is not None and not accepted else as_fit(before, motions, model, 0.0),
         fit_after=as_fit(after, motions, model, time.perf_counter() - began),
         remainder=left,
         blind_spots=_blind(at, catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
-        separating_shot=_separating(effects, rig),
+        separating_shot=_separating(effects, data),
         seconds=time.perf_counter() - began,
     )
     tell("diagnosed", 1.0)
@@ -117,7 +115,7 @@ def diagnose(
 
 
 def _found(
-    best: Fitted, name: str, parameters: dict[str, Quantity], remainder: Remainder, far: Separation, trail: Trail
+    best: Fitted, name: str, parameters: dict[str, Quantity], remainder: Residual, far: Separation, trail: Trail
 ) -> FoundEffect:
     """Return an effect with its evidence and with what else it may be."""
     trail.go_on()
@@ -146,7 +144,7 @@ def _found(
     return FoundEffect(name, parameters, evidence, tuple(others), words.found(name, parameters, others))
 
 
-def _unnamed(best: Fitted, trail: Trail, rest: Remainder) -> str:
+def _unnamed(best: Fitted, trail: Trail, rest: Residual) -> str:
     """Return what the model leaves over, and what would imitate it without being sure of a name."""
     added = [words.plain(name) for name in trail.added(best)]
     if not added:
@@ -157,15 +155,15 @@ def _unnamed(best: Fitted, trail: Trail, rest: Remainder) -> str:
 
 def _errors(motions: Sequence[Motion], fitted: Fitted, floor: Floor) -> Errors:
     hypothesis = fitted.hypothesis
-    return errors(motions, hypothesis.rig.shots, hypothesis.full(fitted.point), floor, hypothesis.size)
+    return errors(motions, hypothesis.data.shots, hypothesis.full(fitted.point), floor, hypothesis.size)
 
 
 def _held(
-    motions: Sequence[Motion], rig: Rig, held: tuple[int, ...], told: Foretold | None, floor: Floor
+    motions: Sequence[Motion], data: JointData, held: tuple[int, ...], told: Prediction | None, floor: Floor
 ) -> Errors | None:
     if not held or told is None:
         return None
-    return errors([motions[i] for i in held], [rig.shots[i] for i in held], told.displacement_m, floor, 3 * len(held))
+    return errors([motions[i] for i in held], [data.shots[i] for i in held], told.displacement_m, floor, 3 * len(held))
 
 
 def _candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
@@ -189,13 +187,13 @@ def _candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
     return tuple(out)
 
 
-def _blind(at: Projector, catalogue: Sequence[Kind], best: Fitted) -> tuple[str, ...]:
+def _blind(at: Projector, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[str, ...]:
     """Return what this data could not have shown, with the size from which it would have stood out by 5 sigma."""
     out = []
     for kind in catalogue:
         if kind.name in best.names or len(kind.starts) > 12:
             continue
-        if best.hypothesis.rig.base.one_body and not kind.one_body:
+        if best.hypothesis.data.base.one_body and not kind.one_body:
             continue
         least = least_seen(at, kind)
         name = kind.amplitude[0]
@@ -207,8 +205,8 @@ def _blind(at: Projector, catalogue: Sequence[Kind], best: Fitted) -> tuple[str,
     return tuple(out)
 
 
-def _separating(effects: Sequence[FoundEffect], rig: Rig) -> str:
-    speeds = [abs(s.course.velocity_in_m_per_s) for s in rig.shots]
+def _separating(effects: Sequence[FoundEffect], data: JointData) -> str:
+    speeds = [abs(s.course.velocity_in_m_per_s) for s in data.shots]
     return "; ".join(
         dict.fromkeys(
             words.separating(e.name, e.indistinguishable_from, speeds) for e in effects if e.indistinguishable_from

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.projector import Projector
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ def scan(at: Projector) -> tuple[Floats, Floats]:
 
 
 def _scan(at: Projector) -> tuple[Floats, Floats]:
-    shots = at.fitted.hypothesis.rig.shots
+    shots = at.fitted.hypothesis.data.shots
     length = max(shot.length_s for shot in shots)
     steps, f = [], 2.5 / length
     while f < min(2500.0, 0.4 / shots[0].spacing_s):
@@ -66,13 +66,13 @@ def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:
     return np.concatenate([turned.real, turned.imag], axis=1)
 
 
-def near_loud_lines(at: Projector, kind: Kind) -> list[Mapping[str, float]]:
+def near_loud_lines(at: Projector, kind: TrialEffect) -> list[Mapping[str, float]]:
     """Return starts of a line that hardly fades, at and beside the frequencies that stand out.
 
     Such a line is as narrow as one over the record, which at a kilohertz no grid of some per cent would meet.
     """
     grid, total = scan(at)
-    width = 1 / max(shot.length_s for shot in at.fitted.hypothesis.rig.shots)
+    width = 1 / max(shot.length_s for shot in at.fitted.hypothesis.data.shots)
     loud: list[float] = []
     for k in np.argsort(-total):
         if all(abs(grid[k] - other) > _APART * width for other in loud):

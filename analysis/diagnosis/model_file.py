@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.knobs import kinds
+from analysis.diagnosis.free_parameters import trial_effects
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.fit import Fit
 from analysis.quantity import Quantity
@@ -87,7 +87,7 @@ def from_text(text: str) -> SavedModel:
     if base not in BASES:
         raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
     effects = _strings(data, "effects")
-    known = {kind.name for kind in kinds()}
+    known = {kind.name for kind in trial_effects()}
     if unknown := [name for name in effects if name not in known]:
         raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
     parameters = {}

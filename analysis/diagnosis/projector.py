@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.hypothesis_fit import Fitted
 
 Floats = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Projector:
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
         """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
-        shots = self.fitted.hypothesis.rig.shots
+        shots = self.fitted.hypothesis.data.shots
         return np.concatenate([self.floor.whiten(c, s.valid, s.weight) for c, s in zip(columns, shots, strict=True)])
 
     def once(self, key: str, make: Callable[[], Any], *, under_any_floor: bool = False) -> Any:
@@ -62,7 +62,7 @@ def projector(
     ``lines`` are its displacement and derivatives, ``bare`` what else is known of it, where they are.
     """
     floor = floor or fitted.floor
-    shots = fitted.hypothesis.rig.shots
+    shots = fitted.hypothesis.data.shots
     lines = lines or fitted.hypothesis.linearised(fitted.z)
     rows = np.concatenate(
         [

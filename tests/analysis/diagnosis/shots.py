@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis import begin
-from analysis.diagnosis.compare import Fitted
-from analysis.diagnosis.hypothesis import Rig
-from analysis.diagnosis.knobs import kinds
+from analysis.diagnosis import base_fit as begin
+from analysis.diagnosis.free_parameters import trial_effects
+from analysis.diagnosis.hypothesis import JointData
+from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.samples import together
 from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
@@ -18,7 +18,7 @@ from instrument.bench.effects import Effects
 from instrument.bench.noise import Noise, NoiseKind
 
 WHITE_M = 1e-10
-KINDS = {kind.name: kind for kind in kinds()}
+KINDS = {kind.name: kind for kind in trial_effects()}
 
 
 def shots(effects: Effects, *, seed: int = 3, count: int = 3, floor: bool = False) -> tuple[Motion, ...]:
@@ -43,4 +43,4 @@ def calm() -> bool:
 
 def base_fit(motions: tuple[Motion, ...]) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate."""
-    return begin.base_fit(Rig(together(motions), base_named("paper")), fit_shots(motions), calm)
+    return begin.base_fit(JointData(together(motions), base_named("paper")), fit_shots(motions), calm)

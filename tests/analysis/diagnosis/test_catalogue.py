@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.diagnosis.knobs import kind_of, kinds
+from analysis.diagnosis.free_parameters import trial_effect, trial_effects
 from analysis.diagnosis.quick_shot import Optics, respond
 from analysis.model import general
 from analysis.model.effects import CATALOGUE
@@ -14,23 +14,23 @@ OWN = np.array([-0.265, 0.0101234, 0.0])
 
 
 def test_the_diagnosis_tries_what_the_catalogue_holds() -> None:
-    tried = {kind.name: kind for kind in kinds()}
+    tried = {kind.name: kind for kind in trial_effects()}
     assert list(tried) == list(CATALOGUE)
     for name, effect in CATALOGUE.items():
         kind = tried[name]
-        assert {knob.name for knob in kind.knobs} == {p.name for p in effect.parameters if not p.fixed}
-        assert set(kind.amplitude) <= {knob.name for knob in kind.knobs}
+        assert {free.name for free in kind.free_parameters} == {p.name for p in effect.parameters if not p.fixed}
+        assert set(kind.amplitude) <= {free.name for free in kind.free_parameters}
         for start in kind.starts:
             assert set(start) == {p.name for p in effect.parameters}
-            for knob in kind.knobs:
-                assert knob.low <= start[knob.name] <= knob.high
-                assert knob.to_value(knob.to_search(start[knob.name])) == pytest.approx(start[knob.name], rel=1e-12)
+            for free in kind.free_parameters:
+                assert free.low <= start[free.name] <= free.high
+                assert free.to_value(free.to_search(start[free.name])) == pytest.approx(start[free.name], rel=1e-12)
 
 
 @pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if e.kernel is not None and e.range_at < 0])
 def test_a_start_of_the_diagnosis_is_the_models_motion(name: str) -> None:
     effect = CATALOGUE[name]
-    starts = kind_of(effect).starts
+    starts = trial_effect(effect).starts
     values = starts[len(starts) // 2]
     quick = respond(TIME_S, PAPER.vector[:4], OWN, {name: values}, PAPER.block_mass_kg, Optics(632.8e-9, 1e5))
     active = general.Active(effect, tuple(values[p.name] for p in effect.parameters))

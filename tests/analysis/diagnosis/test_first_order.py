@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.diagnosis import hypothesis, screen
-from analysis.diagnosis.compare import fit
+from analysis.diagnosis import hypothesis, screening
+from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.first_order import Shot, along, path_of, responses, steps_for
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Rig
-from analysis.diagnosis.knobs import kind_of
+from analysis.diagnosis.free_parameters import trial_effect
+from analysis.diagnosis.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.hypothesis_fit import fit
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.quick_shot import Optics, respond
 from analysis.diagnosis.samples import together
-from analysis.diagnosis.seen import Point
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.model.fitting import base_named
@@ -60,7 +60,7 @@ def difference(row: Effect, start: Mapping[str, float], have: Any, own: np.ndarr
 def check(row: Effect, have: Any, speed: float, points: int) -> None:
     own = np.array([speed, 0.0101234, 3e-6])
     shot = Shot(TIME_S, PAPER.vector[:4], own, have, PAPER.block_mass_kg, OPTICS)
-    starts = kind_of(row).starts
+    starts = trial_effect(row).starts
     for k in np.unique(np.linspace(0, len(starts) - 1, points).astype(int)):
         start = starts[k]
         found = responses(shot, path_of(shot, steps_for(shot, row, start)), row, [small(row, start, SMALL)])
@@ -93,7 +93,7 @@ def test_a_made_up_effect_is_known_by_its_function_alone(monkeypatch: pytest.Mon
 def test_many_starts_at_once_are_each_as_if_alone() -> None:
     shot = Shot(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), {}, PAPER.block_mass_kg, OPTICS)
     row = CATALOGUE["block_mode"]
-    starts = kind_of(row).starts[20:120:9]
+    starts = trial_effect(row).starts[20:120:9]
     path = path_of(shot, 2)
     together = responses(shot, path, row, starts)
     assert together is not None
@@ -122,21 +122,21 @@ def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pyt
     speeds = (-0.15, -0.40)
     effects = {"block_mode": (2e-6, 870.0, 0.02)}
     motions = [simulated(PAPER.at_speed(v), effects=effects, seed=i) for i, v in enumerate(speeds)]
-    rig = Rig(together(motions), base_named("paper"))
-    bare = Hypothesis(rig, ())
+    data = JointData(together(motions), base_named("paper"))
+    bare = Hypothesis(data, ())
     own = np.array([[v, 0.0123456, 3.1e-3] for v in speeds])
     start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))
-    fitted = fit(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s))
-    kinds = [kind_of(CATALOGUE[name]) for name in LINEAR[:3]]
+    fitted = fit(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s))
+    kinds = [trial_effect(CATALOGUE[name]) for name in LINEAR[:3]]
     # The first order is that of a small effect: beside the contact's own swing a mode of 0.1 kg is not.
     kinds = [
         replace(kind, starts=tuple({**s, "mass_kg": 2.0} if kind.inverse else s for s in kind.starts[::5]))
         for kind in kinds
     ]
-    quick = [screen.scores(projector(fitted), kind) for kind in kinds]
-    monkeypatch.setattr(screen, "MANY_STARTS", 10**9)
+    quick = [screening.scores(projector(fitted), kind) for kind in kinds]
+    monkeypatch.setattr(screening, "MANY_STARTS", 10**9)
     monkeypatch.setattr(hypothesis, "COARSE", 0.06)  # what both trajectories err must not stand in their difference
-    slow = [screen.scores(projector(fitted), kind) for kind in kinds]
+    slow = [screening.scores(projector(fitted), kind) for kind in kinds]
     for one, other in zip(quick, slow, strict=True):
         assert len(one) == len(other), one[0].kind.name
         assert abs(one[0].start[0]["frequency_hz"] / other[0].start[0]["frequency_hz"] - 1) < 0.01

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis import diagnose
-from analysis.diagnosis.compare import fit
+from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Rig
-from analysis.diagnosis.knobs import kinds
+from analysis.diagnosis.free_parameters import trial_effects
+from analysis.diagnosis.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.hypothesis_fit import fit
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.samples import together
-from analysis.diagnosis.screen import scores
-from analysis.diagnosis.seen import Point
+from analysis.diagnosis.screening import scores
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
 from analysis.model.effects.row import Sensed
@@ -92,12 +92,12 @@ def test_what_remembers_and_what_only_the_sensor_shows_score_best(
 ) -> None:
     monkeypatch.setitem(CATALOGUE, row.name, row)
     motions = [shot(PAPER.at_speed(v), effects={row.name: values}, seed=i) for i, v in enumerate(SPEEDS)]
-    rig = Rig(together(motions), base_named("paper"))
-    bare = Hypothesis(rig, ())
+    data = JointData(together(motions), base_named("paper"))
+    bare = Hypothesis(data, ())
     own = np.array([[v, 0.0123456, 3.1e-3] for v in SPEEDS])
     start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))
-    at = projector(fit(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s)))
+    at = projector(fit(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)))
     like = ("viscous_drag", "quadratic_drag", "tilt", "sensor_drift", row.name)
-    gains = {kind.name: scores(at, kind)[0].gain for kind in kinds() if kind.name in like}
+    gains = {kind.name: scores(at, kind)[0].gain for kind in trial_effects() if kind.name in like}
     assert max(gains, key=lambda name: gains[name]) == row.name
     assert gains[row.name] > 100

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor, learn
-from analysis.diagnosis.hypothesis import Hypothesis, Rig
-from analysis.diagnosis.seen import Point
+from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.model.least_squares import Infeasible, Minimum, Square, covariance, minimise
 from analysis.shot import Stop
 
@@ -53,11 +53,11 @@ class Fitted:
     @property
     def samples(self) -> int:
         """Get the number of valid averaged samples."""
-        return sum(int(shot.valid.sum()) for shot in self.hypothesis.rig.shots)
+        return sum(int(shot.valid.sum()) for shot in self.hypothesis.data.shots)
 
     def whitened(self, floor: Floor | None = None) -> list[Floats]:
         """Return what is left over at the valid samples, shot by shot, in units of ``floor`` (its own)."""
-        shots = self.hypothesis.rig.shots
+        shots = self.hypothesis.data.shots
         return [
             (floor or self.floor).whiten(left[:, None], shot.valid, shot.weight)[:, 0]
             for left, shot in zip(self.residual_m, shots, strict=True)
@@ -72,7 +72,7 @@ class Fitted:
 def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
     """Return the whitened sum of squares at ``z`` with its derivatives."""
     rows = []
-    for shot, (here, columns) in zip(hypothesis.rig.shots, hypothesis.linearised(z), strict=True):
+    for shot, (here, columns) in zip(hypothesis.data.shots, hypothesis.linearised(z), strict=True):
         both = floor.whiten(np.column_stack([here - shot.displacement_m, columns]), shot.valid, shot.weight)
         if not np.all(np.isfinite(both)):
             raise Infeasible("the trajectory is not finite")
@@ -92,7 +92,7 @@ def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
 
 def whitened_residual(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Floats:
     """Return model minus measured at ``z``, whitened, all shots one after another."""
-    shots = hypothesis.rig.shots
+    shots = hypothesis.data.shots
     return np.concatenate(
         [
             floor.whiten((x - shot.displacement_m)[:, None], shot.valid, shot.weight)[:, 0]
@@ -103,19 +103,19 @@ def whitened_residual(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Floats
 
 def residuals(hypothesis: Hypothesis, z: Floats) -> tuple[Floats, ...]:
     """Return measured minus model, averaged, shot by shot."""
-    shots = hypothesis.rig.shots
+    shots = hypothesis.data.shots
     return tuple(shot.displacement_m - x for shot, x in zip(shots, hypothesis.displacement(z), strict=True))
 
 
-def learn_floor(rig: Rig, left: Sequence[Floats], start: Floor | None = None) -> tuple[Floor, float]:
+def learn_floor(data: JointData, left: Sequence[Floats], start: Floor | None = None) -> tuple[Floor, float]:
     """Return the floor of what is left over, and the log-likelihood."""
     return learn(
         left,
-        [shot.valid for shot in rig.shots],
-        rig.shots[0].spacing_s,
-        weights=[shot.weight for shot in rig.shots],
+        [shot.valid for shot in data.shots],
+        data.shots[0].spacing_s,
+        weights=[shot.weight for shot in data.shots],
         start=start,
-        parts=rig.parts,
+        parts=data.parts,
     )
 
 
@@ -144,7 +144,7 @@ def search(
 def finish(hypothesis: Hypothesis, found: Minimum) -> Fitted:
     """Learn the floor of a found minimum and give it its likelihood."""
     left = residuals(hypothesis, found.parameters)
-    floor, value = learn_floor(hypothesis.rig, left)
+    floor, value = learn_floor(hypothesis.data, left)
     inverse = covariance(found.square)
     converged = found.converged
     if inverse is None:

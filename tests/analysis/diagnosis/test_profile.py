@@ -2,21 +2,21 @@
 
 import numpy as np
 
-from analysis.diagnosis.compare import fit
+from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.seen import Point
-from analysis.diagnosis.widen import widened
+from analysis.diagnosis.hypothesis_fit import fit
+from analysis.diagnosis.profile import with_profile_std
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
 def test_an_attraction_is_no_surer_than_the_likelihood_along_its_valley() -> None:
     true = {"force_n": 3.2e-7, "range_m": 3e-5}
     start = base_fit(shots({"adhesion": true}))
-    assert widened(start, calm) is start
-    hypothesis = Hypothesis(start.hypothesis.rig, (KINDS["adhesion"],))
+    assert with_profile_std(start, calm) is start
+    hypothesis = Hypothesis(start.hypothesis.data, (KINDS["adhesion"],))
     z = hypothesis.pack(Point(start.point.base, start.point.own, ({"adhesion": true},) * 3))
     best = fit(hypothesis, z, start.floor, evaluations=60)
-    wide = widened(best, calm)
+    wide = with_profile_std(best, calm)
     own = slice(hypothesis.offset, hypothesis.size)
     assert np.all(wide.std[own] >= best.std[own] * (1 - 1e-12)) and np.any(wide.std[own] > 1.1 * best.std[own])
     assert np.array_equal(wide.std[: hypothesis.offset], best.std[: hypothesis.offset])

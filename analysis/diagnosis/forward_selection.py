@@ -8,14 +8,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted, fit
+from analysis.diagnosis.added_effect import refit, united
+from analysis.diagnosis.effective_parameters import Point, to_effective
 from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.knobs import Kind
-from analysis.diagnosis.one_more import refit, united
+from analysis.diagnosis.hypothesis_fit import Fitted, fit
 from analysis.diagnosis.projector import Projector, projector
-from analysis.diagnosis.screen import Score, scores
-from analysis.diagnosis.seen import Point, as_seen
+from analysis.diagnosis.screening import Score, scores
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
@@ -40,7 +40,7 @@ class Trail:
     """A search from ``start`` through ``catalogue``: every effect's first score, and every best fit on the way."""
 
     start: Fitted
-    catalogue: Sequence[Kind]
+    catalogue: Sequence[TrialEffect]
     stop: Stop
     scores: dict[str, Score] = field(default_factory=dict)
     fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
@@ -70,7 +70,9 @@ class Trail:
         return self.fits.get(tuple(sorted(names)))
 
 
-def explore(start: Fitted, catalogue: Sequence[Kind], stop: Stop, *, most: int = MOST_EFFECTS) -> tuple[Fitted, Trail]:
+def explore(
+    start: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, *, most: int = MOST_EFFECTS
+) -> tuple[Fitted, Trail]:
     """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
     trail = Trail(start, catalogue, stop)
     return climb(start, trail, most), trail
@@ -129,7 +131,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
     at = projector(here)
     trail.last = at
     free = [kind for kind in trail.catalogue if kind.name not in here.names]
-    if here.hypothesis.rig.base.one_body:
+    if here.hypothesis.data.base.one_body:
         free = [kind for kind in free if kind.one_body]
     ranked = _ranked(at, free, trail)
     if first:
@@ -170,10 +172,10 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
     return best
 
 
-def _ranked(at: Projector, free: Sequence[Kind], trail: Trail) -> list[list[Score]]:
+def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[list[Score]]:
     """Return the scores of every effect that has any, the one most worth its parameters first."""
 
-    def scored(kind: Kind) -> list[Score]:
+    def scored(kind: TrialEffect) -> list[Score]:
         trail.go_on()
         return scores(at, kind)
 
@@ -194,15 +196,18 @@ def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
         return known
     trail.asked.add(tuple(sorted(names)))
     hypothesis = Hypothesis(
-        fitted.hypothesis.rig,
+        fitted.hypothesis.data,
         tuple(kind for kind in fitted.hypothesis.effects if kind.name != name),
         {key: value for key, value in fitted.hypothesis.fixed.items() if key != name},
     )
-    seen = as_seen(fitted.point)
-    values = tuple({key: value for key, value in v.items() if key != name} for v in seen.values)
+    effective = to_effective(fitted.point)
+    values = tuple({key: value for key, value in v.items() if key != name} for v in effective.values)
     try:
         trial = fit(
-            hypothesis, hypothesis.pack_seen(Point(seen.base, seen.own, values)), fitted.floor, cancelled=trail.stop
+            hypothesis,
+            hypothesis.pack_effective(Point(effective.base, effective.own, values)),
+            fitted.floor,
+            cancelled=trail.stop,
         )
     except Infeasible:
         return known

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis import first_order
+from analysis.diagnosis.effective_parameters import Point, to_actual, to_effective
+from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.knobs import Kind
 from analysis.diagnosis.lines import near_loud_lines, scan
 from analysis.diagnosis.projector import Projector
 from analysis.diagnosis.samples import Samples
-from analysis.diagnosis.seen import Point, as_is, as_seen
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
 from analysis.side_by_side import side_by_side
@@ -32,7 +32,7 @@ class Score:
     displacement at that step (all shots in one row), for the angle to other effects.
     """
 
-    kind: Kind
+    kind: TrialEffect
     start: tuple[Mapping[str, float], ...]
     gain: float
     freedom: int
@@ -45,18 +45,18 @@ class Score:
         return self.gain - self.freedom * math.log(samples)
 
 
-def scores(at: Projector, kind: Kind) -> list[Score]:
+def scores(at: Projector, kind: TrialEffect) -> list[Score]:
     """Return the scores of one effect, one a start, best first."""
     if kind.name == "frame_vibration":
         return _vibration(at, kind)
     with_it = Hypothesis(
-        at.fitted.hypothesis.rig,
+        at.fitted.hypothesis.data,
         (*at.fitted.hypothesis.effects, kind),
         {**at.fitted.hypothesis.fixed, kind.name: fixed_of(kind, kind.starts[0])},
     )
     point = at.fitted.point
-    seen = as_seen(point)
-    shots = at.fitted.hypothesis.rig.shots
+    effective = to_effective(point)
+    shots = at.fitted.hypothesis.data.shots
     # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
     sensor = named(kind.name).sensor is not None
     base = at.once(
@@ -67,9 +67,9 @@ def scores(at: Projector, kind: Kind) -> list[Score]:
     freedom = len(kind.shared) + len(kind.own) * len(shots)
 
     def column(start: Mapping[str, float]) -> list[Floats] | None:
-        values = tuple({**v, kind.name: start} for v in seen.values)
+        values = tuple({**v, kind.name: start} for v in effective.values)
         try:
-            moved = as_is(Point(seen.base, seen.own, values))
+            moved = to_actual(Point(effective.base, effective.own, values))
             x = [_shown(with_it, i, moved, sensor) for i in range(len(shots))]
         except Infeasible:
             return None
@@ -101,12 +101,12 @@ def _shown(hypothesis: Hypothesis, index: int, point: Point, sensor: bool) -> Fl
 
 def _columns(
     at: Projector,
-    kind: Kind,
+    kind: TrialEffect,
     starts: Sequence[Mapping[str, float]],
     column: Callable[[Mapping[str, float]], list[Floats] | None],
 ) -> tuple[list[Mapping[str, float]], list[Floats]]:
     """Return the starts that have a trajectory and their columns, shot by shot of shape (n, starts)."""
-    shots = at.fitted.hypothesis.rig.shots
+    shots = at.fitted.hypothesis.data.shots
     inside = [start for start in starts if within(start, shots)]
     if len(inside) > MANY_STARTS:
         found = _first_order(at, kind, inside)
@@ -120,10 +120,10 @@ def _columns(
     return [start for start, _ in good], joined
 
 
-def _first_order(at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]]) -> list[Floats] | None:
+def _first_order(at: Projector, kind: TrialEffect, starts: Sequence[Mapping[str, float]]) -> list[Floats] | None:
     """Return the columns of starts to first order, or None where that does not serve this effect."""
     effect = named(kind.name)
-    shots = [at.fitted.hypothesis.seen_at(i, at.fitted.point) for i in range(len(at.fitted.hypothesis.rig.shots))]
+    shots = [at.fitted.hypothesis.shot_at(i, at.fitted.point) for i in range(len(at.fitted.hypothesis.data.shots))]
     steps = np.array([first_order.steps_for(shots[0], effect, start) for start in starts])
 
     def of_shot(index: int) -> Floats | None:
@@ -146,7 +146,7 @@ def _first_order(at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]
     return every if len(every) == len(shots) else None
 
 
-def _between(listed: Sequence[Score], kind: Kind) -> list[Mapping[str, float]]:
+def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, float]]:
     """Return starts around the best two peaks: a line that hardly fades is narrower than the grid's steps."""
     ranked = sorted(listed, key=lambda score: -score.gain)
     peaks = [ranked[0]]
@@ -167,32 +167,32 @@ def _between(listed: Sequence[Score], kind: Kind) -> list[Mapping[str, float]]:
 
 
 def _linear(
-    at: Projector, kind: Kind, starts: Sequence[Mapping[str, float]], bare: Floats, freedom: int
+    at: Projector, kind: TrialEffect, starts: Sequence[Mapping[str, float]], bare: Floats, freedom: int
 ) -> list[Score]:
     """Return the scores of columns in whose amplitude the displacement is linear (signs kept physical)."""
-    shots = at.fitted.hypothesis.rig.shots
+    shots = at.fitted.hypothesis.data.shots
     rows = at.projected(bare)
     power = np.einsum("ij,ij->j", rows, rows)
     along = rows.T @ at.left
-    knob = next(knob for knob in kind.knobs if knob.name == kind.amplitude[0])
+    free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
     out = []
     for k, begin in enumerate(starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
         start = dict(begin)
         if kind.inverse:  # its effect goes as one over the amplitude (a mass)
             factor = max(factor, 1e-9)
-            start[knob.name] = start[knob.name] / factor
+            start[free.name] = start[free.name] / factor
             factor = factor if factor > 1e-9 else 0.0
         elif kind.name == "demodulation_lag":  # what is not a mere delay goes as its square
             factor = max(factor, 0.0)
-            start[knob.name] = max(start[knob.name] * math.sqrt(factor), knob.low)
+            start[free.name] = max(start[free.name] * math.sqrt(factor), free.low)
         else:
-            if knob.low >= 0:
+            if free.low >= 0:
                 factor = max(factor, 0.0)
-            start[knob.name] = min(max(start[knob.name] * factor, knob.low), knob.high)
+            start[free.name] = min(max(start[free.name] * factor, free.low), free.high)
         gain = 2 * factor * along[k] - factor**2 * power[k]
         direction = factor * rows[:, k]
-        unit = begin[knob.name]
+        unit = begin[free.name]
         out.append(Score(kind, (start,) * len(shots), float(gain), freedom, direction, float(power[k]), unit))
     return out
 
@@ -203,17 +203,17 @@ def within(start: Mapping[str, float], shots: Sequence[Samples]) -> bool:
     return f is None or 2.5 / max(s.length_s for s in shots) < f < 0.45 / shots[0].spacing_s
 
 
-def fixed_of(kind: Kind, start: Mapping[str, float]) -> Mapping[str, float]:
+def fixed_of(kind: TrialEffect, start: Mapping[str, float]) -> Mapping[str, float]:
     """Return the values of a start that are not searched."""
-    names = {knob.name for knob in kind.knobs}
+    names = {free.name for free in kind.free_parameters}
     return {name: value for name, value in start.items() if name not in names}
 
 
 def _own_amplitudes(
-    at: Projector, kind: Kind, column: Callable[[Mapping[str, float]], list[Floats] | None], freedom: int
+    at: Projector, kind: TrialEffect, column: Callable[[Mapping[str, float]], list[Floats] | None], freedom: int
 ) -> list[Score]:
     """Score an effect whose amplitudes are every shot's own (plate motion; cyclic error's phase as two quadratures)."""
-    shots = at.fitted.hypothesis.rig.shots
+    shots = at.fitted.hypothesis.data.shots
     out = []
     for start in kind.starts:
         if "phase_rad" in start:
@@ -251,9 +251,9 @@ def _own_amplitudes(
     return out
 
 
-def _vibration(at: Projector, kind: Kind) -> list[Score]:
+def _vibration(at: Projector, kind: TrialEffect) -> list[Score]:
     """Score a line of the frame: any amplitude and phase a shot, frequencies dense against 1 / record."""
-    shots = at.fitted.hypothesis.rig.shots
+    shots = at.fitted.hypothesis.data.shots
     grid, total = scan(at)
     freedom = len(kind.shared) + len(shots)
     out = []

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.compare import Fitted, square_of, whitened_residual
 from analysis.diagnosis.derivatives import has_tangents
+from analysis.diagnosis.hypothesis_fit import Fitted, square_of, whitened_residual
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible, minimise
 from analysis.shot import Stop
@@ -21,7 +21,7 @@ _FLAT = 0.05  # of chi^2: not even a tenth of the way
 _WIDEST = 4.0  # times, from one try to the next
 
 
-def widened(fitted: Fitted, stop: Stop) -> Fitted:
+def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
     """Return the fit with uncertainties of its attraction as wide as the wider side of the profile likelihood.
 
     Never narrower than the curvature says.  Any other fit comes back as it is.  Cost: 0.3 s a parameter.
@@ -29,7 +29,9 @@ def widened(fitted: Fitted, stop: Stop) -> Fitted:
     hypothesis = fitted.hypothesis
     if has_tangents(hypothesis) or not np.all(np.isfinite(fitted.inverse)):
         return fitted
-    places = [k for k, (name, _, _) in enumerate(hypothesis.knobs, hypothesis.offset) if named(name).range_at >= 0]
+    places = [
+        k for k, (name, _, _) in enumerate(hypothesis.free_parameters, hypothesis.offset) if named(name).range_at >= 0
+    ]
     sides = side_by_side(lambda one: _off(fitted, *one, stop), [(at, side) for at in places for side in (-1.0, 1.0)])
     inverse = fitted.inverse.copy()
     for k, at in enumerate(places):

@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
-from analysis.diagnosis.compare import Fitted
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.misfit import NOTHING, Misfit, colour, gain, worst
+from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.lack_of_fit import NOTHING, LackOfFit, colour, gain, worst
 from analysis.diagnosis.projector import Projector
+from analysis.diagnosis.result import Errors
 from analysis.diagnosis.samples import Samples
+from analysis.motion import Motion
 from analysis.side_by_side import side_by_side
+from analysis.signal.filters import derivatives
 
 Floats = NDArray[np.float64]
 _CONTACT = np.array([0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0])  # knots, in contact times
@@ -25,7 +28,7 @@ WORST_RATIO = 2.5
 
 
 @dataclass(frozen=True, slots=True)
-class Remainder:
+class Residual:
     """``significant``: more than noise; ``coherence`` is the likelihood ratio of a shape shared by all shots.
 
     ``limit`` is what it may reach by chance.  ``correlation`` and ``ratio`` are of the whitened remainder: its largest
@@ -38,7 +41,7 @@ class Remainder:
     ratio: float
     text: str
     size: float = 0.0  # of a significant shared shape, in units of the noise
-    misfit: Misfit = NOTHING  # the freedom that the hypothesis misses most
+    misfit: LackOfFit = NOTHING  # the freedom that the hypothesis misses most
 
     @property
     def missed(self) -> float:
@@ -61,9 +64,9 @@ class Remainder:
         return self.rough or self.coherence > self.limit or self.misfitting
 
 
-def judge(fitted: Fitted, at: Projector) -> Remainder:
+def judge(fitted: Fitted, at: Projector) -> Residual:
     """Test what a fit leaves over."""
-    shots = fitted.hypothesis.rig.shots
+    shots = fitted.hypothesis.data.shots
     white = fitted.whitened()
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
@@ -72,7 +75,7 @@ def judge(fitted: Fitted, at: Projector) -> Remainder:
     limit *= slow
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
     calm = "nothing is left that the noise does not do"
-    rest = Remainder(coherence, limit, correlation, ratio, calm, size, worst(fitted, at, slow))
+    rest = Residual(coherence, limit, correlation, ratio, calm, size, worst(fitted, at, slow))
     return replace(rest, text=describe(fitted) + looks_like(rest.misfit)) if rest.significant else rest
 
 
@@ -117,7 +120,7 @@ def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
 
     The shape is free (bumps over the time since touch), its size goes as the speed to the power 0, 1 or 2.
     """
-    shots = fitted.hypothesis.rig.shots
+    shots = fitted.hypothesis.data.shots
     fastest = max(abs(s.course.velocity_in_m_per_s) for s in shots)
     bumps = [_bumps(shot) for shot in shots]
 
@@ -151,7 +154,7 @@ def _bumps(shot: Samples) -> Floats:
 
 def describe(fitted: Fitted) -> str:
     """Return in words where the remainder is large, how it goes with the speed, and its strongest line."""
-    shots = fitted.hypothesis.rig.shots
+    shots = fitted.hypothesis.data.shots
     square: dict[str, list[float]] = {}
     sizes, speeds = [], []
     for shot, residual in zip(shots, fitted.residual_m, strict=True):
@@ -175,7 +178,7 @@ def describe(fitted: Fitted) -> str:
     return "; ".join(parts)
 
 
-def looks_like(misfit: Misfit, what: str = "it") -> str:
+def looks_like(misfit: LackOfFit, what: str = "it") -> str:
     """Return the freedom that ``what`` misses most, in words that continue a description, or nothing."""
     return f"; {what} looks like {misfit.shape}" if misfit.significant else ""
 
@@ -186,7 +189,7 @@ def _nm(value: float) -> str:
 
 def _line(fitted: Fitted) -> float | None:
     """Return the frequency of a line that stands out of the whitened remainder of all shots, or None."""
-    shots = fitted.hypothesis.rig.shots
+    shots = fitted.hypothesis.data.shots
     total: Floats | None = None
     size = min(int(s.valid.sum()) for s in shots)
     for white in fitted.whitened():
@@ -198,3 +201,37 @@ def _line(fitted: Fitted) -> float | None:
     if total[peak] < 12 * middle:
         return None
     return float(peak / (size * shots[0].spacing_s))
+
+
+def errors(
+    motions: Sequence[Motion],
+    shots: Sequence[Samples],
+    displacement_m: Sequence[Floats],
+    floor: Floor,
+    parameters: int,
+) -> Errors:
+    """Return the errors of modelled displacements (one a shot, on the motion's grid), pooled over the shots.
+
+    Displacement at the motion's own rate; velocity and force through the motion's own filters, model and measurement
+    alike.  ``reduced_chi2`` is whitened by ``floor`` (give the same one before and after), over samples less
+    ``parameters``.
+    """
+    sums, counts = np.zeros(3), np.zeros(3)
+    chi2, samples = 0.0, 0
+    for motion, shot, model in zip(motions, shots, displacement_m, strict=True):
+        velocity, acceleration = derivatives(model, motion.sample_rate_hz, motion.bandwidth_hz)
+        left = (
+            motion.displacement_m - model,
+            motion.velocity_m_per_s - velocity,
+            motion.moving_mass_kg * (motion.acceleration_m_per_s2 - acceleration),
+        )
+        for k, values in enumerate(left):
+            good = values[shot.used & np.isfinite(values)]
+            sums[k] += float(good @ good)
+            counts[k] += good.size
+        rest = (shot.displacement_m - shot.averaged(model))[:, None]
+        white = floor.whiten(rest, shot.valid, shot.weight)
+        chi2 += float(np.sum(white**2))
+        samples += white.size
+    rms = np.sqrt(sums / np.maximum(counts, 1))
+    return Errors(float(rms[0]), float(rms[1]), float(rms[2]), chi2 / max(1, samples - parameters))

@@ -30,7 +30,7 @@ class Point:
     values: tuple[Values, ...]
 
 
-def as_seen(point: Point) -> Point:
+def to_effective(point: Point) -> Point:
     """Return the point as the record shows it."""
     own = point.own + [[0.0, _delay(values), 0.0] for values in point.values]
     clamp = point.values[0].get(CLAMP)
@@ -40,17 +40,17 @@ def as_seen(point: Point) -> Point:
     return _clamped(point, own, point.base[0] / both, clamp["frequency_hz"] * math.sqrt(both))
 
 
-def as_is(seen: Point) -> Point:
+def to_actual(effective: Point) -> Point:
     """Return the point that is seen so; Infeasible where no plate would be left."""
-    own = seen.own - [[0.0, _delay(values), 0.0] for values in seen.values]
-    clamp = seen.values[0].get(CLAMP)
+    own = effective.own - [[0.0, _delay(values), 0.0] for values in effective.values]
+    clamp = effective.values[0].get(CLAMP)
     if clamp is None:
-        return Point(seen.base, own, seen.values)
-    left = _left(seen.base[0], clamp)
-    return _clamped(seen, own, seen.base[0] / left, clamp["frequency_hz"] * math.sqrt(left))
+        return Point(effective.base, own, effective.values)
+    left = _left(effective.base[0], clamp)
+    return _clamped(effective, own, effective.base[0] / left, clamp["frequency_hz"] * math.sqrt(left))
 
 
-def slope(seen: Point, size: int, at: Mapping[tuple[str, str], int], touches: list[int]) -> Floats:
+def slope(effective: Point, size: int, at: Mapping[tuple[str, str], int], touches: list[int]) -> Floats:
     """Return the derivatives of parameters as they are by those that are seen, shape (size, size).
 
     ``at`` says where in the vector an (effect, parameter) stands, ``touches`` where each shot's touch time does.
@@ -59,8 +59,8 @@ def slope(seen: Point, size: int, at: Mapping[tuple[str, str], int], touches: li
     if (lag := at.get((LAG, "time_s"))) is not None:
         out[touches, lag] = -1.0
     if (soft := at.get((CLAMP, "compliance_m_per_n"))) is not None:
-        clamp, fast = seen.values[0][CLAMP], at[CLAMP, "frequency_hz"]
-        stiffness, left = float(seen.base[0]), _left(seen.base[0], clamp)
+        clamp, fast = effective.values[0][CLAMP], at[CLAMP, "frequency_hz"]
+        stiffness, left = float(effective.base[0]), _left(effective.base[0], clamp)
         root = math.sqrt(left)
         by_left = -0.5 * clamp["frequency_hz"] / root
         out[0, [0, soft]] = 1 / left**2, (stiffness / left) ** 2

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted
-from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.effective_parameters import Point, to_actual, to_effective
+from analysis.diagnosis.free_parameters import TrialEffect
+from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.projector import Projector, orthonormal
-from analysis.diagnosis.screen import scores
-from analysis.diagnosis.seen import Point, as_is, as_seen
+from analysis.diagnosis.screening import scores
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
@@ -40,15 +40,15 @@ class Separation:
 def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
     """Return the projector of a fit whose ``left`` is what one of its effects does beside all other parameters."""
     hypothesis = fitted.hypothesis
-    own = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.knobs) if effect == name]
+    own = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.free_parameters) if effect == name]
     keep = np.setdiff1d(np.arange(hypothesis.size), own)
     basis = orthonormal(at.tangents[:, keep])
     point = fitted.point
     kind = next(k for k in hypothesis.effects if k.name == name)
-    shots = hypothesis.rig.shots
-    seen = as_seen(point)
-    nothing = tuple({**v, name: _nothing(kind, v[name])} for v in seen.values)
-    without = as_is(Point(seen.base, seen.own, nothing))
+    shots = hypothesis.data.shots
+    effective = to_effective(point)
+    nothing = tuple({**v, name: _nothing(kind, v[name])} for v in effective.values)
+    without = to_actual(Point(effective.base, effective.own, nothing))
     rows = [(hypothesis.coarse(i, point) - hypothesis.coarse(i, without))[:, None] for i in range(len(shots))]
     done = at.whitened(rows)[:, 0]
     return replace(at, basis=basis, left=done - basis @ (basis.T @ done))
@@ -71,12 +71,12 @@ def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
     return float(np.sqrt(max(0.0, chi2[0] - chi2[1])))
 
 
-def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[Kind]) -> Separation:
+def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[TrialEffect]) -> Separation:
     """Return how far one effect of a fit stands from everything else in the catalogue (signs kept physical)."""
     alone = beside(fitted, at, name)
     whole = float(alone.left @ alone.left)
     others = [k for k in catalogue if k.name not in fitted.names]
-    if fitted.hypothesis.rig.base.one_body:
+    if fitted.hypothesis.data.base.one_body:
         others = [k for k in others if k.one_body]
     distance: dict[str, float] = {}
     starts: dict[str, tuple[Mapping[str, float], ...]] = {}
@@ -87,14 +87,14 @@ def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[Kin
     return Separation(float(np.sqrt(whole)), distance, starts)
 
 
-def _nothing(kind: Kind, values: Mapping[str, float]) -> dict[str, float]:
+def _nothing(kind: TrialEffect, values: Mapping[str, float]) -> dict[str, float]:
     """Return an effect's values at which it does nothing."""
     if kind.inverse:
         return {**values, kind.amplitude[0]: 1e9}
     return {**values, **dict.fromkeys(kind.amplitude, 0.0)}
 
 
-def least_seen(at: Projector, kind: Kind, snr: float = 5.0) -> float | None:
+def least_seen(at: Projector, kind: TrialEffect, snr: float = 5.0) -> float | None:
     """Return the smallest first amplitude of an effect that would stand out by ``snr``, None where none would."""
     probe = replace(at, left=np.zeros_like(at.left))
     listed = scores(probe, kind)

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.diagnosis.compare import Fitted, finish, fit, search
-from analysis.diagnosis.explore import Trail, better, climb, explore
+from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Rig
-from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.forward_selection import Trail, better, climb, explore
+from analysis.diagnosis.free_parameters import TrialEffect
+from analysis.diagnosis.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.hypothesis_fit import Fitted, finish, fit, search
 from analysis.diagnosis.quick_shot import too_fast
-from analysis.diagnosis.seen import Point
 from analysis.fit import Fit
 from analysis.model.fitting import first_guesses, prepare
 from analysis.model.least_squares import Infeasible
@@ -23,20 +23,20 @@ DRAWN_FAR = 1e6  # of chi^2 a sample, where the base did not even arrive
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
 
-def base_fit(rig: Rig, given: Fit, stop: Stop) -> Fitted:
+def base_fit(data: JointData, given: Fit, stop: Stop) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate, from one that is given."""
-    names = rig.base.names
+    names = data.base.names
     own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
     point = Point(
-        np.array([given.parameters[name].value for name in names]), np.array(own), tuple({} for _ in rig.shots)
+        np.array([given.parameters[name].value for name in names]), np.array(own), tuple({} for _ in data.shots)
     )
-    hypothesis = Hypothesis(rig, ())
+    hypothesis = Hypothesis(data, ())
     point = _slow_enough(hypothesis, point)
-    quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in rig.shots])
+    quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in data.shots])
     if quick.size < 100:
         raise AnalysisError("too few samples for a diagnosis")
     white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
-    floor = Floor(white, (0.0, 0.0), (1e-2, 1e-2), rig.shots[0].spacing_s)
+    floor = Floor(white, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)
     try:
         return fit(hypothesis, hypothesis.pack(point), floor, cancelled=stop)
     except Infeasible as why:
@@ -45,10 +45,10 @@ def base_fit(rig: Rig, given: Fit, stop: Stop) -> Fitted:
 
 def _slow_enough(hypothesis: Hypothesis, point: Point) -> Point:
     """Return the point with a contact that samples can follow: one drawn to a wall is no place to begin."""
-    shot = hypothesis.rig.shots[0]
+    shot = hypothesis.data.shots[0]
     for _ in range(_SOFTER):
-        seen = hypothesis.seen_at(0, point)
-        if not too_fast(seen.base, seen.own, seen.values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+        here = hypothesis.shot_at(0, point)
+        if not too_fast(here.base, here.own, here.values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
             break
         softer = point.base.copy()
         softer[-2:] *= [0.1, 0.3]
@@ -56,7 +56,7 @@ def _slow_enough(hypothesis: Hypothesis, point: Point) -> Point:
     return point
 
 
-def accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], stop: Stop) -> Fitted:
+def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[str], stop: Stop) -> Fitted:
     """Return the fit with the effects that the model already has."""
     here = base
     for name in accepted:
@@ -66,7 +66,7 @@ def accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], sto
         kind = next(k for k in catalogue if k.name == name)
         better, _ = explore(here, [kind], stop, most=1)
         if name not in better.names:
-            hypothesis = Hypothesis(here.hypothesis.rig, (*here.hypothesis.effects, kind), here.hypothesis.fixed)
+            hypothesis = Hypothesis(here.hypothesis.data, (*here.hypothesis.effects, kind), here.hypothesis.fixed)
             values = tuple({**v, name: dict(kind.starts[0])} for v in here.point.values)
             z = hypothesis.pack(Point(here.point.base, here.point.own, values))
             better = finish(hypothesis, search(hypothesis, z, here.floor, cancelled=stop))
@@ -75,7 +75,7 @@ def accept(base: Fitted, catalogue: Sequence[Kind], accepted: Sequence[str], sto
 
 
 def explored(
-    before: Fitted, given: Fit, motions: Sequence[Motion], catalogue: Sequence[Kind], stop: Stop
+    before: Fitted, given: Fit, motions: Sequence[Motion], catalogue: Sequence[TrialEffect], stop: Stop
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with effects, and what was tried from where; ``given`` is the base fit of ``motions``."""
     if not before.converged and given.reduced_chi2 > DRAWN_FAR:
@@ -88,7 +88,7 @@ def explored(
 
 
 def _from_the_guess(
-    before: Fitted, motions: Sequence[Motion], catalogue: Sequence[Kind], stop: Stop
+    before: Fitted, motions: Sequence[Motion], catalogue: Sequence[TrialEffect], stop: Stop
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with effects, begun where the collision was read, not where the base was drawn.
 
@@ -96,8 +96,8 @@ def _from_the_guess(
     """
     hypothesis = before.hypothesis
     shots = [prepare(motion) for motion in motions]
-    guess = first_guesses(hypothesis.rig.base, shots, stop)[0]
-    own = np.array([own_start(shot, Model(hypothesis.rig.base)) for shot in shots])
+    guess = first_guesses(hypothesis.data.base, shots, stop)[0]
+    own = np.array([own_start(shot, Model(hypothesis.data.base)) for shot in shots])
     z = hypothesis.pack(Point(guess, own, before.point.values))
     there = finish(hypothesis, search(hypothesis, z, before.floor, evaluations=1, cancelled=stop))
     trail = Trail(before, catalogue, stop)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from analysis.diagnosis.explore import Trail
-from analysis.diagnosis.ripple import RIPPLE, seen_finely
+from analysis.diagnosis.forward_selection import Trail
+from analysis.diagnosis.full_rate import RIPPLE, seen_finely
 from analysis.diagnosis.samples import FINE_RATE_HZ, RATE_HZ
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
@@ -15,8 +15,8 @@ def test_a_ripple_too_weak_for_averaged_samples_is_seen_at_the_records_rate() ->
     assert found is not None
     best, _ = found
     assert best.names == (RIPPLE,)
-    assert best.hypothesis.rig.shots[0].spacing_s == pytest.approx(1 / FINE_RATE_HZ)
-    assert before.hypothesis.rig.shots[0].spacing_s == pytest.approx(1 / RATE_HZ)
+    assert best.hypothesis.data.shots[0].spacing_s == pytest.approx(1 / FINE_RATE_HZ)
+    assert before.hypothesis.data.shots[0].spacing_s == pytest.approx(1 / RATE_HZ)
     clean = shots({})
     alone = base_fit(clean)
     assert seen_finely(alone, Trail(alone, list(KINDS.values()), calm), clean) is None

@@ -5,11 +5,11 @@ from typing import Any, cast
 
 import pytest
 
-from analysis.diagnosis import gates
-from analysis.diagnosis.explore import Trail
+from analysis.diagnosis import acceptance
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.misfit import Misfit
-from analysis.diagnosis.remainder import Remainder
+from analysis.diagnosis.forward_selection import Trail
+from analysis.diagnosis.lack_of_fit import LackOfFit
+from analysis.diagnosis.residual import Residual
 from analysis.diagnosis.result import FoundEffect, Verdict
 from tests.analysis.diagnosis.shots import calm
 
@@ -38,22 +38,22 @@ def effect(snr: float) -> FoundEffect:
 
 @pytest.mark.parametrize(("floor", "named"), [(CALM, True), (WANDERING, False)])
 def test_beside_a_wandering_floor_an_effect_does_more_than_the_next_freedom(floor: Floor, named: bool) -> None:
-    rest = Remainder(0.0, 57.0, 0.03, 1.1, "", misfit=Misfit("a force of the place", 56.0, 63.0, 4))
-    effects, verdict = gates.pass_gates([effect(10.4)], rest, cast(Any, Fit(("tilt",), floor)))
+    rest = Residual(0.0, 57.0, 0.03, 1.1, "", misfit=LackOfFit("a force of the place", 56.0, 63.0, 4))
+    effects, verdict = acceptance.accepted_effects([effect(10.4)], rest, cast(Any, Fit(("tilt",), floor)))
     assert bool(effects) is named
     assert verdict is (Verdict.EFFECT_FOUND if named else Verdict.UNEXPLAINED)
 
 
 def kept(sizes: dict[str, float], worth: float, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
     """Return which effects of these sizes and this worth each are not too faint."""
-    monkeypatch.setattr(gates, "snr", lambda _fit, _at, name: sizes[name])
-    monkeypatch.setattr(gates, "missed_without", lambda *_: 100.0)
-    monkeypatch.setattr(gates, "projector_of", lambda _fit, _trail: None)
+    monkeypatch.setattr(acceptance, "snr", lambda _fit, _at, name: sizes[name])
+    monkeypatch.setattr(acceptance, "missed_without", lambda *_: 100.0)
+    monkeypatch.setattr(acceptance, "projector_of", lambda _fit, _trail: None)
     monkeypatch.setattr(
-        gates, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name), worth=fit.worth)
+        acceptance, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name), worth=fit.worth)
     )
     every = Fit(tuple(sizes), worth=worth)
-    return gates.without_the_faint(cast(Any, every), Trail(cast(Any, Fit(())), (), calm))[0].names
+    return acceptance.without_the_faint(cast(Any, every), Trail(cast(Any, Fit(())), (), calm))[0].names
 
 
 @pytest.mark.parametrize(("least", "left"), [(11.0, 1), (20.0, 2), (40.0, 3)])

@@ -1,4 +1,4 @@
-"""How a search moves an effect's parameters: their size, their sign, and where it starts; all from the catalogue."""
+"""The free parameters of an effect: their size, their sign, and where it starts; all from the catalogue."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from analysis.model.effects.row import Effect
 
 
 @dataclass(frozen=True, slots=True)
-class Knob:
+class FreeParameter:
     """One parameter: search coordinate is value / ``size``, or its logarithm; ``of_shot``: every shot has its own.
 
     ``low`` and ``high`` keep the value physical.
@@ -45,40 +45,41 @@ class Knob:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
-    """An effect as the diagnosis tries it: its knobs, and the values of the knobs it may start from.
+class TrialEffect:
+    """An effect as the diagnosis tries it: its free parameters, and the values of them that it may start from.
 
-    ``amplitude`` names the knobs in which the displacement is linear while the effect is small; the others are laid
-    on a grid.  ``starts`` are complete sets of values.
+    ``amplitude`` names those in which the displacement is linear while the effect is small; the others are laid on a
+    grid.  ``starts`` are complete sets of values.
     """
 
     name: str
-    knobs: tuple[Knob, ...]
+    free_parameters: tuple[FreeParameter, ...]
     amplitude: tuple[str, ...]
     starts: tuple[Mapping[str, float], ...]
     one_body: bool = True  # has a meaning where the plate does not move
     inverse: bool = False  # is the smaller the larger its first amplitude is
 
     @property
-    def shared(self) -> tuple[Knob, ...]:
-        """Get the knobs that all shots share."""
-        return tuple(knob for knob in self.knobs if not knob.of_shot)
+    def shared(self) -> tuple[FreeParameter, ...]:
+        """Get the free parameters that all shots share."""
+        return tuple(free for free in self.free_parameters if not free.of_shot)
 
     @property
-    def own(self) -> tuple[Knob, ...]:
-        """Get the knobs that every shot has for itself."""
-        return tuple(knob for knob in self.knobs if knob.of_shot)
+    def own(self) -> tuple[FreeParameter, ...]:
+        """Get the free parameters that every shot has for itself."""
+        return tuple(free for free in self.free_parameters if free.of_shot)
 
 
-def kind_of(row: Effect) -> Kind:
+def trial_effect(row: Effect) -> TrialEffect:
     """Return a row of the catalogue as it is searched."""
     free = [parameter for parameter in row.parameters if not parameter.fixed]
     axes = [parameter.tried or parameter.grid or (parameter.scale,) for parameter in row.parameters]
     names = [parameter.name for parameter in row.parameters]
-    return Kind(
+    return TrialEffect(
         name=row.name,
-        knobs=tuple(
-            Knob(p.name, 1.0 if p.logarithmic else p.scale or 1.0, p.lower, p.upper, p.logarithmic, p.own) for p in free
+        free_parameters=tuple(
+            FreeParameter(p.name, 1.0 if p.logarithmic else p.scale or 1.0, p.lower, p.upper, p.logarithmic, p.own)
+            for p in free
         ),
         amplitude=tuple(p.name for p in free) if row.own else (row.amplitude,),
         starts=tuple(dict(zip(names, values, strict=True)) for values in itertools.product(*axes)),
@@ -87,6 +88,6 @@ def kind_of(row: Effect) -> Kind:
     )
 
 
-def kinds() -> Sequence[Kind]:
+def trial_effects() -> Sequence[TrialEffect]:
     """Return the catalogue (EFFECTS.md section 2) as it is searched."""
-    return tuple(kind_of(row) for row in CATALOGUE.values())
+    return tuple(trial_effect(row) for row in CATALOGUE.values())

@@ -1,13 +1,20 @@
-"""The gates an effect must pass to be named: it pays on held-out shots, stands out, and leaves nothing unlike it."""
+"""The gates an effect must pass to be named: it pays on held-out shots, stands out, and leaves nothing unlike it.
+
+What stands of the effects that a search found follows: after held-out shots, size, look-alikes and what is left.
+"""
+
+from dataclasses import dataclass
 
 from analysis.diagnosis import words
-from analysis.diagnosis.compare import Fitted
-from analysis.diagnosis.explore import Trail, pays, without
-from analysis.diagnosis.held_out import Foretold, foretell
+from analysis.diagnosis.competing_models import Separations, apart, challenged, unmissed
+from analysis.diagnosis.cross_validation import Prediction, predict
+from analysis.diagnosis.forward_selection import Trail, another_way, better, pays, without
+from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.identifiability import LEAST_SEPARATION, missed_without, snr
 from analysis.diagnosis.projector import Projector, projector
-from analysis.diagnosis.remainder import Remainder
+from analysis.diagnosis.residual import Residual, judge
 from analysis.diagnosis.result import FoundEffect, Verdict
-from analysis.diagnosis.separate import LEAST_SEPARATION, missed_without, snr
+from analysis.shot import Progress
 
 # Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
 # Three fit anything smooth: a clamp that slips was plate damping, drift and tilt, the tilt of 18 to 26 noise norms.
@@ -20,7 +27,7 @@ LEAST_FALL_OF_SEVERAL = 92.0
 CLEAR_OF_THE_REST = 2.0
 CLEAR_OF_A_MISFIT = 100.0
 
-Told = tuple[Foretold, Foretold]
+Told = tuple[Prediction, Prediction]
 
 
 def paying(best: Fitted, held: tuple[int, ...], trail: Trail) -> tuple[Fitted, Told | None]:
@@ -31,15 +38,15 @@ def paying(best: Fitted, held: tuple[int, ...], trail: Trail) -> tuple[Fitted, T
     if not held:
         return best, None
     before, floor = trail.start, best.floor
-    first = foretell(before, held, floor, trail.stop)
+    first = predict(before, held, floor, trail.stop)
     while best is not before:
-        told = foretell(best, held, floor, trail.stop)
+        told = predict(best, held, floor, trail.stop)
         if first is None or told is None:
             return best, None
         added = trail.added(best)
         if len(added) == 1:
             return (best, (first, told)) if told.beats(first) else (before, (first, first))
-        shorter = [(f, foretell(f, held, floor, trail.stop)) for f in (without(best, n, trail) for n in added) if f]
+        shorter = [(f, predict(f, held, floor, trail.stop)) for f in (without(best, n, trail) for n in added) if f]
         worse = [(f.bic, f) for f, t in shorter if t is not None and not told.beats(t)]
         if not worse:
             return best, (first, told)
@@ -71,7 +78,7 @@ def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
     return best, at
 
 
-def pass_gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
+def accepted_effects(effects: list[FoundEffect], rest: Residual, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
     """Return the effects that may be named, and the verdict."""
     if not effects:
         return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
@@ -89,7 +96,57 @@ def pass_gates(effects: list[FoundEffect], rest: Remainder, best: Fitted) -> tup
     return effects if certain else [], Verdict.UNEXPLAINED
 
 
-def clear(effect: FoundEffect, rest: Remainder, times: float) -> bool:
+def clear(effect: FoundEffect, rest: Residual, times: float) -> bool:
     """Return whether an effect is ``times`` as large as what stays unexplained, and not merely one of many."""
     few = len(effect.indistinguishable_from) <= words.UNDETERMINED
     return few and effect.evidence["snr"] > times * rest.missed
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """The fit that stands, its projector, its effects' separations, what it leaves over, what is foretold with it.
+
+    ``passed`` is the fit of which the held-out shots were foretold.
+    """
+
+    best: Fitted
+    at: Projector
+    far: Separations
+    rest: Residual
+    told: Told | None
+    passed: Fitted
+
+
+def settle(best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress) -> Settled:
+    """Return what stands of ``best``, or of what another way leads to where that leaves something unexplained."""
+    stands = _settled(best, trail, held, tell)
+    if not stands.rest.significant:
+        return stands
+    tell("looking for another way", 0.75)
+    other = another_way(stands.best, trail)
+    if not better(other, stands.best):
+        return stands
+    again = _settled(other, trail, held, lambda _what, _fraction: None)
+    calmer = not again.rest.significant and again.best is not trail.start
+    return again if calmer or better(again.best, stands.best) else stands
+
+
+def _settled(best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress) -> Settled:
+    tell("foretelling a held-out shot", 0.55)
+    passed, told = paying(best, held, trail)
+
+    def foretells(other: Fitted) -> bool:
+        if told is None:
+            return True
+        of_other = predict(other, held, passed.floor, trail.stop)
+        return of_other is not None and of_other.beats(told[0])
+
+    tell("testing what is left", 0.7)
+    best, at = without_the_faint(passed, trail)
+    best, at, far = challenged(best, at, trail, foretells)
+    rest = judge(best, at)
+    if rest.significant and best is not trail.start:
+        clean, there, left = unmissed(best, at, rest, trail, foretells)
+        if clean is not best:
+            return Settled(clean, there, apart(clean, there, trail), left, told, passed)
+    return Settled(best, at, far, rest, told, passed)

@@ -7,14 +7,14 @@ mode at a frequency of its own.  So the nearest are fitted, from where they imit
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-from analysis.diagnosis.compare import Fitted, fit
-from analysis.diagnosis.explore import Trail, better, without
-from analysis.diagnosis.knobs import Kind
-from analysis.diagnosis.one_more import refit, times
+from analysis.diagnosis.added_effect import refit, times
+from analysis.diagnosis.forward_selection import Trail, better, without
+from analysis.diagnosis.free_parameters import TrialEffect
+from analysis.diagnosis.hypothesis_fit import Fitted, fit
+from analysis.diagnosis.identifiability import Separation, separation
 from analysis.diagnosis.projector import Projector, projector
-from analysis.diagnosis.remainder import Remainder, judge
-from analysis.diagnosis.screen import scores
-from analysis.diagnosis.separate import Separation, separation
+from analysis.diagnosis.residual import Residual, judge
+from analysis.diagnosis.screening import scores
 from analysis.model.effects import named
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
@@ -44,7 +44,7 @@ def challenged(
 ) -> tuple[Fitted, Projector, Separations]:
     """Fit every effect's nearest look-alikes in its place, and return what is best then, with its separations.
 
-    One that takes the place must foretell the held-out shots, as the effect did.
+    One that takes the place must predict the held-out shots, as the effect did.
     """
     far = apart(best, at, trail)
     kept = best
@@ -73,8 +73,8 @@ def challenged(
 
 
 def unmissed(
-    best: Fitted, at: Projector, rest: Remainder, trail: Trail, foretells: Callable[[Fitted], bool]
-) -> tuple[Fitted, Projector, Remainder]:
+    best: Fitted, at: Projector, rest: Residual, trail: Trail, foretells: Callable[[Fitted], bool]
+) -> tuple[Fitted, Projector, Residual]:
     """Return another fit, nearly as likely and with as many effects, that misses nothing where the best does."""
     near = [
         other
@@ -93,7 +93,7 @@ def unmissed(
     return best, at, rest
 
 
-def _nearest(distances: Separation, catalogue: Sequence[Kind]) -> list[Kind]:
+def _nearest(distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
     """Return the effects that do most of what one does, nearest first."""
     near = sorted(
         (distance, name) for name, distance in distances.from_other.items() if distance < _ALIKE * distances.snr
@@ -101,7 +101,7 @@ def _nearest(distances: Separation, catalogue: Sequence[Kind]) -> list[Kind]:
     return [kind for _, name in near[:_FITTED] for kind in catalogue if kind.name == name]
 
 
-def _known(trail: Trail, fewer: Fitted, kind: Kind, frequency_hz: float | None) -> Fitted | None:
+def _known(trail: Trail, fewer: Fitted, kind: TrialEffect, frequency_hz: float | None) -> Fitted | None:
     """Return the fit with ``kind`` beside ``fewer`` if it was made and arrived: for a line, at that frequency."""
     known = trail.of((*fewer.names, kind.name))
     if known is None:
@@ -113,7 +113,7 @@ def _known(trail: Trail, fewer: Fitted, kind: Kind, frequency_hz: float | None) 
 
 
 def _instead(
-    best: Fitted, at: Projector, far: Separation, frequency_hz: float | None, stop: Stop, kind: Kind
+    best: Fitted, at: Projector, far: Separation, frequency_hz: float | None, stop: Stop, kind: TrialEffect
 ) -> Fitted | None:
     """Return the fit with ``kind`` in place of an effect that ``at`` lacks; None where there is no trajectory.
 
@@ -132,7 +132,7 @@ def _instead(
     return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
 
 
-def _of_one_line(at: Projector, kind: Kind, start: Start, frequency_hz: float) -> list[Start]:
+def _of_one_line(at: Projector, kind: TrialEffect, start: Start, frequency_hz: float) -> list[Start]:
     """Return starts of a line at the frequency of another; no further off than a line is wide, or it ends on a lobe.
 
     What rings and bends the base with it is found more surely from a mode that is too strong than from a weak one.

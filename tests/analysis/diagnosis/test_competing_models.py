@@ -1,11 +1,11 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
+from analysis.diagnosis.added_effect import refit
+from analysis.diagnosis.competing_models import challenged
 from analysis.diagnosis.diagnose import LEAST_LEAD
-from analysis.diagnosis.explore import Trail
-from analysis.diagnosis.one_more import refit
+from analysis.diagnosis.forward_selection import Trail
 from analysis.diagnosis.projector import projector
-from analysis.diagnosis.rivals import challenged
-from analysis.diagnosis.screen import scores
+from analysis.diagnosis.screening import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
@@ -21,4 +21,4 @@ def test_the_better_of_two_look_alikes_takes_the_place() -> None:
     assert best.names == (true,) and best.bic < wrong.bic - LEAST_LEAD
     assert list(far) == [true]
     kept, _, _ = challenged(wrong, projector(wrong), trail, lambda _: False)
-    assert kept is wrong  # what does not foretell a held-out shot takes no place
+    assert kept is wrong  # what does not predict a held-out shot takes no place

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted, search, square_of
+from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis, Rig
-from analysis.diagnosis.seen import Point
+from analysis.diagnosis.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.hypothesis_fit import Fitted, search, square_of
 from analysis.model.least_squares import Infeasible, Square, covariance, minimise
 from analysis.shot import Stop
 from analysis.side_by_side import side_by_side
@@ -17,8 +17,8 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Foretold:
-    """Held-out shots as the others foretell them: displacements on the motions' grids.
+class Prediction:
+    """Held-out shots as the others predict them: displacements on the motions' grids.
 
     ``surprise`` is -2 ln of how likely the others made what was measured, up to a constant, of all held-out shots;
     ``rms_m`` is how far they lie from it (averaged samples).
@@ -28,18 +28,18 @@ class Foretold:
     surprise: float
     rms_m: float
 
-    def beats(self, other: "Foretold") -> bool:
+    def beats(self, other: "Prediction") -> bool:
         """Return whether this foretells better: more likely, and not further off."""
         return self.surprise < other.surprise and self.rms_m < 1.02 * other.rms_m
 
 
-def choose(rig: Rig, *, in_turn: bool = True) -> tuple[int, ...]:
+def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
     """Return the shots to hold out, one at a time: of two the slower, of more the slowest, a middle one, the fastest.
 
     Not ``in_turn``: the middle one alone.  It is foretold by interpolation, which a wrong model may do well: that
     serves where nothing is decided.
     """
-    speeds = [abs(shot.course.velocity_in_m_per_s) for shot in rig.shots]
+    speeds = [abs(shot.course.velocity_in_m_per_s) for shot in data.shots]
     order = [int(i) for i in np.argsort(speeds)]
     if len(order) < 2:
         return ()
@@ -49,27 +49,27 @@ def choose(rig: Rig, *, in_turn: bool = True) -> tuple[int, ...]:
     return tuple(sorted((order[0], middle, order[-1]))) if in_turn else (middle,)
 
 
-def foretell(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> Foretold | None:
+def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> Prediction | None:
     """Foretell each held-out shot from a fit of the shared parameters to all others; None where one fails.
 
     Only its start is fitted on the shot itself.  ``floor`` whitens it: give the same one to what is compared.
     """
     shown, surprise, off = [], 0.0, []
-    each = side_by_side(lambda shot: _foretell(fitted, shot, floor, stop), held)
+    each = side_by_side(lambda shot: _predict(fitted, shot, floor, stop), held)
     for shot, told in zip(held, each, strict=True):
         if told is None:
             return None
         shown.append(told[0])
         surprise += told[1]
-        measured = fitted.hypothesis.rig.shots[shot]
+        measured = fitted.hypothesis.data.shots[shot]
         off.append((measured.averaged(told[0]) - measured.displacement_m)[measured.valid])
-    return Foretold(tuple(shown), surprise, float(np.sqrt(np.mean(np.concatenate(off) ** 2))))
+    return Prediction(tuple(shown), surprise, float(np.sqrt(np.mean(np.concatenate(off) ** 2))))
 
 
-def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floats, float] | None:
+def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floats, float] | None:
     hypothesis = fitted.hypothesis
     point = fitted.point
-    others = [i for i in range(len(hypothesis.rig.shots)) if i != held]
+    others = [i for i in range(len(hypothesis.data.shots)) if i != held]
     some = _subset(hypothesis, others)
     one = _subset(hypothesis, [held])
     try:
@@ -77,9 +77,9 @@ def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floa
         trained = search(some, begin, fitted.floor, evaluations=10, cancelled=stop)
         learnt = some.unpack(trained.parameters)
         values = {name: dict(v) for name, v in point.values[held].items()}
-        for name, knob, shot in some.knobs:
+        for name, free, shot in some.free_parameters:
             if shot < 0:
-                values[name][knob.name] = learnt.values[0][name][knob.name]
+                values[name][free.name] = learnt.values[0][name][free.name]
         z = one.pack(Point(learnt.base, point.own[[held]], (values,)))
         low, high = one.bounds
         shared, learnt_at = _shared(one), _shared(some)
@@ -94,8 +94,8 @@ def _foretell(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floa
 
 def _shared(hypothesis: Hypothesis) -> list[int]:
     """Return where the vector holds what all shots share."""
-    knobs = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.knobs) if shot < 0]
-    return [*range(hypothesis.rig.count), *knobs]
+    free_parameters = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.free_parameters) if shot < 0]
+    return [*range(hypothesis.data.count), *free_parameters]
 
 
 def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Floats | None) -> float:
@@ -110,7 +110,7 @@ def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Float
     into: Floats = curvature[shared][:, own] @ np.linalg.pinv(curvature[own][:, own], hermitian=True)
     bend = curvature[shared][:, shared] - into @ curvature[own][:, shared]
     pull = gradient[shared] - into @ gradient[own]
-    extra = sum(shot >= 0 for _, _, shot in one.knobs) * np.log(square.samples)
+    extra = sum(shot >= 0 for _, _, shot in one.free_parameters) * np.log(square.samples)
     if inverse is None:
         return float(square.chi2 + extra)
     scale = np.sqrt(np.diag(inverse))
@@ -122,5 +122,5 @@ def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Float
 
 
 def _subset(hypothesis: Hypothesis, shots: list[int]) -> Hypothesis:
-    rig = replace(hypothesis.rig, shots=tuple(hypothesis.rig.shots[i] for i in shots))
-    return replace(hypothesis, rig=rig)
+    data = replace(hypothesis.data, shots=tuple(hypothesis.data.shots[i] for i in shots))
+    return replace(hypothesis, data=data)

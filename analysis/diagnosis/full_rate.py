@@ -8,14 +8,14 @@ alone, and a strong one is measured twice as well there.
 from collections.abc import Sequence
 from dataclasses import replace
 
-from analysis.diagnosis.compare import Fitted, fit, learn_floor, residuals
-from analysis.diagnosis.explore import Trail, least_fall, polish, prune
-from analysis.diagnosis.hypothesis import Rig
-from analysis.diagnosis.knobs import Kind
-from analysis.diagnosis.one_more import refit
+from analysis.diagnosis.added_effect import refit
+from analysis.diagnosis.forward_selection import Trail, least_fall, polish, prune
+from analysis.diagnosis.free_parameters import TrialEffect
+from analysis.diagnosis.hypothesis import JointData
+from analysis.diagnosis.hypothesis_fit import Fitted, fit, learn_floor, residuals
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.samples import FINE_RATE_HZ, together
-from analysis.diagnosis.screen import scores
+from analysis.diagnosis.screening import scores
 from analysis.motion import Motion
 from analysis.shot import Stop
 
@@ -28,32 +28,32 @@ def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[
     What else is there was found at the averaged samples' rate.
     """
     ripple = next((kind for kind in trail.catalogue if kind.name == RIPPLE), None)
-    here = best.hypothesis.rig
+    here = best.hypothesis.data
     if ripple is None or RIPPLE in trail.start.names or any(shot.wavelength_m is None for shot in here.shots):
         return None
-    rig = replace(here, shots=together(motions, FINE_RATE_HZ))
-    if rig.shots[0].factor == here.shots[0].factor:
+    data = replace(here, shots=together(motions, FINE_RATE_HZ))
+    if data.shots[0].factor == here.shots[0].factor:
         return None
     if RIPPLE in best.names:
-        finest: Fitted | None = _at(best, rig, trail.stop)
+        finest: Fitted | None = _at(best, data, trail.stop)
     else:
-        finest = _with(ripple, best, rig, trail.stop)
+        finest = _with(ripple, best, data, trail.stop)
     if finest is None:
         return None
-    anew = Trail(_at(trail.start, rig, trail.stop), trail.catalogue, trail.stop, trail.scores)
+    anew = Trail(_at(trail.start, data, trail.stop), trail.catalogue, trail.stop, trail.scores)
     anew.keep(finest)
     return polish(prune(finest, anew), anew), anew
 
 
-def _at(fitted: Fitted, rig: Rig, stop: Stop) -> Fitted:
-    return fit(replace(fitted.hypothesis, rig=rig), fitted.z, fitted.floor, cancelled=stop)
+def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:
+    return fit(replace(fitted.hypothesis, data=data), fitted.z, fitted.floor, cancelled=stop)
 
 
-def _with(ripple: Kind, best: Fitted, rig: Rig, stop: Stop) -> Fitted | None:
+def _with(ripple: TrialEffect, best: Fitted, data: JointData, stop: Stop) -> Fitted | None:
     """Return the fit with a ripple, at the rig's rate, where it promises to pay, else None."""
-    hypothesis = replace(best.hypothesis, rig=rig)
+    hypothesis = replace(best.hypothesis, data=data)
     left = residuals(hypothesis, best.z)
-    floor, value = learn_floor(rig, left, best.floor)
+    floor, value = learn_floor(data, left, best.floor)
     at = projector(replace(best, hypothesis=hypothesis, residual_m=left, floor=floor, log_likelihood=value))
     listed = scores(at, ripple)
     if not listed or listed[0].worth(at.left.size) < least_fall(floor):

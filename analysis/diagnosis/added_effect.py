@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.compare import Fitted, finish, search, whitened_residual
+from analysis.diagnosis.effective_parameters import Point, to_effective
+from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.knobs import Kind
+from analysis.diagnosis.hypothesis_fit import Fitted, finish, search, whitened_residual
 from analysis.diagnosis.projector import Projector
-from analysis.diagnosis.screen import fixed_of
-from analysis.diagnosis.seen import Point, as_seen
+from analysis.diagnosis.screening import fixed_of
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Stop
 
@@ -20,23 +20,23 @@ _OF_THE_START = (1.0, 0.3, 0.1)
 _ROOM = 4  # steps at most
 
 
-def refit(at: Projector, kind: Kind, start: Sequence[Mapping[str, float]], stop: Stop) -> Fitted | None:
+def refit(at: Projector, kind: TrialEffect, start: Sequence[Mapping[str, float]], stop: Stop) -> Fitted | None:
     """Fit quickly with one effect more from its start values a shot; None where there is no trajectory."""
     here = at.fitted
     hypothesis = Hypothesis(
-        here.hypothesis.rig,
+        here.hypothesis.data,
         (*here.hypothesis.effects, kind),
         {**here.hypothesis.fixed, kind.name: fixed_of(kind, start[0])},
     )
-    seen = as_seen(here.point)
+    effective = to_effective(here.point)
     low, high = hypothesis.bounds
     if stop():
         raise Cancelled
     for share in _OF_THE_START:  # a linear step may lead further than any trajectory goes
         weaker = [times(kind, given, share) for given in start]
-        values = tuple({**v, kind.name: given} for v, given in zip(seen.values, weaker, strict=True))
+        values = tuple({**v, kind.name: given} for v, given in zip(effective.values, weaker, strict=True))
         try:
-            z = np.clip(hypothesis.pack_seen(Point(seen.base, seen.own, values)), low, high)
+            z = np.clip(hypothesis.pack_effective(Point(effective.base, effective.own, values)), low, high)
             z = _made_room(at, hypothesis, z)
             return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=_SHORT, cancelled=stop))
         except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
@@ -50,9 +50,12 @@ def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
     An effect may do a thousand times more than what it does beside the base parameters.
     """
     before = at.fitted.hypothesis
-    places = {(name, knob.name, shot): hypothesis.offset + k for k, (name, knob, shot) in enumerate(hypothesis.knobs)}
-    knobs = [places[name, knob.name, shot] for name, knob, shot in before.knobs]
-    moving = np.array([*range(before.offset), *knobs])
+    places = {
+        (name, free.name, shot): hypothesis.offset + k
+        for k, (name, free, shot) in enumerate(hypothesis.free_parameters)
+    }
+    free_parameters = [places[name, free.name, shot] for name, free, shot in before.free_parameters]
+    moving = np.array([*range(before.offset), *free_parameters])
     giving_way = at.once("giving way", lambda: _giving_way(at.tangents))
     low, high = hypothesis.bounds
     left = whitened_residual(hypothesis, at.floor, z)
@@ -78,7 +81,7 @@ def _giving_way(tangents: Floats) -> Floats:
     return np.asarray(np.linalg.pinv(tangents / scale, rcond=1e-4) / scale[:, None])
 
 
-def times(kind: Kind, values: Mapping[str, float], factor: float) -> Mapping[str, float]:
+def times(kind: TrialEffect, values: Mapping[str, float], factor: float) -> Mapping[str, float]:
     """Return an effect's values at which it does ``factor`` times what it did, in first order."""
     factor = 1 / factor if kind.inverse else factor
     return {**values, **{name: values[name] * factor for name in kind.amplitude}}
@@ -92,13 +95,13 @@ def united(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | N
     """
     first, other = here.hypothesis, alone.hypothesis
     new = tuple(kind for kind in other.effects if kind not in first.effects)
-    hypothesis = Hypothesis(first.rig, (*first.effects, *new), {**other.fixed, **first.fixed})
+    hypothesis = Hypothesis(first.data, (*first.effects, *new), {**other.fixed, **first.fixed})
     low, high = hypothesis.bounds
     z = np.empty(hypothesis.size)
     z[: first.offset] = here.z[: first.offset] + alone.z[: first.offset] - start.z[: first.offset]
-    found = {**_knobs(alone), **_knobs(here)}
-    for k, (name, knob, shot) in enumerate(hypothesis.knobs, first.offset):
-        z[k] = found[name, knob.name, shot]
+    found = {**_free_parameters(alone), **_free_parameters(here)}
+    for k, (name, free, shot) in enumerate(hypothesis.free_parameters, first.offset):
+        z[k] = found[name, free.name, shot]
     if stop():
         raise Cancelled
     try:
@@ -109,10 +112,10 @@ def united(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | N
         return None
 
 
-def _knobs(fitted: Fitted) -> dict[tuple[str, str, int], float]:
+def _free_parameters(fitted: Fitted) -> dict[tuple[str, str, int], float]:
     """Return the search coordinates of a fit's effects by (effect, parameter, shot)."""
     hypothesis = fitted.hypothesis
     return {
-        (name, knob.name, shot): float(fitted.z[k])
-        for k, (name, knob, shot) in enumerate(hypothesis.knobs, hypothesis.offset)
+        (name, free.name, shot): float(fitted.z[k])
+        for k, (name, free, shot) in enumerate(hypothesis.free_parameters, hypothesis.offset)
     }

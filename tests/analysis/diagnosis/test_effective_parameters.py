@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.diagnosis.hypothesis import Hypothesis, Rig
+from analysis.diagnosis.effective_parameters import Point, to_actual, to_effective
+from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.samples import together
-from analysis.diagnosis.seen import Point, as_is, as_seen
 from analysis.model.fitting import base_named
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import PAPER
@@ -27,24 +27,24 @@ def flat(one: Point) -> np.ndarray:
 
 
 def test_a_plate_on_a_soft_clamp_is_seen_softer_and_its_mode_faster() -> None:
-    seen = as_seen(point())
+    seen = to_effective(point())
     stiffness = PAPER.plate_stiffness_n_per_m
     assert seen.base[0] == pytest.approx(1 / (1 / stiffness + 2e-4), rel=1e-12)  # springs in series
     assert seen.values[1]["support_compliance"]["frequency_hz"] == pytest.approx(2200 * (1 + 2e-4 * stiffness) ** 0.5)
     assert seen.own[:, 1] == pytest.approx(OWN[:, 1] + 7e-6, abs=1e-15)
-    assert flat(as_is(seen)) == pytest.approx(flat(point()), rel=1e-12)
+    assert flat(to_actual(seen)) == pytest.approx(flat(point()), rel=1e-12)
 
 
 def test_a_clamp_softer_than_what_is_seen_is_no_place_for_a_search() -> None:
-    seen = as_seen(point())
+    seen = to_effective(point())
     soft = {**seen.values[0]["support_compliance"], "compliance_m_per_n": 0.95 / seen.base[0]}
     with pytest.raises(Infeasible, match="clamp"):
-        as_is(Point(seen.base, seen.own, ({**seen.values[0], "support_compliance": soft},) * 2))
+        to_actual(Point(seen.base, seen.own, ({**seen.values[0], "support_compliance": soft},) * 2))
 
 
 def test_the_slope_is_that_of_the_parameters() -> None:
-    rig = Rig(together(shots({}, count=2)), base_named("paper"))
-    hypothesis = Hypothesis(rig, (KINDS["demodulation_lag"], KINDS["support_compliance"]))
+    data = JointData(together(shots({}, count=2)), base_named("paper"))
+    hypothesis = Hypothesis(data, (KINDS["demodulation_lag"], KINDS["support_compliance"]))
     z = hypothesis.pack(point())
     slope = hypothesis.slope(z)
     for column in range(hypothesis.size):

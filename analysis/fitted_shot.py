@@ -1,12 +1,13 @@
 """A shot and its fit: what follows from a fit follows it, whoever made the fit."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from analysis.fit import Fit
 from analysis.kinetic_contact import fitted_contact_cor
 from analysis.model.driven import fit_driven
 from analysis.model.fitting import fit_shots
+from analysis.motion import Motion
 from analysis.quantity import NotSeen
 from analysis.shot import AnalysisError, Shot
 
@@ -43,11 +44,19 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
     shot = replace(shot, settings=replace(shot.settings, effects=effects))
     assert shot.motion is not None
     try:
-        if driven:
-            return replace(with_fit(shot, fit_driven([shot.motion], effects)), problem=None)
-        return with_fit(shot, fit_shots([shot.motion], model=shot.settings.model, effects=effects, cancelled=cancelled))
+        fitted = with_fit(shot, fit_jointly([shot.motion], shot.settings.model, effects, cancelled))
+        return replace(fitted, problem=None) if driven else fitted
     except AnalysisError as error:
         return replace(with_fit(shot, None), problem=shot.problem or (str(error) if driven else None))
+
+
+def fit_jointly(
+    motions: Sequence[Motion], base: str, effects: tuple[str, ...], cancelled: Callable[[], bool] | None = None
+) -> Fit:
+    """Return one fit of all motions with this base model and effects.  Raises AnalysisError, Cancelled."""
+    if base == "driven":
+        return fit_driven(motions, effects)
+    return fit_shots(motions, model=base, effects=effects, cancelled=cancelled)
 
 
 def flags_of(fit: Fit) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 import time
 from dataclasses import replace
 
+from analysis.corrected import FLAG, corrected
 from analysis.fitted_shot import fit_again
 from analysis.motion import Motion
 from analysis.reading.read import NoImpact, read_impact
@@ -21,6 +22,9 @@ def analyse(
 ) -> Shot:
     """Analyse a raw recording.  Raises Cancelled; every other failure is the shot's ``problem``."""
     settings = settings or AnalysisSettings()
+    if settings.corrections:
+        setup = corrected(recording.setup, dict(settings.corrections))
+        recording = replace(recording, setup=setup, flags=_merged(recording.flags, (FLAG,)))
     seconds = {"load": load_seconds}
     started = time.perf_counter()
     motion: Motion | None = None

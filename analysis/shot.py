@@ -30,6 +30,7 @@ class AnalysisSettings:
     rest: str = "smoothed"  # "smoothed" | "instantaneous": how PD0 is taken off
     fit: bool = True
     effects: tuple[str, ...] = ()  # of the catalogue, accepted into the model
+    corrections: tuple[tuple[str, float | None], ...] = ()  # values of the rig put right afterwards: ``corrected``
 
 
 @dataclass(frozen=True, slots=True)

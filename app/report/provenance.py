@@ -7,6 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from analysis.diagnosis.model_file import saved, to_text
 from analysis.motion import BeatQuality
 from analysis.quantity import NotSeen
 from analysis.recording import DEFAULT_WAVELENGTH_AIR_M, Setup
@@ -66,8 +67,14 @@ def repeated_by(shot: Shot) -> Markup:
     else:
         rows.append(["file", shot.path])
         rows += _hash(shot.path)
-        command = f"levimass --replay '{Path(shot.path).name}' --model {shot.settings.model} --report report.html"
+        model = "model.toml" if shot.settings.effects else shot.settings.model
+        command = f"levimass --replay '{Path(shot.path).name}' --model {model} --report report.html"
         rows.append(["command", tag("code", command)])
+        if shot.settings.effects and shot.fit is not None:
+            text = to_text(saved(shot.fit, [shot.path]))
+            rows.append(["model.toml", tag("pre", text)])
+        if shot.settings.corrections:
+            rows.append(["put right", "in the window, after the shot was taken; the recording has other values"])
     return table([], rows, "settings")
 
 

@@ -1,13 +1,21 @@
 """The settings in use and the file they are kept in; read by the rig's threads, changed by the window."""
 
+from dataclasses import replace
 from pathlib import Path
 
+from analysis.corrected import AIR
 from analysis.shot import AnalysisSettings
 from app.session import settings_file
 from app.session.setting_field import Value
 from app.session.settings import MOST_ADDRESSES, WrongSettings
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import Digitizer
+
+RIG = (  # what belongs together when it is put right
+    ("moving_mass_kg", "moving_mass_u_kg"),
+    ("wavelength_vacuum_m", "wavelength_air_m", *AIR),
+    ("rest_frequency_hz",),
+)
 
 
 class Choices:
@@ -16,13 +24,16 @@ class Choices:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.settings, self.warnings = settings_file.load(path)
+        self._changed: set[str] = set()  # names of choices that a person changed since the start
 
     def change(self, values: dict[str, Value]) -> str | None:
         """Take other values and keep them; return why not, or None."""
+        before = self.settings.values()
         try:
             self.settings = self.settings.with_values(values)
         except WrongSettings as error:
             return str(error)
+        self._changed |= {name for name, value in values.items() if value != before[name]}
         return settings_file.save(self._path, self.settings)
 
     def remember_source(self, source: str) -> None:
@@ -38,6 +49,15 @@ class Choices:
     def analysis(self) -> AnalysisSettings:
         """Return what concerns the analysis."""
         return self.settings.analysis
+
+    def analysis_again(self) -> AnalysisSettings:
+        """Return what concerns the analysis of a shot taken before: with what was put right of its rig since the start.
+
+        Only what a person changed counts: else the sheet's mass would replace that of another rig's recording.
+        """
+        values = self.settings.values()
+        names = [name for group in RIG for name in group if self._changed.intersection(group)]
+        return replace(self.settings.analysis, corrections=tuple((name, values[name]) for name in names))
 
     def options(self, source: str, digitizer: Digitizer) -> CaptureOptions:
         """Return how shots are taken with a source.  Raises OSError where the folder cannot be made."""

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from analysis.corrected import FLAG
 from analysis.pipeline import analyse, analyse_motion
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
@@ -22,15 +23,17 @@ def load_and_analyse(
     model: str | None = None,
     *,
     settings: AnalysisSettings | None = None,
+    effects_of: Callable[[str], tuple[str, ...]] | None = None,
     progress: Progress | None = None,
     cancelled: Cancel | None = None,
 ) -> Shot:
     """Read one recording or motion record and analyse it; a failure is the shot's ``problem``.
 
-    ``model`` overrides the base model of ``settings``; without it a motion record's own rules.  Raises Cancelled.
+    ``model`` overrides the base model of ``settings``; without it a motion record's own rules.  ``effects_of`` gives
+    the effects in the model by its base, instead of those of ``settings``.  Raises Cancelled.
     """
     try:
-        return analysed(path, model, settings=settings, progress=progress, cancelled=cancelled)
+        return analysed(path, model, settings=settings, effects_of=effects_of, progress=progress, cancelled=cancelled)
     except Cancelled:
         raise
     except Exception as error:
@@ -42,6 +45,7 @@ def analysed(
     model: str | None = None,
     *,
     settings: AnalysisSettings | None = None,
+    effects_of: Callable[[str], tuple[str, ...]] | None = None,
     progress: Progress | None = None,
     cancelled: Cancel | None = None,
 ) -> Shot:
@@ -51,20 +55,25 @@ def analysed(
     if not is_motion_record(path):
         recording = open_recording(path)
         loaded = time.perf_counter() - started
-        chosen = replace(chosen, model=model or chosen.model)
+        chosen = _with_model(chosen, model or chosen.model, effects_of)
         return analyse(recording, chosen, load_seconds=loaded, progress=progress, cancelled=cancelled)
     record = read_motion(path)
+    chosen = _with_model(chosen, model or BASE_OF_RECORD[record.model], effects_of)
+    right = dict(chosen.corrections)
+    mass_u_kg = right.get("moving_mass_u_kg", record.moving_mass_u_kg)
     motion = motion_from_displacement(
         record.time_s,
         record.displacement_m,
         record.velocity_m_per_s,
         record.force_n,
-        moving_mass_kg=record.moving_mass_kg,
-        moving_mass_u_kg=record.moving_mass_u_kg or 0.0,
+        moving_mass_kg=right.get("moving_mass_kg", record.moving_mass_kg),
+        moving_mass_u_kg=mass_u_kg or 0.0,
     )
+    if right:
+        motion = replace(motion, flags=(*motion.flags, FLAG))
     return analyse_motion(
         motion,
-        replace(chosen, model=model or BASE_OF_RECORD[record.model]),
+        chosen,
         name=path.stem,
         path=str(path),
         load_seconds=time.perf_counter() - started,
@@ -83,6 +92,12 @@ def cause_of(path: Path, error: Exception) -> str:
         return f"{path}: this machine has not the memory for it"
     # a fault of the program's own must not cost the other shots their analysis
     return f"a fault of the program: {type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def _with_model(
+    settings: AnalysisSettings, base: str, effects_of: Callable[[str], tuple[str, ...]] | None
+) -> AnalysisSettings:
+    return replace(settings, model=base, effects=settings.effects if effects_of is None else effects_of(base))
 
 
 def unanalysed(path: Path | None, settings: AnalysisSettings, problem: str, name: str = "") -> Shot:

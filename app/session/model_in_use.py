@@ -6,8 +6,9 @@ from pathlib import Path
 from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
-from analysis.model.fitting import fit_shots
+from analysis.fitted_shot import fit_jointly
 from analysis.shot import AnalysisError, Shot
+from app.session.model_effects import ModelEffects
 from app.words.wording import effect_words, local, parameter_parts
 from instrument.recording_error import RecordingError
 from instrument.recording_writer import write_text_beside
@@ -18,7 +19,7 @@ Asked = Callable[[], bool]
 
 
 def save_model(
-    path: Path, shots: Sequence[Shot], effects: tuple[str, ...], diagnosis: Diagnosis | None, cancelled: Asked
+    path: Path, shots: Sequence[Shot], accepted: ModelEffects, diagnosis: Diagnosis | None, cancelled: Asked
 ) -> str:
     """Write the model as these shots show it, jointly, and return what was done in words.
 
@@ -31,12 +32,13 @@ def save_model(
     bases = sorted({shot.settings.model for shot in fitted})
     if len(bases) > 1:
         raise AnalysisError(f"the shots use different base models ({', '.join(bases)}): select shots of one")
+    effects = accepted.of(bases[0])
     if diagnosis is not None and set(diagnosis.fit_after.effects) == set(effects):
         fit = diagnosis.fit_after
     else:
         diagnosis = None
         motions = [shot.motion for shot in fitted if shot.motion is not None]
-        fit = fit_shots(motions, model=bases[0], effects=effects, cancelled=cancelled)
+        fit = fit_jointly(motions, bases[0], effects, cancelled)
     if not fit.converged:
         raise AnalysisError("the joint fit did not converge: diagnose the shots first, the model lacks something")
     model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis)

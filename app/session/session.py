@@ -7,9 +7,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from analysis.corrected import NAMES
 from analysis.diagnosis.model_file import BASES
 from analysis.shot import AnalysisSettings, Shot
-from app.words.physics_words import EFFECT_WORDS
+from app.session.model_effects import ModelEffects, known_effects
 from instrument.checked import Checked
 from instrument.recording_error import RecordingError, shown
 from instrument.text_file import read_json
@@ -47,7 +48,7 @@ class Session:
     def __init__(self, path: Path | None = None) -> None:
         self._path = path
         self._entries: tuple[Entry, ...] = ()
-        self._effects: tuple[str, ...] = ()
+        self._effects = ModelEffects()
         self._undo: list[_State] = []
         self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
@@ -60,11 +61,11 @@ class Session:
         return self._entries
 
     @property
-    def effects(self) -> tuple[str, ...]:
+    def effects(self) -> ModelEffects:
         """Get the effects accepted into the model."""
         return self._effects
 
-    def set_effects(self, effects: tuple[str, ...]) -> None:
+    def set_effects(self, effects: ModelEffects) -> None:
         """Set the effects accepted into the model."""
         self._effects = effects
         self._set(self._entries)
@@ -149,9 +150,10 @@ class Session:
         if path is not None:
             self.save_by(lambda: self._write(path, entries, effects))
 
-    def _write(self, path: Path, entries: tuple[Entry, ...], effects: tuple[str, ...]) -> None:
+    def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects) -> None:
         shots = [_to_json(entry) for entry in entries if entry.path]
-        document = {"schema": SCHEMA, "effects": list(effects), "shots": shots}
+        accepted = {"effects": list(effects.collision), "drive_effects": list(effects.drive)}
+        document = {"schema": SCHEMA, **accepted, "shots": shots}
         beside = path.with_name(path.name + ".new")
         problem = None
         try:
@@ -178,7 +180,8 @@ class Session:
             if (schema := document.text("schema", 100)) != SCHEMA:
                 raise document.refuse("schema", f"{shown(schema)} is not {SCHEMA}")
             session._entries = tuple(_from_json(item) for item in document.objects("shots") or ())
-            session._effects = tuple(name for name in _names(document, "effects") if name in EFFECT_WORDS)
+            accepted = (known_effects(_names(document, key)) for key in ("effects", "drive_effects"))
+            session._effects = ModelEffects(*accepted)
         except RecordingError as error:
             aside = path.with_name(path.name + ".unreadable")
             session.problem = f"the last session could not be read ({error}); it was kept as {aside.name}"
@@ -197,7 +200,7 @@ def _to_json(entry: Entry) -> dict[str, Any]:
         "note": entry.note,
         "verdict": entry.verdict,
         "copy_of": entry.copy_of,
-        "settings": asdict(entry.settings),
+        "settings": asdict(entry.settings) | {"corrections": dict(entry.settings.corrections)},
     }
 
 
@@ -216,6 +219,7 @@ def _from_json(item: Checked) -> Entry:
         rest=_one_of(chosen, "rest", ("smoothed", "instantaneous")) or own.rest,
         fit=chosen.get("fit") is not False,
         effects=_names(chosen, "effects"),
+        corrections=_corrections(chosen),
     )
     return Entry(
         number=number,
@@ -226,6 +230,16 @@ def _from_json(item: Checked) -> Entry:
         verdict=item.text("verdict") or "",
         copy_of=item.whole("copy_of", 1, 2**31),
     )
+
+
+def _corrections(chosen: Checked) -> tuple[tuple[str, float | None], ...]:
+    given = chosen.object("corrections")
+    if given is None:
+        return ()
+    found = tuple((name, given.number(name, -1e3, 1e12)) for name in NAMES if name in given.values)
+    if unknown := given.unread():
+        raise given.refuse(next(iter(unknown)), "nothing of the rig is called so")
+    return found
 
 
 def _one_of(chosen: Checked, key: str, known: Sequence[str]) -> str | None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -200,3 +201,13 @@ FIELDS: tuple[Field, ...] = (
     Field("appearance", "Folders and looks", "Colours", "choice", choices=(
         ("system", "as the system"), ("light", "light"), ("dark", "dark")), hover="Dark or light"),
 )  # fmt: skip
+
+
+def correction_words(corrections: Sequence[tuple[str, float | None]]) -> list[str]:
+    """Return values of the rig that were put right, each as "moving mass 17.9 g"; what is not given is left out."""
+    given = {name: value for name, value in corrections if value is not None}
+    return [
+        f"{field.words[0].lower()}{field.words[1:]} {given[field.key] * field.scale:.10g} {field.unit}".rstrip()
+        for field in FIELDS
+        if field.key in given and field.key != "moving_mass_u_kg"
+    ]

@@ -1,7 +1,6 @@
 """What the workbench has done with shots, as functions that can be sent to another process."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
@@ -11,15 +10,16 @@ from app.report.export import export
 from app.report.page import report_of
 from app.session.jobs import Asked
 from app.session.load import load_and_analyse
+from app.session.model_effects import ModelEffects
 from app.session.model_in_use import save_model
 from instrument.recording_writer import write_text_beside
 
 
 def open_shot(
-    path: Path, settings: AnalysisSettings, effects: tuple[str, ...], *, progress: Progress, cancelled: Asked
+    path: Path, settings: AnalysisSettings, effects: ModelEffects, *, progress: Progress, cancelled: Asked
 ) -> Shot:
     """Return the recording at ``path`` analysed, and fitted with the effects in the model."""
-    return load_and_analyse(path, settings=replace(settings, effects=effects), progress=progress, cancelled=cancelled)
+    return load_and_analyse(path, settings=settings, effects_of=effects.of, progress=progress, cancelled=cancelled)
 
 
 def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, cancelled: Asked) -> Shot:
@@ -30,7 +30,7 @@ def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, canc
 def write_model(
     path: Path,
     shots: Sequence[Shot],
-    effects: tuple[str, ...],
+    effects: ModelEffects,
     diagnosis: Diagnosis | None,
     *,
     progress: Progress,

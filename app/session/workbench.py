@@ -12,7 +12,6 @@ from typing import Any
 
 from analysis.diagnosis import diagnose
 from analysis.diagnosis.model_file import SavedModel
-from analysis.fitted_shot import with_fit
 from analysis.shot import AnalysisSettings, Shot
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, SavedElsewhere
 from app.session.jobs import Asked, Job, Jobs, Report
@@ -20,6 +19,7 @@ from app.session.load import unanalysed
 from app.session.model_in_use import load_model, model_words
 from app.session.saver import Saver
 from app.session.session import Entry, Session
+from app.session.settings import correction_words
 from app.session.shot_work import open_shot, refit_shot, write_csv, write_model, write_report
 from app.words.verdict import verdict_words
 from instrument.apart.work import WorkApart
@@ -36,8 +36,12 @@ class Workbench:
         settings: Callable[[], AnalysisSettings],
         saver: Saver | None = None,
         apart: WorkApart | None = None,
+        again: Callable[[], AnalysisSettings] | None = None,
     ) -> None:
-        """``saver``: the session is saved by it, in its thread; ``apart`` does the long work, else the jobs' thread."""
+        """``saver``: the session is saved by it, in its thread; ``apart`` does the long work, else the jobs' thread.
+
+        ``again``: the settings of an analysis repeated, with what was put right meanwhile; else ``settings``.
+        """
         self.session = session
         self._saver = saver
         self._apart = apart
@@ -48,13 +52,12 @@ class Workbench:
         self._paths_ahead: dict[str, str] = {}  # of shots saved elsewhere before they were analysed, by name
         self.known: SavedModel | None = None  # the model file in use
         self.diagnosed: Diagnosed | None = None
-        self._settings = settings
+        self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
 
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """Get the effects now in the model."""
-        return self.session.effects
+    def effects_of(self, base: str) -> tuple[str, ...]:
+        """Return the effects now in the model of shots with this base."""
+        return self.session.effects.of(base)
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
@@ -88,17 +91,21 @@ class Workbench:
             if entry.path is None:
                 continue
             if entry.shot is not None and entry.shot.motion is None:
-                self._submit_fill(replace(entry, settings=self._settings()))
+                self._submit_fill(replace(entry, settings=self._again()))
             else:
-                self._submit_open(Path(entry.path), self._settings(), copy_of=entry.number)
+                self._submit_open(Path(entry.path), self._again(), copy_of=entry.number)
             count += 1
         return count
 
+    def put_right(self) -> str:
+        """Return in words which values of the rig an analysis repeated now puts right; "" where none is."""
+        return ", ".join(correction_words(self._again().corrections))
+
     def add_shot(self, shot: Shot) -> Entry:
-        """Take a shot that the rig captured and analysed; the model's effects join it in a job."""
+        """Take a shot that the rig captured and analysed; the model may have changed meanwhile."""
         path = self._paths_ahead.pop(shot.name, None) if shot.path is None else None
         entry = self.session.add(shot if path is None else replace(shot, path=path))
-        if self.effects and shot.motion is not None:
+        if shot.settings.effects != self.effects_of(shot.settings.model):
             self._submit_refit([entry])
         return entry
 
@@ -140,7 +147,7 @@ class Workbench:
         motions = [entry.shot.motion for entry in chosen if entry.shot is not None]
         ids = tuple(entry.number for entry in chosen)
         (model,) = models
-        judging = partial(diagnose, motions, model=model, accepted=self.effects)
+        judging = partial(diagnose, motions, model=model, accepted=self.effects_of(model))
 
         def work(report: Report, cancelled: Asked) -> Diagnosed:
             return Diagnosed(self._do(judging, report, cancelled), ids)
@@ -161,25 +168,28 @@ class Workbench:
 
         self.jobs.submit(f"note of {entry.name}", work, "note")
 
-    def set_effect(self, name: str, wanted: bool) -> None:
-        """Add an effect to the model or take it out; every shot of the session is fitted again."""
-        kept = tuple(effect for effect in self.effects if effect != name)
-        self._use((*kept, name) if wanted else kept)
+    def add_effects(self, base: str, names: Sequence[str]) -> None:
+        """Add effects to the model of shots with this base, each of which is fitted again."""
+        now = self.effects_of(base)
+        self._use(base, (*now, *(name for name in names if name not in now)))
 
-    def add_effects(self, names: Sequence[str]) -> None:
-        """Add several effects at once, so that the shots are fitted again but once, or not at all after a diagnosis."""
-        self._use((*self.effects, *(name for name in names if name not in self.effects)))
+    def remove_effect(self, base: str, name: str) -> None:
+        """Take an effect out again."""
+        self._use(base, tuple(effect for effect in self.effects_of(base) if effect != name))
 
-    def _use(self, effects: tuple[str, ...]) -> None:
-        self.session.set_effects(effects)
-        done = self._take_fits_of_diagnosis()
-        self._submit_refit([e for e in self.session.entries if e.shot is not None and e.number not in done])
+    def _use(self, base: str, effects: tuple[str, ...]) -> None:
+        """Fit every shot for itself with the model: so do ``--model FILE`` and a session that is opened again.
+
+        The joint fit of a diagnosis is its evidence, and what a model file keeps; it is no shot's own.
+        """
+        self.session.set_effects(self.session.effects.with_effects(base, effects))
+        self._submit_refit([entry for entry in self.session.entries if entry.shot is not None])
 
     def save_model(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the writing of the model as these entries show it, or as all do when none is named."""
         entries = [e for e in (self._entries(numbers) or self.session.entries) if e.shot is not None]
         shots = [entry.shot for entry in entries if entry.shot is not None]
-        found, effects = self.diagnosed, self.effects
+        found, effects = self.diagnosed, self.session.effects
         same = found is not None and {e.number for e in entries} == set(found.numbers)
         diagnosis = found.diagnosis if found is not None and same else None
 
@@ -188,19 +198,6 @@ class Workbench:
     def load_model(self, path: Path) -> None:
         """Queue the reading of a model file; its effects then are the model's, and every shot is fitted again."""
         self.errands.submit("model file", lambda _, __: Loaded(load_model(path), path), "model")
-
-    def _take_fits_of_diagnosis(self) -> tuple[int, ...]:
-        """Give the diagnosed shots the fit the diagnosis already made with exactly these effects; return whose."""
-        found = self.diagnosed
-        if found is None or set(self.effects) != set(found.diagnosis.fit_after.effects):
-            return ()
-        joint = found.diagnosis.fit_after
-        for place, number in enumerate(found.numbers):
-            entry = self.session.entry(number)
-            if entry is not None and entry.shot is not None:
-                self.session.fill(number, with_fit(entry.shot, joint.of_shot(place)))
-        self._waiting.append(Event(Kind.CHANGED, "", found.numbers))
-        return found.numbers
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the report of these entries, or of all when none is named, as one HTML file."""
@@ -239,7 +236,7 @@ class Workbench:
             self._take_saved(result)
         elif isinstance(result, Loaded):
             self.known = result.model
-            self._use(result.model.effects)
+            self._use(result.model.base, result.model.effects)
             words = f"Model {model_words(result.model)}, taken from {result.path}"
             self._waiting.append(Event(Kind.MODEL, words))
         elif isinstance(result, Opened):
@@ -280,7 +277,7 @@ class Workbench:
         self.jobs.submit(name, work, "export")
 
     def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
-        opening = partial(open_shot, path, settings, self.effects)
+        opening = partial(open_shot, path, settings, self.session.effects)
 
         def work(report: Report, cancelled: Asked) -> Opened:
             return Opened(self._do(opening, report, cancelled), copy_of)
@@ -288,7 +285,8 @@ class Workbench:
         self.jobs.submit(f"{path.name}", work, "open")
 
     def _submit_fill(self, entry: Entry) -> None:
-        number, opening = entry.number, partial(open_shot, Path(entry.path or ""), entry.settings, self.effects)
+        number, effects = entry.number, self.session.effects
+        opening = partial(open_shot, Path(entry.path or ""), entry.settings, effects)
 
         def work(report: Report, cancelled: Asked) -> Filled:
             return Filled(((number, self._do(opening, report, cancelled)),))
@@ -296,13 +294,14 @@ class Workbench:
         self.jobs.submit(entry.name, work, "open")
 
     def _submit_refit(self, entries: Sequence[Entry]) -> None:
-        effects = self.effects
+        wanted = self.session.effects
 
         def work(report: Report, cancelled: Asked) -> Filled:
             done: list[tuple[int, Shot]] = []
             for place, entry in enumerate(entries):
                 shot = entry.shot
-                if shot is None or shot.motion is None:
+                effects = () if shot is None else wanted.of(shot.settings.model)
+                if shot is None or shot.motion is None or shot.settings.effects == effects:
                     continue
                 report(f"fitting {entry.name}", place / len(entries))
                 done.append((entry.number, self._do(partial(refit_shot, shot, effects), report, cancelled)))

@@ -2,6 +2,7 @@
 
 import signal
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from platformdirs import user_config_path
@@ -9,6 +10,7 @@ from PySide6.QtCore import Qt, QTimer, Slot
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import QApplication, QMainWindow
 
+from analysis.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.rig import Open, Rig
 from app.session.saver import Saver
@@ -189,15 +191,21 @@ def open_window(
     def opened(source: str) -> Digitizer:
         return open_apart(at_site(source, site or choices.settings.site))
 
+    session = Session.reopen(folder / "session.json")
+
+    def analysis() -> AnalysisSettings:
+        settings = choices.analysis()
+        return replace(settings, effects=session.effects.of(settings.model))
+
     rig = Rig(
         choices.options,
-        choices.analysis,
+        analysis,
         kernels.wait,
         source=choices.settings.source,
         open_digitizer=open_digitizer or opened,
         analyst=analyst,
     )
-    workbench = Workbench(Session.reopen(folder / "session.json"), choices.analysis, Saver(), helper)
+    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again)
     window = MainWindow(rig, workbench, theme, choices, kernels)
     theme.setParent(window)
     room = window.screen().availableSize()

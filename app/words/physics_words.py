@@ -26,6 +26,7 @@ EFFECT_WORDS = {
 }
 
 FLAG_WORDS = {
+    "setup_corrected": "mass, wavelength, air or rest frequency were corrected after the shot was taken",
     "interrupted": "the capture was cut off before it was closed; analysed as far as it got",
     "cut_short": "the capture ended before all samples asked for came",
     "data_altered": "the data file is not the one that was recorded: its SHA-512 differs from that in the metadata",

@@ -11,6 +11,7 @@ from pytestqt.qtbot import QtBot
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError
+from app.session.model_effects import ModelEffects
 from app.session.model_in_use import drift_words, load_model, model_words, save_model
 from app.session.session import Session
 from app.window.main_window import open_window
@@ -26,7 +27,7 @@ def _never() -> bool:
 
 def test_a_model_that_cannot_be_saved_or_read_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(AnalysisError, match="no shot is fitted"):
-        save_model(tmp_path / "m.toml", [synthetic.bare_shot("a")], (), None, _never)
+        save_model(tmp_path / "m.toml", [synthetic.bare_shot("a")], ModelEffects(), None, _never)
     with pytest.raises(RecordingError, match=r"none\.toml: no such file"):
         load_model(tmp_path / "none.toml")
     wrong = tmp_path / "wrong.toml"
@@ -55,8 +56,9 @@ def test_what_lies_beyond_chance_is_named_largest_first() -> None:
 
 def test_the_accepted_effects_come_back_with_the_session(tmp_path: Path) -> None:
     session = Session(tmp_path / "session.json")
-    session.set_effects(("quadratic_drag",))
-    assert Session.reopen(tmp_path / "session.json").effects == ("quadratic_drag",)
+    session.set_effects(ModelEffects(("quadratic_drag",), ("coulomb_friction",)))
+    again = Session.reopen(tmp_path / "session.json").effects
+    assert again.of("clamped") == ("quadratic_drag",) and again.of("driven") == ("coulomb_friction",)
 
 
 def test_saved_and_opened_by_keys(qtbot: QtBot, tmp_path: Path, warm_kernels: None) -> None:
@@ -86,7 +88,7 @@ def test_saved_and_opened_by_keys(qtbot: QtBot, tmp_path: Path, warm_kernels: No
             qtbot.keyClick(window, Qt.Key.Key_O, both)
             answer(path)
             qtbot.waitUntil(lambda path=path: path.name in window.panels.work.notices.words, timeout=WAIT_MS)
-            assert window.workbench.effects == effects
+            assert window.workbench.effects_of("paper") == effects
         assert not window.panels.model.known
         entry = window.workbench.add_shot(shot)
         window.pull()

@@ -2,10 +2,17 @@
 
 import json
 
+import numpy as np
 import pytest
 
+from analysis.corrected import FLAG, corrected
+from analysis.recording import Air, Setup
+from analysis.shot import AnalysisSettings
 from app.session import settings_file
-from app.session.settings import FIELDS, Settings, WrongSettings
+from app.session.choices import Choices
+from app.session.load import load_and_analyse
+from app.session.session import Session
+from app.session.settings import FIELDS, Settings, WrongSettings, correction_words
 
 
 def test_what_is_saved_comes_back(tmp_path):
@@ -85,3 +92,37 @@ def test_every_field_of_the_sheet_is_a_setting_within_its_limits():
     for field in FIELDS:
         assert field.key in values
         assert field.hover
+
+
+def test_what_is_put_right_afterwards_reaches_a_shot_taken_before(tmp_path):
+    choices = Choices(tmp_path / "settings.json")
+    assert choices.analysis_again() == choices.analysis()  # nobody changed a thing: a recording keeps its own rig
+    assert choices.change({"moving_mass_kg": 0.018, "bandwidth_hz": 5e3}) is None
+    again = choices.analysis_again()
+    assert again.corrections == (("moving_mass_kg", 0.018), ("moving_mass_u_kg", 1e-6)) and again.bandwidth_hz == 5e3
+    assert choices.analysis().corrections == ()
+    assert correction_words(again.corrections) == ["moving mass 18 g"]
+
+    air = {"temperature_c": 21.0, "pressure_pa": 1e5, "humidity_percent": 40.0}
+    assert choices.change(air) is None
+    rig = corrected(
+        Setup(0.02, wavelength_air_m=632.8e-9, digitizer_bits=8), dict(choices.analysis_again().corrections)
+    )
+    assert (rig.moving_mass_kg, rig.wavelength_air_m, rig.digitizer_bits) == (0.018, None, 8)
+    assert rig.wavelength_vacuum_m == 632.991354e-9 and rig.air == Air(21.0, 1e5, 40.0)
+    with pytest.raises(KeyError):
+        corrected(rig, {"plate": 1.0})
+
+
+def test_a_corrected_mass_scales_the_force_of_a_motion_record_and_is_flagged(tmp_path):
+    time_s = np.arange(400) * 1e-4
+    rows = "".join(f"{t!r},{-0.2 * t!r}\n" for t in time_s.tolist())
+    (tmp_path / "a.csv").write_text(f"time_s,displacement_m\n{rows}")
+    (tmp_path / "a.toml").write_text('schema = "levimass.motion/1"\nmodel = "plate"\nmoving_mass_kg = 0.02\n')
+    before = load_and_analyse(tmp_path / "a.csv")
+    after = load_and_analyse(tmp_path / "a.csv", settings=AnalysisSettings(corrections=(("moving_mass_kg", 0.04),)))
+    assert (before.motion.moving_mass_kg, after.motion.moving_mass_kg) == (0.02, 0.04)
+    assert FLAG in after.flags and FLAG not in before.flags
+    session = Session(tmp_path / "session.json")
+    session.add(after)
+    assert Session.reopen(tmp_path / "session.json").entries[0].settings == after.settings

@@ -219,8 +219,12 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     assert "quadratic drag" in window.workbench.session.entries[0].verdict
     before = window.workbench.session.entries[0].shot.fit.reduced_chi2
     window.panels.diagnosis.effects.button("quadratic_drag").click()
-    assert window.workbench.effects == ("quadratic_drag",)
-    after = window.workbench.session.entries[0].shot.fit
+    assert window.workbench.effects_of("paper") == ("quadratic_drag",)
+    first = window.workbench.session.entries[0].number
+    qtbot.waitUntil(
+        lambda: window.workbench.session.entry(first).shot.fit.effects == ("quadratic_drag",), timeout=WAIT_MS
+    )
+    after = window.workbench.session.entry(first).shot.fit
     assert after.effects == ("quadratic_drag",)
     assert after.reduced_chi2 < 0.1 * before
     window.workbench.report([], tmp_path / "report.html")

@@ -2,21 +2,18 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from analysis.kinetic_contact import fitted_contact_cor
 from analysis.motion import ARRAYS
 from analysis.shot import AnalysisSettings
-from app.session.event import Diagnosed, Event, Kind
+from app.session.event import Event, Kind
 from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.workbench import Workbench
 from instrument.apart.work import WorkApart
 from instrument.bench.simulate import simulate
-from tests.app import synthetic
 
 LONGEST_S = 120.0
 
@@ -52,7 +49,7 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
         for workbench in (here, there):
             assert workbench.open_paths(recordings_of_bench) == 1
             until(workbench, lambda h: h.kind is Kind.SHOT)
-            workbench.set_effect("quadratic_drag", True)
+            workbench.add_effects("paper", ("quadratic_drag",))
             until(workbench, lambda h: h.kind is Kind.CHANGED and h.numbers == (1,))
         ours, theirs = here.session.entries[0].shot, there.session.entries[0].shot
         for name in ARRAYS:
@@ -91,23 +88,5 @@ def test_a_diagnosis_there_tells_how_far_it_is_and_is_cancelled(child, recording
         assert job.done.wait(LONGEST_S) and job.result is None and job.problem is None
         assert child.child_id == alive  # it heeded; it was not ended
         assert workbench.diagnosed is None
-    finally:
-        assert workbench.jobs.close() and workbench.errands.close()
-
-
-def test_a_fit_taken_from_the_diagnosis_brings_its_own_contact_and_flags() -> None:
-    shot = replace(synthetic.shot(), flags=("fit_not_converged",))
-    shot = replace(shot, fit=replace(shot.fit, converged=False))
-    workbench = Workbench(Session(), AnalysisSettings)
-    try:
-        number = workbench.session.add(shot).number
-        found = synthetic.diagnosis(shot)
-        joint = replace(shot.fit, converged=True, effects=("quadratic_drag",), flags=("noise_not_known",))
-        workbench.diagnosed = Diagnosed(replace(found, fit_after=joint), (number,))
-        workbench.add_effects(("quadratic_drag",))
-        taken = workbench.session.entry(number).shot
-        assert taken.fit.effects == taken.settings.effects == ("quadratic_drag",)
-        assert taken.flags == ("noise_not_known",)
-        assert taken.impact.cor_kinetic.contact == fitted_contact_cor(taken.fit, shot.motion.moving_mass_kg)
     finally:
         assert workbench.jobs.close() and workbench.errands.close()

@@ -35,9 +35,7 @@ class EffectRows(QWidget):
         if len(missing) > 1:
             button = QPushButton("Add all to the model", self)
             button.setProperty("effects", missing)
-            button.setToolTip(
-                "Use these effects together: the fits are those of the diagnosis, so that nothing is waited for"
-            )
+            button.setToolTip("Use these effects together from now on; overlays, fits and the next shots follow")
             button.clicked.connect(self._add_all)
             self._column.addWidget(button, 0, Qt.AlignmentFlag.AlignRight)
         for name in in_model:

@@ -27,7 +27,8 @@ class DiagnosisPresenter(QObject):
         what = (running.what or "starting") if running is not None else None
         self._panels.diagnosis.show_progress(what, running.fraction if running is not None else 0.0)
         self._panels.model.diagnose.setEnabled(running is None)
-        found, effects = self._workbench.diagnosed, self._workbench.effects
+        found = self._workbench.diagnosed
+        effects = self._workbench.effects_of(self._base())
         if self._shown[0] is found and self._shown[1] == effects:
             return
         self._shown = (found, effects)
@@ -52,8 +53,13 @@ class DiagnosisPresenter(QObject):
 
     @Slot(list)
     def _add(self, names: list[str]) -> None:
-        self._workbench.add_effects(names)
+        self._workbench.add_effects(self._base(), names)
 
     @Slot(str)
     def _remove(self, name: str) -> None:
-        self._workbench.set_effect(name, False)
+        self._workbench.remove_effect(self._base(), name)
+
+    def _base(self) -> str:
+        """Return the base model that the page in front is about: that of the diagnosis, else the usual one."""
+        found = self._workbench.diagnosed
+        return found.diagnosis.fit_before.model if found is not None else "paper"

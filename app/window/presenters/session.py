@@ -163,7 +163,9 @@ class SessionPresenter(QObject):
     def reanalyse_selected(self) -> None:
         """Analyse the selected shots again, as copies."""
         count = self._workbench.reanalyse(self._panels.table.numbers)
+        put_right = self._workbench.put_right()
         words = f"{count} shots are analysed again as copies, with the present settings"
+        words += f" and {put_right} in place of the recordings' own" if put_right else ""
         self.said.emit(words if count else "Select shots that have a recording", Tone.NEUTRAL)
 
     @Slot()

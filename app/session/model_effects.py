@@ -1,0 +1,27 @@
+"""The effects accepted into the model: those of the collision, and those of a driven slider, which is another rig."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from app.words.physics_words import EFFECT_WORDS
+
+
+@dataclass(frozen=True, slots=True)
+class ModelEffects:
+    """Names of the catalogue, in the order in which they were accepted."""
+
+    collision: tuple[str, ...] = ()
+    drive: tuple[str, ...] = ()
+
+    def of(self, base: str) -> tuple[str, ...]:
+        """Return the effects in the model of shots with this base."""
+        return self.drive if base == "driven" else self.collision
+
+    def with_effects(self, base: str, effects: tuple[str, ...]) -> "ModelEffects":
+        """Return the same with other effects for shots with this base."""
+        return replace(self, **{"drive" if base == "driven" else "collision": effects})
+
+
+def known_effects(names: Iterable[object]) -> tuple[str, ...]:
+    """Return those of the names that the catalogue still has."""
+    return tuple(name for name in names if isinstance(name, str) and name in EFFECT_WORDS)

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from analysis.drive.fit import fit_driven
 from analysis.fit import Fit
 from analysis.kinetic_contact import fitted_contact_cor
-from analysis.model.driven import fit_driven
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.quantity import NotSeen

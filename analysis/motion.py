@@ -52,6 +52,7 @@ class Motion:
     reference: BeatQuality | None = None
     measurement: BeatQuality | None = None
     flags: tuple[str, ...] = ()
+    force_measured: bool = False  # ``force_n`` came with the record; else it is mass times acceleration
 
     def __post_init__(self) -> None:
         for name in ARRAYS:

@@ -56,7 +56,7 @@ def diagnose(
     if not motions:
         raise ValueError("no shot to diagnose")
     if model == "driven":
-        return diagnose_driven(motions)
+        return diagnose_driven(motions, accepted, progress, cancelled)
     catalogue = trial_effects()
     tell("fitting the base model", 0.0)
     data = JointData(together(motions), base_named(model))

@@ -2,203 +2,126 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.diagnosis import driven_words as words
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
-from analysis.model.driven import EFFECTS, Regression, Run, design, fit_driven, prepare, regress, rms
+from analysis.drive.alike import look_alikes
+from analysis.drive.fit import as_fit, chi2, noise_n
+from analysis.drive.mass import Weighed, weigh
+from analysis.drive.regress import BentValues, Mask, Regression, Table, regress
+from analysis.drive.repeat import Floor, floor
+from analysis.drive.run import prepare
+from analysis.drive.search import Explored, Ground, Trial, explore
 from analysis.motion import Motion
-from analysis.quantity import Quantity
+from analysis.shot import Progress, Stop
 
-Floats = NDArray[np.float64]
-BIC_AGAINST_BASE, BIC_AGAINST_NEXT = 10.0, 6.0  # EFFECTS.md section 4.6
-SEPARABLE_SNR = 5.0  # EFFECTS.md section 4.7
-PAYS = 0.02  # the share of the held-out force error an effect must take away
-MOST_EFFECTS = 3
-SMALL_REST = 1.5  # of the force's noise: a remainder up to here counts as accounted for
-FORMS = {"coulomb_friction": "F_c sgn v", "quadratic_drag": "c v|v|", "bearing_gradient": "k_b (x - x0)"}
+SMALL_REST = 1.5  # of the floor: a remainder up to here counts as accounted for
 
 
 @dataclass(frozen=True, slots=True)
-class _Trial:
-    name: str
-    found: Regression
-    delta_bic: float
-    held_out_n: float
+class _Halves:
+    """What a model leaves: over everything, and of the half that took no part."""
+
+    whole: Regression
+    held_n: float
 
 
-def diagnose_driven(motions: Sequence[Motion]) -> Diagnosis:
-    """Return the diagnosis of driven runs.  The later half of each run takes no part in the gates' fits."""
+def diagnose_driven(
+    motions: Sequence[Motion],
+    accepted: Sequence[str] = (),
+    progress: Progress | None = None,
+    cancelled: Stop | None = None,
+) -> Diagnosis:
+    """Return the diagnosis of driven records against mass, drag, offset and the ``accepted`` laws.
+
+    The later half of each record takes no part in the fits that the gates are asked of.  Raises AnalysisError where
+    there is nothing to judge, Cancelled when asked to stop.
+    """
     began = time.perf_counter()
-    runs = [prepare(motion) for motion in motions]
-    kept, held = [_part(run, 0) for run in runs], [_part(run, 1) for run in runs]
-    chosen: list[str] = []
-    candidates: list[Candidate] = []
-    effects: list[FoundEffect] = []
-    while len(chosen) < MOST_EFFECTS:
-        before, before_held = regress(kept, chosen), _held_out(kept, held, chosen)
-        trials = sorted(
-            (_try(name, kept, held, chosen, before) for name in EFFECTS if name not in chosen),
-            key=lambda trial: trial.delta_bic,
-        )
-        if not chosen:
-            candidates = [_candidate(trial) for trial in trials]
-        best = trials[0] if trials else None
-        if best is None or best.delta_bic > -BIC_AGAINST_BASE or best.held_out_n > (1.0 - PAYS) * before_held:
-            break
-        alike = _alike(best, trials[1:], kept, chosen)
-        effects.append(_named(best, alike, regress(runs, [*chosen, best.name])))
-        chosen.append(best.name)
-    first, last = regress(runs), regress(runs, chosen)
-    noise_n = float(np.median([np.nanmedian(motion.force_std_n) for motion in motions]))
-    rest = _describe(runs, last, noise_n)
-    adequate = last.rms_n <= SMALL_REST * noise_n
-    verdict = Verdict.UNEXPLAINED
-    if adequate:
-        verdict = Verdict.EFFECT_FOUND if chosen else Verdict.ADEQUATE
-    named = [replace(e, parameters=_parameters(last, e.name)) for e in effects]
-    return Diagnosis(
+    tell = progress or (lambda _what, _share: None)
+    tell("fitting mass, drag and offset", 0.0)
+    table = Table.of(prepare(motions))
+    ground = Ground.of(table, cancelled or (lambda: False))
+    tell("trying the laws of a drive", 0.1)
+    explored = explore(ground, accepted, lambda share: tell("trying the laws of a drive", 0.1 + 0.7 * share))
+    tell("fitting the whole record", 0.85)
+    free = regress(table, explored.found.laws, None, explored.found.bent)
+    weighed = weigh(motions, free)
+    before = _halves(ground, tuple(accepted), explored.found.bent, weighed)
+    after = _halves(ground, explored.found.laws, explored.found.bent, weighed)
+    below = floor(table, after.whole, noise_n(motions, table.runs, after.whole))
+    tell("telling look-alikes apart", 0.9)
+    effects = tuple(_found(ground, after.whole, explored, law) for law in after.whole.laws if law not in accepted)
+    verdict = _verdict(after.whole.rms_n <= SMALL_REST * below.force_n, bool(effects))
+    seconds = time.perf_counter() - began
+    diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=_sentence(named, first.rms_n, last.rms_n, noise_n, adequate),
-        effects=tuple(named),
-        candidates=tuple(candidates),
-        error_before=_errors(first.residual_n, noise_n),
-        error_after=_errors(last.residual_n, noise_n),
-        error_held_out_before=_errors(_residual(kept, held, []), noise_n),
-        error_held_out_after=_errors(_residual(kept, held, chosen), noise_n),
-        fit_before=fit_driven(motions),
-        fit_after=fit_driven(motions, chosen),
-        remainder="" if adequate else rest,
-        blind_spots=(
-            "a constant force of the drive and a tilt of the guide are one number here: the offset",
-            "an error of the force's scale only rescales mass and drag",
-        ),
-        separating_shot="",
-        seconds=time.perf_counter() - began,
+        sentence=words.sentence(effects, before.whole, after.whole, after.held_n, below, weighed),
+        effects=effects,
+        candidates=_candidates(explored, weighed),
+        error_before=_errors(before.whole.rms_n, below),
+        error_after=_errors(after.whole.rms_n, below),
+        error_held_out_before=_errors(before.held_n, below),
+        error_held_out_after=_errors(after.held_n, below),
+        fit_before=as_fit(motions, before.whole, weighed, below, 0.0),
+        fit_after=as_fit(motions, after.whole, weighed, below, seconds),
+        remainder="" if verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND) else words.rest(table, after.whole, below),
+        blind_spots=words.blind_spots(table, explored.coinciding, weighed),
+        separating_shot=words.separating(effects, explored.coinciding),
+        seconds=seconds,
     )
+    tell("diagnosed", 1.0)
+    return diagnosis
 
 
-def _part(run: Run, half: int) -> Run:
-    middle = 0.5 * (run.time_s[0] + run.time_s[-1])
-    use = (run.time_s < middle) if half == 0 else (run.time_s >= middle)
-    arrays = ("time_s", "displacement_m", "velocity_m_per_s", "acceleration_m_per_s2", "force_n")
-    return replace(run, **{name: getattr(run, name)[use] for name in arrays})
+def _halves(ground: Ground, laws: tuple[str, ...], bent: BentValues, weighed: Weighed) -> _Halves:
+    def fitted(mask: Mask | None) -> Regression:
+        return regress(ground.table, laws, mask, bent, weighed.fixed)
+
+    return _Halves(fitted(None), fitted(ground.kept).foretold_n(ground.held))
 
 
-def _residual(kept: Sequence[Run], held: Sequence[Run], effects: Sequence[str]) -> tuple[Floats, ...]:
-    values = regress(kept, effects).values
-    out = []
-    for here, there in zip(kept, held, strict=True):
-        columns = design(there, effects)
-        if "bearing_gradient" in effects:  # its zero is the mean place of the fitted part
-            columns[:, 3 + list(effects).index("bearing_gradient")] = there.displacement_m - here.displacement_m.mean()
-        out.append(there.force_n - columns @ values)
+def _verdict(down_to_the_floor: bool, found: bool) -> Verdict:
+    if down_to_the_floor:
+        return Verdict.EFFECT_FOUND if found else Verdict.ADEQUATE
+    return Verdict.PARTLY_EXPLAINED if found else Verdict.UNEXPLAINED
+
+
+def _errors(force_n: float, below: Floor) -> Errors:
+    """Return the errors; without a loop around it the model's own path drifts, so only the force is compared."""
+    return Errors(float("nan"), float("nan"), force_n, chi2(force_n, below))
+
+
+def _found(ground: Ground, whole: Regression, explored: Explored, law: str) -> FoundEffect:
+    pay = explored.pays[law]
+    evidence = {"delta_bic": pay.delta_bic, "held_out_force_rms_without_it_n": pay.without_n}
+    others = look_alikes(ground.table, whole, law)
+    parameters = whole.parameters(law)
+    return FoundEffect(law, parameters, evidence, others, words.effect(law, parameters, whole, others))
+
+
+def _candidates(explored: Explored, weighed: Weighed) -> tuple[Candidate, ...]:
+    out = [_candidate(trial) for trial in explored.trials if len(trial.added) == 1]
+    coincides = "not identifiable: in this motion it is a mixture of what is in the model"
+    out += [Candidate(law, 0.0, None, {}, coincides) for law in explored.coinciding]
+    gain = weighed.gain_error
+    if gain is None:
+        remark = "not identifiable: while no mass is stated it only rescales mass, drag and friction"
+        out.append(Candidate("gain_error", 0.0, None, {}, remark))
+    else:
+        remark = "the stated mass agrees" if weighed.agrees else f"the same as a mass of {weighed.fitted} kg"
+        score = abs(gain.value) / gain.std if gain.std > 0.0 else 0.0
+        out.append(Candidate("gain_error", score, None, {"fraction": gain}, remark))
     return tuple(out)
 
 
-def _held_out(kept: Sequence[Run], held: Sequence[Run], effects: Sequence[str]) -> float:
-    return rms(_residual(kept, held, effects))
-
-
-def _try(name: str, kept: Sequence[Run], held: Sequence[Run], chosen: Sequence[str], before: Regression) -> _Trial:
-    found = regress(kept, [*chosen, name])
-    # neighbouring samples repeat each other: only independent ones count in the likelihood
-    n = found.independent_samples
-    delta = n * 2.0 * float(np.log(found.rms_n / before.rms_n)) + float(np.log(max(n, 2.0)))
-    return _Trial(name, found, delta, _held_out(kept, held, [*chosen, name]))
-
-
-def _alike(best: _Trial, others: Sequence[_Trial], kept: Sequence[Run], chosen: Sequence[str]) -> tuple[str, ...]:
-    """Return the candidates that this data could not tell from the best one."""
-    base = np.concatenate([design(run, chosen) for run in kept])
-    basis, _ = np.linalg.qr(base / np.linalg.norm(base, axis=0))
-
-    def projected(name: str) -> Floats:
-        column = np.concatenate([EFFECTS[name][1](run) for run in kept])
-        return np.asarray(column - basis @ (basis.T @ column))
-
-    mine = projected(best.name)
-    share = best.found.independent_samples / mine.size
-    value = best.found.values[-1]
-    snr = abs(value) * float(np.linalg.norm(mine)) * np.sqrt(share) / best.found.rms_n
-    alike = []
-    for other in others:
-        theirs = projected(other.name)
-        cosine = float(mine @ theirs / (np.linalg.norm(mine) * np.linalg.norm(theirs)))
-        apart = snr * np.sqrt(max(0.0, 1.0 - cosine**2))
-        if apart < SEPARABLE_SNR or other.delta_bic - best.delta_bic < BIC_AGAINST_NEXT:
-            alike.append(other.name)
-    return tuple(alike)
-
-
-def _parameters(found: Regression, name: str) -> dict[str, Quantity]:
-    key = EFFECTS[name][0]
-    return {key: found.quantity(f"{name}.{key}")}
-
-
-def _candidate(trial: _Trial) -> Candidate:
-    quantity = _parameters(trial.found, trial.name)
-    (value,) = quantity.values()
-    score = abs(value.value) / value.std if value.std > 0.0 else float("inf")
-    return Candidate(trial.name, score, trial.delta_bic, quantity, f"held-out force error {trial.held_out_n:.3g} N")
-
-
-def _named(trial: _Trial, alike: tuple[str, ...], whole: Regression) -> FoundEffect:
-    parameters = _parameters(whole, trial.name)
-    ((key, value),) = parameters.items()
-    evidence = {"delta_bic": trial.delta_bic, "held_out_force_rms_n": trial.held_out_n}
-    words = trial.name.replace("_", " ")
-    return FoundEffect(trial.name, parameters, evidence, alike, f"{words}, {FORMS[trial.name]}: {key} {value}")
-
-
-def _errors(residual: Sequence[Floats], noise_n: float) -> Errors:
-    """Return the errors; without a loop around it the model's own path drifts, so only the force is compared."""
-    force = rms(residual)
-    return Errors(float("nan"), float("nan"), force, (force / noise_n) ** 2 if noise_n > 0.0 else float("nan"))
-
-
-def _describe(runs: Sequence[Run], found: Regression, noise_n: float) -> str:
-    """Say what the remaining force goes with: direction, reversals, place."""
-    rest = np.concatenate(found.residual_n)
-    speed = np.concatenate([run.velocity_m_per_s for run in runs])
-    place = np.concatenate([run.displacement_m for run in runs])
-    total = float(rest @ rest)
-    fastest = float(np.abs(speed).max())
-    slow = np.abs(speed) < 0.1 * fastest
-    forward = np.maximum(speed, 0.0)
-    asymmetric = _explained(rest, np.stack([forward, (speed > 0.0).astype(np.float64), speed, np.ones_like(speed)], 1))
-    wave = [f(2.0 * np.pi * k * place / np.ptp(place)) for k in (1, 2, 3) for f in (np.sin, np.cos)]
-    by_place = _explained(rest, np.stack([np.ones_like(place), place, *wave], axis=1))
-    at_reversal = float(rest[slow] @ rest[slow]) / total
-    parts = [
-        f"{rms([rest]):.3g} N rms remain, {rms([rest]) / noise_n:.0f} times the force's own noise ({noise_n:.2g} N)",
-        f"{asymmetric:.0%} of their power goes with the direction of motion (friction that differs between both ways)",
-        f"{by_place:.0%} with the place along the guide",
-        f"{at_reversal:.0%} stand in the {np.mean(slow):.0%} of samples around reversals",
-    ]
-    return "; ".join(parts)
-
-
-def _explained(rest: Floats, columns: Floats) -> float:
-    solution, *_ = np.linalg.lstsq(columns, rest, rcond=None)
-    left = rest - columns @ solution
-    return 1.0 - float(left @ left) / float(rest @ rest)
-
-
-def _sentence(effects: Sequence[FoundEffect], before_n: float, after_n: float, noise_n: float, adequate: bool) -> str:
-    if not effects:
-        if adequate:
-            return "Adequate: mass, viscous drag and offset leave nothing above the force's noise."
-        return f"Unexplained: {before_n:.3g} N rms remain and no effect of the catalogue accounts for them."
-    names = " and ".join(effect.name.replace("_", " ") for effect in effects)
-    alike = [other for effect in effects for other in effect.indistinguishable_from]
-    text = f"{names[0].upper()}{names[1:]}: force error {before_n:.3g} -> {after_n:.3g} N rms."
-    if alike:
-        text += f" This data does not tell it from {', '.join(name.replace('_', ' ') for name in alike)}."
-    if not adequate:
-        text += (
-            f" {after_n:.3g} N is still {after_n / noise_n:.0f} times the force's noise: something is still missing."
-        )
-    return text
+def _candidate(trial: Trial) -> Candidate:
+    (law,) = trial.added
+    quantities = trial.found.parameters(law)
+    first = next(iter(quantities.values()))
+    score = abs(first.value) / first.std if first.std > 0.0 else 0.0
+    remark = f"foretold force error {trial.held_out_n:.3g} N"
+    return Candidate(law, float(np.nan_to_num(score)), trial.delta_bic, quantities, remark)

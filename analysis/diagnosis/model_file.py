@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.free_parameters import trial_effects
 from analysis.diagnosis.result import Diagnosis, Errors
+from analysis.drive.catalogue import LAWS
 from analysis.fit import Fit
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError
@@ -87,7 +88,7 @@ def from_text(text: str) -> SavedModel:
     if base not in BASES:
         raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
     effects = _strings(data, "effects")
-    known = {kind.name for kind in trial_effects()}
+    known = set(LAWS) if base == "driven" else {kind.name for kind in trial_effects()}
     if unknown := [name for name in effects if name not in known]:
         raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
     parameters = {}

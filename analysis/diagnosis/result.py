@@ -10,11 +10,12 @@ from analysis.quantity import Quantity, to_json
 
 
 class Verdict(StrEnum):
-    """The three things a diagnosis may conclude."""
+    """What a diagnosis may conclude."""
 
     ADEQUATE = "adequate"  # nothing is missing that this data could show
     EFFECT_FOUND = "effect_found"  # the effects account for the remainder down to the noise
-    UNEXPLAINED = "unexplained"  # a significant remainder stays
+    PARTLY_EXPLAINED = "partly_explained"  # the effects foretell better, a significant remainder stays and is described
+    UNEXPLAINED = "unexplained"  # nothing foretells better, a significant remainder stays
 
 
 @dataclass(frozen=True, slots=True)

@@ -102,6 +102,7 @@ def motion_from_displacement(
         wavelength_m=None,
         rest_frequency_hz=NotSeen("a motion record has no beats"),
         flags=tuple(dict.fromkeys((*flags, *problems))),
+        force_measured="force_n" in given,
     )
 
 

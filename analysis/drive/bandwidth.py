@@ -1,0 +1,77 @@
+"""How wide the derivatives of a driven record may be, from the record itself."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from analysis.motion import Motion
+from analysis.shot import AnalysisError
+from analysis.signal.filters import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives, stretches
+
+Floats = NDArray[np.float64]
+CLEAR = 100.0  # signal over noise power at the edge: a noise of 1 % in a regressor bends what it multiplies by as much
+BANDS_AN_OCTAVE = 4
+LEAST_FILTERS = 60.0  # of the filter's time 1 / bandwidth that a record must hold: its ends cost six
+_PIECES = 6  # of the record, for the spectrum
+
+
+def bandwidth_of(motion: Motion) -> float:
+    """Return the bandwidth in Hz in which force and motion are to be compared.
+
+    The wider of two: as far as the motion stands ``CLEAR`` of its noise; and as far as differentiating that noise
+    adds no more to the force than the force's own noise (beyond, wider shows nothing more of either).  At most what
+    the derivative filters can do, at least what leaves the record longer than the filter.  Raises AnalysisError where
+    there is no motion to speak of.
+    """
+    rate = motion.sample_rate_hz
+    start, stop = max(
+        stretches(np.isfinite(motion.displacement_m) & np.isfinite(motion.force_n)),
+        key=lambda ends: ends[1] - ends[0],
+        default=(0, 0),
+    )
+    place, force = motion.displacement_m[start:stop], motion.force_n[start:stop]
+    if place.size < LEAST_FILTERS / MAX_BANDWIDTH_SHARE:
+        least = round(LEAST_FILTERS / MAX_BANDWIDTH_SHARE)
+        raise AnalysisError(f"{place.size} samples without a gap are too short to fit a slider (at least {least})")
+    noise_m = float(np.nanmedian(motion.displacement_std_m))
+    if float(np.ptp(place)) < 20.0 * noise_m:
+        raise AnalysisError(f"displacement_m: no motion, nothing goes further than its noise of {noise_m:.2g} m")
+    widest, narrowest = MAX_BANDWIDTH_SHARE * rate, LEAST_FILTERS * rate / place.size
+    clear = min(widest, max(narrowest, _clear(place, rate, noise_m)))
+    even = _even(place, force, rate, clear, (noise_m, float(np.nanmedian(motion.force_std_n))))
+    return min(widest, max(clear, even))
+
+
+def _even(place: Floats, force: Floats, rate: float, clear: float, noise: tuple[float, float]) -> float:
+    """Return the bandwidth at which mass times the noise of the acceleration is the noise of the force."""
+    velocity, acceleration = derivatives(place, rate, clear)
+    columns = np.stack([acceleration, velocity, np.sign(velocity), np.ones(place.size)], axis=1)
+    known = np.isfinite(columns).all(axis=1)
+    mass = abs(float(np.linalg.lstsq(columns[known], force[known], rcond=1e-8)[0][0]))
+    best = 0.0
+    for share in np.geomspace(0.005, MAX_BANDWIDTH_SHARE, 40):
+        moved = mass * noise[0] * derivative_filters(rate, float(share) * rate).acceleration_gain
+        if moved < noise[1] * np.sqrt(2.0 * share):
+            best = float(share) * rate
+    return best
+
+
+def _clear(place: Floats, rate: float, noise_m: float) -> float:
+    """Return the highest frequency at which the displacement is ``CLEAR`` of white noise.
+
+    Differentiation raises noise and motion alike, so that their ratio is that of the displacement.  The spectrum is
+    that of its second differences, which are flat enough for a window not to leak the slow motion over the fast one.
+    """
+    second = np.diff(place, 2)
+    frequency, density = welch(second, rate, nperseg=min(second.size, max(64, second.size // _PIECES)))
+    frequency, density = frequency[1:], density[1:]
+    seen = density / (2.0 * np.sin(np.pi * frequency / rate)) ** 4
+    top = seen[frequency > 0.8 * frequency[-1]]
+    floor = min(2.0 * noise_m**2 / rate, float(np.median(top)))
+    edges = frequency[0] * 2.0 ** (np.arange(200) / BANDS_AN_OCTAVE)
+    clear = float(frequency[0])
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        inside = (frequency >= low) & (frequency < high)
+        if inside.any() and float(np.mean(seen[inside])) > CLEAR * floor:
+            clear = float(high)
+    return clear

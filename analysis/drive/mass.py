@@ -1,0 +1,72 @@
+"""The mass that was stated, held against the mass that force and motion give."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.drive.regress import Regression
+from analysis.motion import Motion
+from analysis.quantity import Quantity
+from analysis.shot import AnalysisError
+
+MASS = "moving_mass_kg"
+AGREE_SIGMAS = 4.0
+AGREE_SHARE = 0.02  # what the scale of a force, and a law still missing, may be worth of a mass
+FLAG = "mass_disagrees"
+
+
+@dataclass(frozen=True, slots=True)
+class Weighed:
+    """The stated mass beside the fitted one; ``fixed`` is what a fit is to take as known."""
+
+    stated: Quantity | None
+    fitted: Quantity
+    agrees: bool
+
+    @property
+    def fixed(self) -> dict[str, float]:
+        """Get the parameters that are known: the stated mass where nothing speaks against it."""
+        return {MASS: self.stated.value} if self.stated is not None and self.agrees else {}
+
+    @property
+    def gain_error(self) -> Quantity | None:
+        """Get by what fraction the force would have to be wrong for the stated mass to hold."""
+        if self.stated is None:
+            return None
+        ratio = self.stated.value / self.fitted.value
+        spread = float(np.hypot(self.stated.std / self.stated.value, self.fitted.std / self.fitted.value))
+        return Quantity(ratio - 1.0, abs(ratio) * spread, "stated over fitted mass")
+
+    @property
+    def words(self) -> str:
+        """Get what is to be said of it, or nothing."""
+        if self.stated is None:
+            return ""
+        if self.agrees:
+            return f"The mass is the stated one, {self.stated} kg; force and motion give {self.fitted} kg."
+        return (
+            f"The stated mass of {self.stated} kg is contradicted: force and motion give {self.fitted} kg, which is "
+            f"used. The mass is wrong, or the force is, by a factor of {self.stated.value / self.fitted.value:.3g}."
+        )
+
+
+def weigh(motions: Sequence[Motion], found: Regression) -> Weighed:
+    """Return stated and fitted mass, of a fit with the mass free.  Raises AnalysisError where they cannot be."""
+    fitted = found.quantity(MASS)
+    if fitted.value <= 0.0:
+        if fitted.value < -AGREE_SIGMAS * fitted.std:
+            raise AnalysisError(
+                f"force and motion give a mass of {fitted} kg: the sign of force_n or of displacement_m is reversed"
+            )
+        raise AnalysisError(f"force and motion give a mass of {fitted} kg: the motion's acceleration does not weigh it")
+    masses = {m.moving_mass_kg: m.moving_mass_u_kg for m in motions if np.isfinite(m.moving_mass_kg)}
+    if not masses:
+        return Weighed(None, fitted, True)
+    if len(masses) > 1:
+        listed = ", ".join(f"{mass:g}" for mass in sorted(masses))
+        raise AnalysisError(f"moving_mass_kg: {listed} are stated of one drive; records of one mass go together")
+    ((mass, spread),) = masses.items()
+    apart = abs(fitted.value - mass)
+    allowed = max(AGREE_SIGMAS * float(np.hypot(fitted.std, spread)), AGREE_SHARE * mass)
+    return Weighed(Quantity(mass, spread, "stated"), fitted, apart <= allowed)

@@ -1,0 +1,312 @@
+"""Least squares on the force: what a motion takes, linear parameters solved for, bent ones searched around them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from analysis.drive.catalogue import BASE, LAWS, Law, Span
+from analysis.drive.run import Run
+from analysis.quantity import Quantity
+from analysis.shot import AnalysisError
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+BentValues = Mapping[str, tuple[float, ...]]  # of each law that has bent parameters
+SAME = 1e-7  # of a column: less than this beside the others and it is one of them
+_EVALUATIONS = 40
+_STEP = 1e-3  # of a search coordinate, for the derivatives of what is bent
+_KEPT = 40  # columns of laws kept a table
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """The samples of all runs in one row after another, m in all, and the force of any law there, filtered."""
+
+    runs: tuple[Run, ...]
+    time_s: Floats
+    displacement_m: Floats
+    velocity_m_per_s: Floats
+    acceleration_m_per_s2: Floats
+    record: NDArray[np.int64]
+    _seen: dict[tuple[str, tuple[float, ...]], Floats] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, runs: Sequence[Run]) -> "Table":
+        """Return the table of the samples used of ``runs``."""
+
+        def all_of(name: str) -> Floats:
+            return np.concatenate([getattr(run, name)[run.used] for run in runs])
+
+        motion = [all_of(n) for n in ("time_s", "displacement_m", "velocity_m_per_s", "acceleration_m_per_s2")]
+        return cls(tuple(runs), *motion, np.concatenate([np.full(run.used.size, run.record) for run in runs]))
+
+    @property
+    def everything(self) -> Mask:
+        """Get the mask of all samples."""
+        return np.ones(self.time_s.size, dtype=np.bool_)
+
+    def force(self, later_s: float = 0.0) -> Floats:
+        """Return the filtered force, shape (m,), taken ``later_s`` before the motion."""
+        return self._kept("", (later_s,), lambda run: (run.force_n,), later_s)[:, 0]
+
+    def columns(self, law: Law, bent: tuple[float, ...]) -> Floats:
+        """Return the filtered force of a law a unit of its linear parameters, shape (m, k)."""
+        make = law.force
+        assert make is not None
+        return self._kept(law.name, bent, lambda run: make(run, bent))
+
+    def base(self) -> Floats:
+        """Return the columns of mass, drag and offset, shape (m, 3)."""
+        return np.stack([self.acceleration_m_per_s2, self.velocity_m_per_s, np.ones(self.time_s.size)], axis=1)
+
+    def _kept(self, name: str, at: tuple[float, ...], make, later_s: float = 0.0) -> Floats:  # type: ignore[no-untyped-def]
+        found = self._seen.pop((name, at), None)
+        if found is None:
+            found = np.concatenate([np.stack([run.smooth(c, later_s) for c in make(run)], axis=1) for run in self.runs])
+        self._seen[name, at] = found
+        while len(self._seen) > _KEPT:
+            self._seen.pop(next(iter(self._seen)))
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Regression:
+    """A solution over the samples of ``mask``; ``residual_n``, shape (m,), is over all of them, foretold ones too.
+
+    ``tangents``, shape (m, free parameters), is how the modelled force moves with every parameter that was fitted.
+    ``covariance`` is over ``names``, linear ones in the order of base and laws, then the bent ones; it carries the
+    remainder's correlation in time (sums over blocks), so that a remainder of thousands of neighbouring samples is
+    not taken for thousands of independent ones.
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    covariance: Floats
+    laws: tuple[str, ...]
+    bent: BentValues
+    residual_n: Floats
+    tangents: Floats
+    mask: Mask
+    independent_samples: float
+
+    @property
+    def rms_n(self) -> float:
+        """Get the root mean square of what remains where it was fitted."""
+        return rms(self.residual_n[self.mask])
+
+    def foretold_n(self, held: Mask) -> float:
+        """Return the root mean square of what remains on other samples."""
+        return rms(self.residual_n[held])
+
+    def quantity(self, name: str) -> Quantity:
+        """Return a parameter by its name."""
+        place = self.names.index(name)
+        variance = float(self.covariance[place, place])
+        return Quantity(float(self.values[place]), float(np.sqrt(max(0.0, variance))), "least squares on F")
+
+    def parameters(self, law: str) -> dict[str, Quantity]:
+        """Return the parameters of one law by their own names."""
+        return {name: self.quantity(f"{law}.{name}") for name in LAWS[law].parameters}
+
+
+def rms(values: Floats) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def delay_of(bent: BentValues) -> float:
+    """Return how much later than the force the motion answers, in s."""
+    return bent["drive_delay"][0] if "drive_delay" in bent else 0.0
+
+
+def design(table: Table, laws: Sequence[str], bent: BentValues) -> Floats:
+    """Return the columns of base and laws, shape (m, 3 + linear parameters)."""
+    moving = [LAWS[name] for name in laws if LAWS[name].force is not None]
+    return np.concatenate([table.base(), *(table.columns(law, bent.get(law.name, ())) for law in moving)], axis=1)
+
+
+def coincide(columns: Floats) -> bool:
+    """Return whether one of the columns (m, k) is a mixture of the others."""
+    scale = np.linalg.norm(columns, axis=0)
+    if not np.all(np.isfinite(scale)) or (scale == 0.0).any():
+        return True
+    return float(np.linalg.svd(columns / scale, compute_uv=False)[-1]) < SAME**0.5
+
+
+def regress(
+    table: Table,
+    laws: Sequence[str] = (),
+    mask: Mask | None = None,
+    start: BentValues | None = None,
+    fixed: Mapping[str, float] | None = None,
+) -> Regression:
+    """Return the least-squares solution of base and laws over the samples of ``mask`` (all by default).
+
+    ``start`` says where the search of bent parameters begins; ``fixed`` holds parameters, by the names of the result,
+    that are known.  Raises AnalysisError where the motion does not tell the columns apart.
+    """
+    mask = table.everything if mask is None else mask
+    fixed = fixed or {}
+    begin = {name: _begun(name, start or {}, fixed) for name in laws if LAWS[name].bent}
+    bent = _searched(table, laws, mask, begin, fixed)
+    linear, columns, target = _linear(table, laws, bent, fixed)
+    if linear and coincide(columns[mask]):
+        raise AnalysisError(_not_apart(laws))
+    values = _solved(columns[mask], target[mask])
+    residual = target - columns @ values
+    free = [(name, k) for name in bent for k in range(len(bent[name])) if _called(name, k) not in fixed]
+    slopes = [_slope(table, laws, bent, fixed, values, name, k) for name, k in free]
+    whole = np.column_stack([columns, *slopes])
+    names = (*linear, *(_called(name, k) for name, k in free))
+    known = tuple(name for name in _all_names(laws) if name in fixed)
+    covariance = np.zeros((len(names) + len(known),) * 2)
+    covariance[: len(names), : len(names)] = _covariance(whole[mask], residual[mask])
+    every = np.array([*values, *(bent[name][k] for name, k in free), *(fixed[name] for name in known)])
+    order = [(*names, *known).index(name) for name in _all_names(laws)]
+    return Regression(
+        _all_names(laws), every[order], covariance[np.ix_(order, order)], tuple(laws), bent, residual, whole, mask,
+        independent(residual[mask]),
+    )  # fmt: skip
+
+
+def _begun(law: str, start: BentValues, fixed: Mapping[str, float]) -> tuple[float, ...]:
+    given = start.get(law, (np.nan,) * len(LAWS[law].bent))
+    return tuple(fixed.get(_called(law, k), value) for k, value in enumerate(given))
+
+
+def _all_names(laws: Sequence[str]) -> tuple[str, ...]:
+    linear = [f"{name}.{parameter}" for name in laws for parameter in LAWS[name].linear]
+    return (*BASE, *linear, *(_called(name, k) for name in laws for k in range(len(LAWS[name].bent))))
+
+
+def _called(law: str, k: int) -> str:
+    return f"{law}.{LAWS[law].bent[k].name}"
+
+
+def _linear(
+    table: Table, laws: Sequence[str], bent: BentValues, fixed: Mapping[str, float]
+) -> tuple[tuple[str, ...], Floats, Floats]:
+    """Return the free linear parameters, their columns, and the force less what is known of it."""
+    names = _all_names(laws)[: 3 + sum(len(LAWS[name].linear) for name in laws)]
+    columns = design(table, laws, bent)
+    target = table.force(delay_of(bent))
+    for place, name in enumerate(names):
+        if name in fixed:
+            target = target - fixed[name] * columns[:, place]
+    free = [place for place, name in enumerate(names) if name not in fixed]
+    return tuple(names[place] for place in free), columns[:, free], target
+
+
+def _solved(columns: Floats, target: Floats) -> Floats:
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    return np.asarray(np.linalg.lstsq(columns / scale, target, rcond=None)[0] / scale)
+
+
+def _quickly(columns: Floats, target: Floats) -> Floats:
+    """Return ``_solved`` by its normal equations: less exact, and a tenth of the work."""
+    scale = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), 1e-300)
+    gram = (columns.T @ columns) / np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
+    return np.asarray(np.linalg.solve(gram, columns.T @ target / scale) / scale)
+
+
+def _searched(
+    table: Table, laws: Sequence[str], mask: Mask, begin: BentValues, fixed: Mapping[str, float]
+) -> dict[str, tuple[float, ...]]:
+    """Return the bent parameters at which the linear ones leave least."""
+    free = [(name, k) for name in begin for k in range(len(begin[name])) if _called(name, k) not in fixed]
+    held = {name: list(values) for name, values in begin.items()}
+    if not free:
+        return dict(begin)
+    knobs = [LAWS[name].bent[k] for name, k in free]
+    scales = [knob.scaled(table.runs) for knob in knobs]
+
+    def at(z: Floats) -> dict[str, tuple[float, ...]]:
+        values = {name: list(row) for name, row in held.items()}
+        for (name, k), knob, scale, coordinate in zip(free, knobs, scales, z, strict=True):
+            share = float(np.exp(coordinate)) if knob.logarithmic else float(coordinate)
+            values[name][k] = scale * share
+        return {name: tuple(row) for name, row in values.items()}
+
+    def left(z: Floats) -> Floats:
+        _, columns, target = _linear(table, laws, at(z), fixed)
+        columns, target = columns[mask], target[mask]
+        return np.asarray(target - columns @ _quickly(columns, target))
+
+    first, low, high, step = [], [], [], []
+    for (name, k), knob, scale in zip(free, knobs, scales, strict=True):
+        share = held[name][k] / scale
+        ends = (knob.low, knob.high)
+        if knob.span is Span.PITCH:  # one wave more or less along the travel is another ripple
+            ends = (share / (1.0 + 0.5 * share), share / (1.0 - min(0.9, 0.5 * share)))
+        ends = (float(np.log(ends[0])), float(np.log(ends[1]))) if knob.logarithmic else ends
+        z = float(np.log(share)) if knob.logarithmic else share
+        low.append(ends[0])
+        high.append(ends[1])
+        first.append(min(max(z, ends[0] + 1e-6 * (ends[1] - ends[0])), ends[1] - 1e-6 * (ends[1] - ends[0])))
+        step.append(ends[1] - ends[0])
+    found = least_squares(
+        left, first, bounds=(low, high), x_scale=np.array(step) / 10.0, jac=_differences(left, step),
+        ftol=1e-6, xtol=1e-5, max_nfev=_EVALUATIONS,
+    )  # fmt: skip
+    return at(found.x)
+
+
+def _differences(left, width: Sequence[float]):  # type: ignore[no-untyped-def]
+    def jacobian(z: Floats) -> Floats:
+        out = []
+        here = left(z)
+        for k, span in enumerate(width):
+            moved = np.array(z)
+            moved[k] += _STEP * span
+            out.append((left(moved) - here) / (_STEP * span))
+        return np.stack(out, axis=1)
+
+    return jacobian
+
+
+def _slope(
+    table: Table, laws: Sequence[str], bent: BentValues, fixed: Mapping[str, float], values: Floats, name: str, k: int
+) -> Floats:
+    """Return how the modelled force moves with a bent parameter, the linear ones as they are."""
+    knob = LAWS[name].bent[k]
+    size = _STEP * (bent[name][k] if knob.logarithmic else knob.scaled(table.runs) * (knob.high - knob.low))
+    sides = []
+    for sign in (-1.0, 1.0):
+        row = list(bent[name])
+        row[k] += sign * size
+        _, columns, target = _linear(table, laws, {**bent, name: tuple(row)}, fixed)
+        sides.append(columns @ values - target)
+    return np.asarray((sides[1] - sides[0]) / (2.0 * size))
+
+
+def _covariance(columns: Floats, residual: Floats) -> Floats:
+    scale = np.linalg.norm(columns, axis=0)
+    scaled = columns / np.where(scale > 0.0, scale, 1.0)
+    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True)
+    out = inverse @ _long_run(scaled * residual[:, None]) @ inverse
+    return np.asarray(out / np.outer(scale, scale))
+
+
+def _long_run(scores: Floats) -> Floats:
+    """Return the covariance of the scores' sum, from sums over blocks longer than they remember; shape (k, k)."""
+    length = max(1, round(4.0 * scores.shape[0] ** (1.0 / 3.0)))
+    blocks = np.add.reduceat(scores, np.arange(0, scores.shape[0], length), axis=0)
+    return np.asarray(blocks.T @ blocks)
+
+
+def independent(residual: Floats) -> float:
+    """Return how many independent samples a remainder is worth."""
+    variance = float(residual @ residual)
+    if variance == 0.0:
+        return float(residual.size)
+    return residual.size * variance / max(variance, float(_long_run(residual[:, None])[0, 0]))
+
+
+def _not_apart(laws: Sequence[str]) -> str:
+    if laws:
+        named = ", ".join(name.replace("_", " ") for name in laws)
+        return f"the motion does not tell {named} from the rest of the model"
+    return "the motion does not tell mass, drag and offset apart: it needs more than one speed and acceleration"

@@ -1,0 +1,125 @@
+"""The samples of driven records, force and motion through one filter.
+
+A derivative of the displacement is known in a band only; a force that holds more than that band would be compared with
+a motion that cannot show it.  Force and every law's force therefore pass the low-pass whose derivatives give velocity
+and acceleration ("parallel filtering" of the identification of robots: M. Gautier, 1997; A. Janot, P.-O. Vandanjon,
+M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve, upfirdn
+
+from analysis.drive.bandwidth import bandwidth_of
+from analysis.motion import Motion
+from analysis.shot import AnalysisError
+from analysis.signal.filters import derivative_filters, derivatives, stretches
+
+Floats = NDArray[np.float64]
+FEWEST_SAMPLES = 200
+STANDSTILL_SIGMAS = 5.0
+OVERSAMPLED = 4.0  # samples kept for every hertz of the bandwidth: what lies between them is interpolation
+LONGEST_DELAY = 0.5  # between force and motion, in 1 / bandwidth: what is looked for
+_KAISER = 5.65  # of the derivative filters
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """One unbroken stretch of a record; arrays of shape (n,), even in time, not thinned.
+
+    Displacement, velocity and acceleration are low-passed at ``bandwidth_hz``; ``force_n`` is as measured, and
+    ``smooth`` passes it, or the force of a law, through the same low-pass.  ``used``, shape (m,), are the samples that
+    are compared; ``record`` is the index of the record it belongs to.
+    """
+
+    time_s: Floats
+    displacement_m: Floats
+    velocity_m_per_s: Floats
+    acceleration_m_per_s2: Floats
+    force_n: Floats
+    used: NDArray[np.int64]
+    step: int  # every so manieth sample is looked at
+    sample_rate_hz: float
+    bandwidth_hz: float
+    record: int
+
+    def smooth(self, column: Floats, later_s: float = 0.0) -> Floats:
+        """Return a column (n,) through the low-pass at the samples used (m,), taken ``later_s`` before their time."""
+        taps = low_pass(self.sample_rate_hz, self.bandwidth_hz, later_s)
+        thinned = upfirdn(taps, np.concatenate([column, np.zeros(taps.size // 2)]), 1, self.step)
+        return np.asarray(thinned[(self.used + taps.size // 2) // self.step])
+
+
+@lru_cache(maxsize=64)
+def low_pass(sample_rate_hz: float, bandwidth_hz: float, later_s: float = 0.0) -> Floats:
+    """Return the low-pass that the derivative filters are derivatives of, shape (2 half + 1,), moved by ``later_s``."""
+    reach = max(4, int(np.ceil(3.0 * sample_rate_hz / bandwidth_hz)))
+    moved = later_s * sample_rate_hz
+    half = reach + int(np.ceil(LONGEST_DELAY * sample_rate_hz / bandwidth_hz))
+    at = np.arange(-half, half + 1) - moved
+    inside = np.clip(1.0 - (at / reach) ** 2, 0.0, None)
+    window = np.i0(_KAISER * np.sqrt(inside)) * (np.abs(at) <= reach)
+    taps = np.sinc(2.0 * bandwidth_hz / sample_rate_hz * at) * window
+    return np.asarray(taps / taps.sum())
+
+
+def prepare(motions: Sequence[Motion]) -> tuple[Run, ...]:
+    """Return the stretches of all records, at the narrowest bandwidth that any of them bears.
+
+    Raises AnalysisError where a record has no measured force, no motion, or too little of both.
+    """
+    for motion in motions:
+        if not motion.force_measured:
+            raise AnalysisError("force_n: no such column; a driven slider needs the measured force")
+        known = motion.force_n[np.isfinite(motion.force_n)]
+        if known.size == 0 or float(np.ptp(known)) == 0.0:
+            raise AnalysisError("force_n: the force is the same throughout; nothing is driven by it")
+    bandwidth_hz = min(bandwidth_of(motion) for motion in motions)
+    runs = [run for index, motion in enumerate(motions) for run in _stretches(motion, index, bandwidth_hz)]
+    count = sum(run.used.size for run in runs)
+    whole = sum(round(run.used.size * run.sample_rate_hz / (OVERSAMPLED * bandwidth_hz)) for run in runs)
+    if count < 20 or whole < FEWEST_SAMPLES:
+        raise AnalysisError(
+            f"some {whole} samples of motion under force are too few to fit a slider (at least {FEWEST_SAMPLES}, "
+            f"not counting {6.0 / bandwidth_hz:.3g} s at each end that the filter of {bandwidth_hz:.3g} Hz takes)"
+        )
+    return tuple(run for run in runs if run.used.size)
+
+
+def _stretches(motion: Motion, record: int, bandwidth_hz: float) -> list[Run]:
+    rate = motion.sample_rate_hz
+    filters = derivative_filters(rate, bandwidth_hz)
+    edge = 2 * filters.half + int(np.ceil(LONGEST_DELAY * rate / bandwidth_hz))
+    noise_m = float(np.nanmedian(motion.displacement_std_m))
+    step = max(1, int(rate / (OVERSAMPLED * bandwidth_hz)))
+    taps = low_pass(rate, bandwidth_hz)
+    out = []
+    for start, stop in stretches(np.isfinite(motion.displacement_m) & np.isfinite(motion.force_n)):
+        if stop - start <= 2 * edge + step:
+            continue
+        piece = slice(start, stop)
+        x = motion.displacement_m[piece]
+        velocity, acceleration = derivatives(x, rate, bandwidth_hz)
+        place = x[0] + np.asarray(fftconvolve(x - x[0], taps, mode="same"))
+        moves = _moving(np.abs(velocity) > STANDSTILL_SIGMAS * filters.velocity_gain * noise_m, filters.half)
+        moves[:edge] = moves[-edge:] = False
+        used = np.arange(-(taps.size // 2) % step, stop - start, step)  # where a thinned filter has its outputs
+        columns = (motion.time_s[piece], place, velocity, acceleration, motion.force_n[piece])
+        time_s, place, velocity, acceleration, force = (np.asarray(c, dtype=np.float64) for c in columns)
+        out.append(
+            Run(time_s, place, velocity, acceleration, force, used[moves[used]], step, rate, bandwidth_hz, record)
+        )  # fmt: skip
+    return out
+
+
+def _moving(moves: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
+    """Return ``moves`` less what a standstill longer than the filter reaches; a mere reversal stays in."""
+    out = np.ones(moves.shape, dtype=np.bool_)
+    for start, stop in stretches(~moves):
+        if stop - start > half:
+            out[max(0, start - half) : stop + half] = False
+    return out

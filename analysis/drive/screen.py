@@ -1,0 +1,188 @@
+"""What every law of the catalogue, and every two of them, would take off the remainder, before anything is fitted.
+
+Two laws may show only together (a delay alone makes a drive's fit worse that lacks its friction near rest), so pairs
+are screened like single laws.  Everything is a projection: the columns of a law at every point of its grid, less what
+the fitted model could make of them by itself, against what it left over.
+"""
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.drive.catalogue import LAWS, Law
+from analysis.drive.regress import SAME, BentValues, Mask, Regression, Table, delay_of
+from analysis.drive.run import Run, low_pass
+
+Floats = NDArray[np.float64]
+MOST_WAVES = 400.0  # along the travel: the finest ripple that is looked for
+WAVE_STEP = 0.4
+RIPPLES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """Laws to add, where the search of their bent parameters begins, and the square of the force they would take."""
+
+    laws: tuple[str, ...]
+    bent: BentValues
+    gain_n2: float
+
+
+@dataclass(frozen=True, slots=True)
+class Screening:
+    """Guesses, best first, and the laws that nothing in this motion tells from the model, whatever their size."""
+
+    singles: tuple[Guess, ...]
+    pairs: tuple[Guess, ...]
+    coinciding: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    law: str
+    bent: tuple[float, ...]
+    columns: Floats  # orthonormal, beside the model
+
+
+def screen(table: Table, found: Regression, *, pairs: bool = True) -> Screening:
+    """Return what the laws that ``found`` lacks would take off its remainder, on the samples it was fitted on."""
+    mask = found.mask
+    basis = orthonormal(found.tangents[mask])
+    rest = beside(basis, found.residual_n[mask][:, None])[:, 0]
+    missing = [law for name, law in LAWS.items() if name not in found.laws]
+    groups: list[_Group] = []
+    coinciding = []
+    for law in missing:
+        if law.force is None:
+            continue
+        places = _ripples(table, mask, basis, rest) if law.name == "position_ripple" else tried(law, table.runs)
+        some = [_group(table, law, at, mask, basis) for at in places]
+        groups += [group for group in some if group is not None]
+        if places and not any(some):
+            coinciding.append(law.name)
+    later = {} if "drive_delay" in found.laws else _later(table, found, basis)
+    singles = [Guess((g.law,), _bent(g), _square(g.columns.T @ rest)) for g in groups]
+    size = _square(rest)
+    singles += [Guess(("drive_delay",), {"drive_delay": (t,)}, size - _square(r)) for t, r in later.items()]
+    both = list(_pairs(groups, rest, later)) if pairs else []
+    return Screening(_best(singles), _best(both), tuple(coinciding))
+
+
+def tried(law: Law, runs: Sequence[Run]) -> list[tuple[float, ...]]:
+    """Return the points of a law's grid, in the parameters' units."""
+    axes = [[share * bent.scaled(runs) for share in bent.tried] for bent in law.bent]
+    return list(itertools.product(*axes))
+
+
+def beside(basis: Floats, columns: Floats) -> Floats:
+    """Return columns (m, k) less what an orthonormal basis (m, j) makes of them."""
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+def orthonormal(columns: Floats) -> Floats:
+    """Return an orthonormal basis of columns (m, k), none of which is zero."""
+    scale = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.linalg.qr(columns / np.where(scale > 0.0, scale, 1.0))[0])
+
+
+def _group(table: Table, law: Law, bent: tuple[float, ...], mask: Mask, basis: Floats) -> _Group | None:
+    columns = table.columns(law, bent)[mask]
+    size = np.linalg.norm(columns, axis=0)
+    if not (size > 0.0).all():
+        return None
+    left, strength, _ = np.linalg.svd(beside(basis, columns / size), full_matrices=False)
+    seen = strength > SAME**0.5
+    return _Group(law.name, bent, left[:, seen]) if seen.all() else None
+
+
+def _later(table: Table, found: Regression, basis: Floats) -> dict[float, Floats]:
+    """Return what is left when the force is taken later or earlier, by how much."""
+    law = LAWS["drive_delay"]
+    now = table.force(delay_of(found.bent))[found.mask]
+    rest = found.residual_n[found.mask]
+    out = {}
+    for (at,) in tried(law, table.runs):
+        if at != 0.0:
+            out[at] = beside(basis, (rest + table.force(at)[found.mask] - now)[:, None])[:, 0]
+    return out
+
+
+def _ripples(table: Table, mask: Mask, basis: Floats, rest: Floats) -> list[tuple[float, ...]]:
+    """Return the pitches at which the remainder has most of a wave along the way."""
+    place, speed = table.displacement_m[mask], np.abs(table.velocity_m_per_s[mask])
+    travel = float(np.ptp(place))
+    if travel == 0.0:
+        return []
+    rate, bandwidth = table.runs[0].sample_rate_hz, table.runs[0].bandwidth_hz
+    taps = low_pass(rate, bandwidth)
+    frequencies = np.linspace(0.0, 3.0 * bandwidth, 61)
+    lag = np.arange(taps.size) - taps.size // 2
+    gain = np.cos(2.0 * np.pi * frequencies[:, None] / rate * lag) @ taps
+    slow = max(float(np.quantile(speed, 0.2)), 1e-3 * float(speed.max()))
+    finest = min(MOST_WAVES, 1.5 * bandwidth * travel / slow)  # beyond it the filter leaves nothing of the wave
+    found: list[tuple[float, float]] = []
+    for waves in np.array_split(np.arange(1.5, max(2.0, finest), WAVE_STEP), 16):
+        through = np.interp(speed[:, None] * waves / travel, frequencies, gain, right=0.0)
+        angle = 2.0 * np.pi / travel * (place - place.min())[:, None] * waves
+        sines, cosines = np.sin(angle) * through, np.cos(angle) * through
+        modelled = basis.T @ sines, basis.T @ cosines
+        ss = np.einsum("ij,ij->j", sines, sines) - np.einsum("ij,ij->j", modelled[0], modelled[0])
+        cc = np.einsum("ij,ij->j", cosines, cosines) - np.einsum("ij,ij->j", modelled[1], modelled[1])
+        sc = np.einsum("ij,ij->j", sines, cosines) - np.einsum("ij,ij->j", modelled[0], modelled[1])
+        s, c = rest @ sines, rest @ cosines  # the remainder is beside the model as it stands
+        determinant = ss * cc - sc**2
+        taken = (cc * s**2 - 2.0 * sc * s * c + ss * c**2) / np.maximum(determinant, 1e-300)
+        taken = np.where(determinant > 1e-6 * ss * cc, taken, 0.0)
+        found += list(zip(taken.tolist(), waves.tolist(), strict=True))
+    chosen: list[float] = []
+    for _, wave in sorted(found, reverse=True):
+        if all(abs(wave - other) > 1.0 for other in chosen):
+            chosen.append(wave)
+        if len(chosen) == RIPPLES:
+            break
+    return [(travel / wave,) for wave in chosen]
+
+
+def _pairs(groups: Sequence[_Group], rest: Floats, later: Mapping[float, Floats]) -> Iterator[Guess]:
+    if not groups:
+        return
+    every = np.concatenate([group.columns for group in groups], axis=1)
+    ends = np.cumsum([0, *(group.columns.shape[1] for group in groups)])
+    gram, pull = every.T @ every, every.T @ rest
+    for i, j in itertools.combinations(range(len(groups)), 2):
+        if groups[i].law == groups[j].law:
+            continue
+        a, b = slice(ends[i], ends[i + 1]), slice(ends[j], ends[j + 1])
+        cross = gram[a, b]
+        inner = np.eye(cross.shape[1]) - cross.T @ cross  # of b beside a
+        if np.linalg.eigvalsh(inner)[0] < 1e-4:
+            continue
+        new = pull[b] - cross.T @ pull[a]
+        gain = _square(pull[a]) + float(new @ np.linalg.solve(inner, new))
+        yield Guess((groups[i].law, groups[j].law), {**_bent(groups[i]), **_bent(groups[j])}, gain)
+    size = _square(rest)
+    for time_s, moved in later.items():
+        pulls = every.T @ moved
+        left = size - _square(moved)
+        for k, group in enumerate(groups):
+            gain = left + _square(pulls[ends[k] : ends[k + 1]])
+            yield Guess((group.law, "drive_delay"), {**_bent(group), "drive_delay": (time_s,)}, gain)
+
+
+def _bent(group: _Group) -> dict[str, tuple[float, ...]]:
+    return {group.law: group.bent} if group.bent else {}
+
+
+def _square(vector: Floats) -> float:
+    return float(vector @ vector)
+
+
+def _best(guesses: Sequence[Guess]) -> tuple[Guess, ...]:
+    """Return the best guess of every set of laws, best first."""
+    kept: dict[tuple[str, ...], Guess] = {}
+    for guess in sorted(guesses, key=lambda g: -g.gain_n2):
+        kept.setdefault(guess.laws, guess)
+    return tuple(kept.values())

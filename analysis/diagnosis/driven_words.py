@@ -98,11 +98,12 @@ def rest(table: Table, found: Regression, below: Floor) -> str:
     slow = np.abs(speed) < 0.1 * float(np.abs(speed).max())
     one_way = np.stack([np.maximum(speed, 0.0), (speed > 0.0).astype(np.float64), speed, np.ones(speed.size)], axis=1)
     waves = [f(2.0 * np.pi * k * place / np.ptp(place)) for k in (1, 2, 3) for f in (np.sin, np.cos)]
+    along = np.stack([np.ones(place.size), place, *waves], axis=1)
     times = rms(left) / below.force_n
     parts = [
         f"{rms(left):.3g} N rms remain, {times:.2g} times {below.what} ({below.force_n:.2g} N)",
         f"{_explained(left, one_way):.0%} of their power goes with the direction of motion",
-        f"{_explained(left, np.stack([np.ones(place.size), place, *waves], axis=1)):.0%} with the place along the guide",
+        f"{_explained(left, along):.0%} with the place along the guide",
         f"{float(left[slow] @ left[slow]) / total:.0%} stand in the {np.mean(slow):.0%} of samples around reversals",
     ]
     return "; ".join(parts)

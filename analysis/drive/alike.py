@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from analysis.drive.catalogue import LAWS
 from analysis.drive.regress import Regression, Table, regress
 from analysis.drive.screen import screen
 from analysis.drive.search import BIC_AGAINST_NEXT, falls
@@ -20,7 +21,8 @@ def look_alikes(table: Table, found: Regression, law: str) -> tuple[str, ...]:
         return ()
     taken = float(fewer.residual_n @ fewer.residual_n) - float(found.residual_n @ found.residual_n)
     alike = []
-    guesses = [g for g in screen(table, fewer, pairs=False).singles if g.laws != (law,)]
+    others = [name for name in LAWS if name not in (law, "position_ripple")]  # a wave is like nothing else
+    guesses = screen(table, fewer, pairs=False, laws=others).singles
     for guess in guesses[:MOST_FITTED]:
         if guess.gain_n2 * WORTH_A_FIT < taken:
             break
@@ -28,6 +30,6 @@ def look_alikes(table: Table, found: Regression, law: str) -> tuple[str, ...]:
             other = regress(table, (*rest, *guess.laws), None, {**found.bent, **guess.bent})
         except AnalysisError:
             continue
-        if falls(found, other) < BIC_AGAINST_NEXT:
+        if falls(found, other, found.independent_samples) < BIC_AGAINST_NEXT:
             alike.append(guess.laws[0])
     return tuple(np.unique(alike).tolist())

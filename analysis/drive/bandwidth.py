@@ -1,5 +1,7 @@
 """How wide the derivatives of a driven record may be, from the record itself."""
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
@@ -38,8 +40,23 @@ def bandwidth_of(motion: Motion) -> float:
         raise AnalysisError(f"displacement_m: no motion, nothing goes further than its noise of {noise_m:.2g} m")
     widest, narrowest = MAX_BANDWIDTH_SHARE * rate, LEAST_FILTERS * rate / place.size
     clear = min(widest, max(narrowest, _clear(place, rate, noise_m)))
-    even = _even(place, force, rate, clear, (noise_m, float(np.nanmedian(motion.force_std_n))))
+    even = _even(place, force, rate, clear, (noise_m, force_noise(motion)))
     return min(widest, max(clear, even))
+
+
+def force_noise(motion: Motion) -> float:
+    """Return the white noise of the measured force, in N a sample.
+
+    The motion's own estimate takes all that changes from sample to sample for noise; where the force is driven so
+    fast, the top of its spectrum lies lower.
+    """
+    known = np.isfinite(motion.force_n)
+    start, stop = max(stretches(known), key=lambda ends: ends[1] - ends[0])
+    frequency, density = welch(np.diff(motion.force_n[start:stop]), motion.sample_rate_hz)
+    top = frequency > 0.8 * frequency[-1]
+    through = (2.0 * np.sin(np.pi * frequency[top] / motion.sample_rate_hz)) ** 2
+    white = np.sqrt(float(np.median(density[top] / through)) * motion.sample_rate_hz / 2.0)
+    return min(float(np.nanmedian(motion.force_std_n)), float(white))
 
 
 def _even(place: Floats, force: Floats, rate: float, clear: float, noise: tuple[float, float]) -> float:
@@ -70,7 +87,7 @@ def _clear(place: Floats, rate: float, noise_m: float) -> float:
     floor = min(2.0 * noise_m**2 / rate, float(np.median(top)))
     edges = frequency[0] * 2.0 ** (np.arange(200) / BANDS_AN_OCTAVE)
     clear = float(frequency[0])
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges):
         inside = (frequency >= low) & (frequency < high)
         if inside.any() and float(np.mean(seen[inside])) > CLEAR * floor:
             clear = float(high)

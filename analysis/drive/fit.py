@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.drive.bandwidth import force_noise
 from analysis.drive.mass import FLAG, MASS, Weighed, weigh
 from analysis.drive.regress import Regression, Table, regress, rms
 from analysis.drive.repeat import Floor, floor
@@ -60,7 +61,7 @@ def chi2(error_n: float, below: Floor) -> float:
 def noise_n(motions: Sequence[Motion], runs: Sequence[Run], found: Regression) -> float:
     """Return the noise of the filtered force, that of the acceleration contained."""
     rate, bandwidth = runs[0].sample_rate_hz, runs[0].bandwidth_hz
-    force = rms(np.array([np.nanmedian(motion.force_std_n) for motion in motions]))
+    force = rms(np.array([force_noise(motion) for motion in motions]))
     place = rms(np.array([np.nanmedian(motion.displacement_std_m) for motion in motions]))
     through = float(np.linalg.norm(low_pass(rate, bandwidth)))
     weight = found.quantity(MASS).value * derivative_filters(rate, bandwidth).acceleration_gain

@@ -40,8 +40,10 @@ class Table:
         def all_of(name: str) -> Floats:
             return np.concatenate([getattr(run, name)[run.used] for run in runs])
 
-        motion = [all_of(n) for n in ("time_s", "displacement_m", "velocity_m_per_s", "acceleration_m_per_s2")]
-        return cls(tuple(runs), *motion, np.concatenate([np.full(run.used.size, run.record) for run in runs]))
+        return cls(
+            tuple(runs), all_of("time_s"), all_of("displacement_m"), all_of("velocity_m_per_s"),
+            all_of("acceleration_m_per_s2"), np.concatenate([np.full(run.used.size, run.record) for run in runs]),
+        )  # fmt: skip
 
     @property
     def everything(self) -> Mask:
@@ -131,9 +133,9 @@ def design(table: Table, laws: Sequence[str], bent: BentValues) -> Floats:
 def coincide(columns: Floats) -> bool:
     """Return whether one of the columns (m, k) is a mixture of the others."""
     scale = np.linalg.norm(columns, axis=0)
-    if not np.all(np.isfinite(scale)) or (scale == 0.0).any():
+    if not np.all(np.isfinite(scale)) or bool((scale == 0.0).any()):
         return True
-    return float(np.linalg.svd(columns / scale, compute_uv=False)[-1]) < SAME**0.5
+    return bool(np.linalg.svd(columns / scale, compute_uv=False)[-1] < SAME**0.5)
 
 
 def regress(
@@ -283,8 +285,9 @@ def _slope(
 
 
 def _covariance(columns: Floats, residual: Floats) -> Floats:
-    scale = np.linalg.norm(columns, axis=0)
-    scaled = columns / np.where(scale > 0.0, scale, 1.0)
+    size = np.linalg.norm(columns, axis=0)
+    scale = np.where(size > 0.0, size, 1.0)
+    scaled = columns / scale
     inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True)
     out = inverse @ _long_run(scaled * residual[:, None]) @ inverse
     return np.asarray(out / np.outer(scale, scale))

@@ -3,6 +3,7 @@
 The white noise of the force is rarely what limits a model of a drive; how far the drive does the same twice is.
 """
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -98,7 +99,7 @@ def _records(table: Table) -> Iterator[Pass]:
     first = {int(r): np.flatnonzero(table.record == r) for r in np.unique(table.record)}
     force = table.force()
     numbers = sorted(first)
-    for one, other in zip(numbers[:-1], numbers[1:], strict=True):
+    for one, other in itertools.pairwise(numbers):
         a, b = first[one], first[other]
         begin = (float(table.time_s[a[0]]), float(table.time_s[b[0]]))
         if a.size != b.size or a.size < _LEAST_SAMPLES or abs(begin[0] - begin[1]) > 1e-6 * max(1.0, *map(abs, begin)):

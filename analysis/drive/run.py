@@ -22,7 +22,7 @@ from analysis.signal.filters import derivative_filters, derivatives, stretches
 Floats = NDArray[np.float64]
 FEWEST_SAMPLES = 200
 STANDSTILL_SIGMAS = 5.0
-OVERSAMPLED = 4.0  # samples kept for every hertz of the bandwidth: what lies between them is interpolation
+OVERSAMPLED = 3.0  # samples kept for every hertz of the bandwidth: what lies between them is interpolation
 LONGEST_DELAY = 0.5  # between force and motion, in 1 / bandwidth: what is looked for
 _KAISER = 5.65  # of the derivative filters
 

@@ -47,12 +47,12 @@ class _Group:
     columns: Floats  # orthonormal, beside the model
 
 
-def screen(table: Table, found: Regression, *, pairs: bool = True) -> Screening:
-    """Return what the laws that ``found`` lacks would take off its remainder, on the samples it was fitted on."""
+def screen(table: Table, found: Regression, *, pairs: bool = True, laws: Sequence[str] = tuple(LAWS)) -> Screening:
+    """Return what those of ``laws`` that ``found`` lacks would take off its remainder, where it was fitted."""
     mask = found.mask
     basis = orthonormal(found.tangents[mask])
     rest = beside(basis, found.residual_n[mask][:, None])[:, 0]
-    missing = [law for name, law in LAWS.items() if name not in found.laws]
+    missing = [LAWS[name] for name in laws if name not in found.laws]
     groups: list[_Group] = []
     coinciding = []
     for law in missing:
@@ -63,7 +63,7 @@ def screen(table: Table, found: Regression, *, pairs: bool = True) -> Screening:
         groups += [group for group in some if group is not None]
         if places and not any(some):
             coinciding.append(law.name)
-    later = {} if "drive_delay" in found.laws else _later(table, found, basis)
+    later = _later(table, found, basis) if "drive_delay" in laws and "drive_delay" not in found.laws else {}
     singles = [Guess((g.law,), _bent(g), _square(g.columns.T @ rest)) for g in groups]
     size = _square(rest)
     singles += [Guess(("drive_delay",), {"drive_delay": (t,)}, size - _square(r)) for t, r in later.items()]

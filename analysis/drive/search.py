@@ -1,5 +1,6 @@
 """Which laws join the model of a drive: one at a time or two together, each for what it foretells."""
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -85,10 +86,10 @@ def explore(ground: Ground, accepted: Sequence[str] = (), tell: Callable[[float]
         singles = screening.singles[:TRIED_SINGLES] if begun else screening.singles
         room = len(found.laws) + 1 < MOST_LAWS + len(accepted)
         guesses = [*singles, *(screening.pairs[:TRIED_PAIRS] if room else ())]
-        trials = [trial for guess in guesses if (trial := attempt(ground, found, guess)) is not None]
+        trials = attempt(ground, found, guesses)
         if not begun:
             begun = True
-            first, coinciding = tuple(sorted(trials, key=lambda t: t.delta_bic)), screening.coinciding
+            first, coinciding = trials, screening.coinciding
         best = _best(ground, found, trials)
         if best is None:
             break
@@ -104,7 +105,7 @@ def accept(table: Table, laws: Sequence[str], mask: Mask | None = None) -> Regre
         raise AnalysisError(f"no effect of a drive is called {unknown[0]!r}; there are {', '.join(LAWS)}")
     found = regress(table, (), mask)
     while missing := [law for law in laws if law not in found.laws]:
-        screening = screen(table, found, pairs=len(missing) > 1)
+        screening = screen(table, found, pairs=len(missing) > 1, laws=missing)
         guesses = [g for g in (*screening.pairs, *screening.singles) if set(g.laws) <= set(missing)]
         if not guesses:
             named = missing[0].replace("_", " ")
@@ -114,21 +115,29 @@ def accept(table: Table, laws: Sequence[str], mask: Mask | None = None) -> Regre
     return found
 
 
-def attempt(ground: Ground, found: Regression, guess: Guess) -> Trial | None:
-    """Return the fit of a guess's laws beside those found; None where the motion does not tell them apart."""
-    if ground.stop():
-        raise Cancelled
-    try:
-        new = regress(ground.table, (*found.laws, *guess.laws), ground.kept, {**found.bent, **guess.bent})
-    except AnalysisError:
-        return None
-    held = new.foretold_n(ground.held)
-    return Trial(guess.laws, new, falls(found, new), held, crossed(ground, new.laws, new.bent))
+def attempt(ground: Ground, found: Regression, guesses: Sequence[Guess]) -> tuple[Trial, ...]:
+    """Return the fits of the guesses beside what was found, best first, less those the motion does not tell apart."""
+    fits = []
+    for guess in guesses:
+        if ground.stop():
+            raise Cancelled
+        with contextlib.suppress(AnalysisError):
+            laws = (*found.laws, *guess.laws)
+            fits.append((guess, regress(ground.table, laws, ground.kept, {**found.bent, **guess.bent})))
+    if not fits:
+        return ()
+    count = min((new for _, new in fits), key=lambda new: new.rms_n).independent_samples  # one for all: they compete
+    trials = [
+        Trial(
+            guess.laws, new, falls(found, new, count), new.foretold_n(ground.held), crossed(ground, new.laws, new.bent)
+        )
+        for guess, new in fits
+    ]
+    return tuple(sorted(trials, key=lambda trial: trial.delta_bic))
 
 
-def falls(before: Regression, after: Regression) -> float:
-    """Return what the Bayesian information criterion changes by, over independent samples: neighbours repeat."""
-    count = after.independent_samples
+def falls(before: Regression, after: Regression, count: float) -> float:
+    """Return what the Bayesian information criterion changes by, over ``count`` independent samples."""
     more = after.values.size - before.values.size
     return count * 2.0 * float(np.log(after.rms_n / before.rms_n)) + more * float(np.log(max(count, 2.0)))
 
@@ -172,7 +181,7 @@ def _best(ground: Ground, found: Regression, trials: Sequence[Trial]) -> Trial |
     singles = [trial for trial in trials if len(trial.added) == 1]
     alone = min(singles, key=lambda t: t.delta_bic, default=None)
     price = BIC_AGAINST_BASE + 2.0 * float(np.log(max(2, len(trials))))
-    for trial in sorted(trials, key=lambda t: t.delta_bic):
+    for trial in trials:
         share = (1.0 - PAYS) ** len(trial.added)
         if trial.delta_bic > -price or trial.held_out_n > share * held or trial.crossed_n > share * across:
             continue
@@ -195,7 +204,7 @@ def _pruned(ground: Ground, found: Regression, accepted: Sequence[str]) -> tuple
             raise Cancelled
         rest = tuple(name for name in found.laws if name != law)
         fewer = regress(ground.table, rest, ground.kept, found.bent)
-        pays[law] = Pay(-falls(found, fewer), fewer.foretold_n(ground.held))
+        pays[law] = Pay(-falls(found, fewer, found.independent_samples), fewer.foretold_n(ground.held))
         told = pays[law].without_n > found.foretold_n(ground.held) / (1.0 - PAYS)
         if pays[law].delta_bic > -BIC_AGAINST_NEXT or not told:
             return _pruned(ground, fewer, accepted)

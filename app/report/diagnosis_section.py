@@ -17,6 +17,7 @@ from instrument.recording_error import one_line
 VERDICTS = {
     Verdict.ADEQUATE: "adequate: nothing is missing that these data could show",
     Verdict.EFFECT_FOUND: "effect found",
+    Verdict.PARTLY_EXPLAINED: "partly explained: what was found foretells better, a significant remainder stays",
     Verdict.UNEXPLAINED: "unexplained: a significant remainder stays",
 }
 ERRORS = (

@@ -23,6 +23,16 @@ EFFECT_WORDS = {
     "demodulation_lag": "a lag of the optics' clock",
     "frame_vibration": "a vibration of the frame",
     "cyclic_error": "a cyclic error of the interferometer",
+    "directional_viscous_drag": "a viscous drag that differs between both ways",
+    "stribeck_friction": "a friction that changes towards rest",
+    "presliding_friction": "a friction that builds up over a distance",
+    "lugre_friction": "friction of bristles (LuGre)",
+    "position_ripple": "a ripple along the travel",
+    "place_dependent_friction": "a friction that differs from place to place",
+    "load_dependent_friction": "a friction that grows with the load",
+    "quadratic_stiffness": "a spring that is stiffer on one side",
+    "drive_delay": "a delay between force and motion",
+    "gain_error": "an error of the force's scale",
 }
 
 FLAG_WORDS = {
@@ -35,6 +45,7 @@ FLAG_WORDS = {
     "bounces_disturbed": "something else moves the block in its first flights: the kinetic COR is not given",
     "no_release": "the record ends within the contact",
     "fit_not_converged": "the model's fit did not converge: its numbers are withheld",
+    "mass_disagrees": "force and motion contradict the stated mass: the fitted one is used",
     "fit_failed": "the model could not be fitted: its numbers are withheld",
     "noise_not_known": "too little quiet flight to learn the noise from",
 }

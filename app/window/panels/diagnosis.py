@@ -20,10 +20,16 @@ from app.window.plots.plot_view import PlotView
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.words.wording import local_words
 
-TONES = {Verdict.ADEQUATE: Tone.GOOD, Verdict.EFFECT_FOUND: Tone.WARNING, Verdict.UNEXPLAINED: Tone.BAD}
+TONES = {
+    Verdict.ADEQUATE: Tone.GOOD,
+    Verdict.EFFECT_FOUND: Tone.WARNING,
+    Verdict.PARTLY_EXPLAINED: Tone.WARNING,
+    Verdict.UNEXPLAINED: Tone.BAD,
+}
 WORDS = {
     Verdict.ADEQUATE: "ADEQUATE",
     Verdict.EFFECT_FOUND: "EFFECT FOUND",
+    Verdict.PARTLY_EXPLAINED: "PARTLY EXPLAINED",
     Verdict.UNEXPLAINED: "UNEXPLAINED",
 }
 

@@ -64,7 +64,7 @@ class Residuals(QWidget):
         self.stack.label_time(words)
         self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {shot.name} (band: noise, ±2 σ)")
         # What stays unexplained is not noise, though a floor that wanders may take it for some.
-        known = diagnosis.verdict is not Verdict.UNEXPLAINED
+        known = diagnosis.verdict not in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
         noise_m = (
             np.full_like(motion.displacement_m, diagnosis.fit_after.noise_std_m) if known else motion.displacement_std_m
         )

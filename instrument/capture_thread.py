@@ -240,7 +240,9 @@ class CaptureThread:
         if piece is None:
             return
         state = self.machine.status.state
-        if state is State.ARMED:
+        if piece.fired and state is State.ARMED:
+            self._do(self.machine.handle(Event.TRIGGER))
+        elif state is State.ARMED or (state is State.TRIGGERED and self.shot is None):
             self._look(piece)
         elif state is State.TRIGGERED and self.shot is not None:
             if piece.lost_before != 0:
@@ -251,7 +253,9 @@ class CaptureThread:
         state = self.machine.status.state
         if state is State.TRIGGERED and self.shot is not None and (self.shot.room == 0 or piece.ended):
             self._do(self.machine.handle(Event.COMPLETE))
-        elif piece.ended and state is State.ARMED and not self.closing:
+        elif piece.ended and self.shot is None and state in (State.ARMED, State.TRIGGERED) and not self.closing:
+            if state is State.TRIGGERED:
+                raise DigitizerError("the light switch fired, but no sample of the shot came", "arm again")
             raise DigitizerError("the stream ended before the light switch fired", "check it and its thresholds")
 
     def _look(self, piece: Piece) -> None:
@@ -283,6 +287,7 @@ class CaptureThread:
             started_at=(datetime.now(UTC) - age).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
             trigger_sample=at - first,
             counts=np.empty((settings.samples, ring.channels), np.int16),
+            unseen_loss_s=stream.unseen_loss_s,
         )
         length = min(end - first, shot.room)
         try:

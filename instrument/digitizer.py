@@ -29,6 +29,7 @@ class Capabilities:
     max_samples: int | None  # a shot; None: unlimited stream
     hardware_trigger: bool  # True: the stream is one shot, already triggered
     real_time: bool  # True: samples are lost when they are not fetched in time
+    unseen_loss_s: float = 0.0  # a loss shorter than this may go unseen
     simulated: bool = False  # True: it waits for the processor alone; late it may be, but it neither hangs nor stalls
 
 
@@ -54,6 +55,7 @@ class Block:
     clipped: tuple[int, ...] = ()
     ended: bool = False  # nothing more comes until the next arm
     trigger_sample: int | None = None  # in this block, where the hardware found the trigger
+    fired: bool = False  # with no samples yet: the hardware trigger fired, and from here on samples are due
 
 
 class Digitizer(ABC):

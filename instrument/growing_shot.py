@@ -28,6 +28,7 @@ class GrowingShot:
     started_at: str
     trigger_sample: int
     counts: NDArray[np.int16]
+    unseen_loss_s: float = 0.0  # a loss shorter than this may stand nowhere
     filled: int = 0
     written: int = 0  # of them, already on disk
     gaps: list[Gap] = field(default_factory=list)
@@ -75,6 +76,8 @@ class GrowingShot:
                 "pre_trigger_samples": self.settings.pre_trigger_samples,
             }
         }
+        if self.unseen_loss_s:
+            own["lmm:capture"]["unseen_loss_s"] = self.unseen_loss_s
         if self.ended_early is not None:
             own[ENDED_EARLY] = self.ended_early
         return {"global": own}

@@ -33,6 +33,7 @@ class Piece:
     lost_before: int | None
     step: int | None
     ended: bool
+    fired: bool = False  # the device's own trigger; its samples are yet to come
 
 
 class SourceRun:
@@ -103,7 +104,9 @@ class SourceRun:
         finally:
             self.starting = False
         setup = _with_bits(options.setup or own, able.bits)
-        self.stream = Stream(self._ring, self._ring.total, settings, able.channels, setup, able.name)
+        self.stream = Stream(
+            self._ring, self._ring.total, settings, able.channels, setup, able.name, able.unseen_loss_s
+        )
         self.hardware_trigger = able.hardware_trigger
         self.endless = able.max_samples is None and not able.hardware_trigger
         self.running = True
@@ -117,6 +120,9 @@ class SourceRun:
         block = self._digitizer.read_into(view, READ_TIMEOUT_S)
         _check_block(block, view.shape[0])
         now = self._clock()
+        if block.fired and block.samples == 0:
+            ring.commit(0)
+            return Piece(view[:0], ring.total, 0, None, block.ended, fired=True)
         if block.samples == 0 and not block.ended:
             ring.commit(0)
             if now < self._came_s:

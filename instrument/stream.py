@@ -17,6 +17,7 @@ class Stream:
     channels: tuple[Channel, ...]
     setup: Setup
     source: str
+    unseen_loss_s: float = 0.0
     gaps: list[tuple[int, int | None]] = field(default_factory=list)  # (ring number, samples lost before it)
     lost: int = 0
     losses: int = 0

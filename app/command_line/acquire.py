@@ -10,6 +10,7 @@ from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.recording_error import RecordingError
 
 SHOT_S = 0.06  # default length: the contact of some 30 ms with free flight on both sides
+LEAST_ARMING_S = 10.0  # firmware is loaded and the device comes back under another name
 BEFORE_SWITCH = 0.15  # of it lies before the light switch
 
 
@@ -17,7 +18,7 @@ def acquire(shots: int, *, source: str, out: Path, rate_hz: float | None, sample
     """Record ``shots`` shots into ``out``; print each recording's path; return the exit status."""
     saved: list[Path] = []
     try:
-        digitizer = open_apart(source)
+        digitizer = open_apart(source, arms_s=max(timeout_s, LEAST_ARMING_S))
         settings = _settings(digitizer, rate_hz, samples)
         saved = record(digitizer, out, shots, settings, timeout_s, report=_say)
     except AcquireError as error:

@@ -20,7 +20,7 @@ from instrument.recording_error import one_line
 
 Opener = Callable[[], Digitizer]
 
-OPENED = 0  # the serial number of the answer to being started
+STARTED, OPENED = -1, 0  # the serial numbers of the answers to being started
 READ_TIMEOUT_S = 0.05
 MOST_BLOCKS = 200  # announced and not taken: what a pipe holds on every system
 _ENDS_S = 3.0  # a driver that keeps the process longer than this after its parent's end is left behind
@@ -35,6 +35,8 @@ def block_samples(sample_rate_hz: float) -> int:
 def serve(opener: Opener, orders: Connection, answers: Connection) -> None:
     """Open the digitizer and serve it until ``close`` or the parent's end; the whole life of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C reaches the whole group: the parent ends in good order
+    with contextlib.suppress(ConnectionError):
+        answers.send(Answer(STARTED, None))
     try:
         digitizer = opener()
     except Exception as error:
@@ -160,7 +162,7 @@ class _Child:
             self._run = None
             self._answers.send(Came(run, self._at, Block(0, ended=True), _fault_of(error)))
             return
-        if block.samples == 0 and not block.ended:
+        if block.samples == 0 and not block.ended and not block.fired:
             return
         ended = block.ended or self._stopped > run
         if ended:

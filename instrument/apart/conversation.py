@@ -5,11 +5,11 @@ import threading
 import time
 from collections.abc import Callable
 
-from instrument.apart.child import OPENED, Opener, serve
+from instrument.apart.child import OPENED, STARTED, Opener, serve
 from instrument.apart.messages import About, Answer, Came, Fault, Order
 from instrument.digitizer import CaptureSettings, DigitizerError
 
-OPENS_S = 60.0  # firmware may have to be loaded
+STARTS_S = 60.0  # on a busy machine; nothing is asked of the device until then
 _LOOK_S = 0.1
 _ENDS_S = 8.0
 _ANEW = "arm again: it is started anew"
@@ -22,8 +22,11 @@ class Conversation:
     (``over``) and is told as a DigitizerError.
     """
 
-    def __init__(self, opener: Opener, give_up: Callable[[], bool]) -> None:
-        """Start the child and wait until it has opened the digitizer; ``give_up`` as in ``ask``.  DigitizerError."""
+    def __init__(self, opener: Opener, give_up: Callable[[], bool], opens_s: float) -> None:
+        """Start the child and wait until it has opened the digitizer, which may take ``opens_s`` from its start on.
+
+        ``give_up`` as in ``ask``.  Raises DigitizerError.
+        """
         context = multiprocessing.get_context("spawn")
         theirs, self._orders = context.Pipe(duplex=False)
         self._answers, said = context.Pipe(duplex=False)
@@ -41,7 +44,8 @@ class Conversation:
         said.close()
         self.child_id = self._process.pid
         try:
-            self._wait_for(OPENED, OPENS_S, give_up, None)
+            self._wait_for(STARTED, STARTS_S, give_up, None)
+            self._wait_for(OPENED, opens_s, give_up, None)
         except DigitizerError:
             self.end(_ENDS_S)
             raise

@@ -26,18 +26,21 @@ MOST_RING_BYTES = 320 * 2**20
 MOST_TRANSFER_BYTES = 32 * 2**20  # where the device keeps the shot and waits
 ANSWERS_S = 5.0  # a driver that keeps the child longer than this does not answer
 SIMULATES_S = 60.0  # and one that is simulated: longer than any computer is that busy
-ARMS_S = 60.0  # firmware may have to be loaded
+ARMS_S = 60.0  # to open or arm a device: firmware may have to be loaded
 PREPARES_S = 300.0  # kernels may have to be compiled
 
 
-def open_apart(source: str, *, setup: Setup | None = None) -> Digitizer:
+def open_apart(source: str, *, setup: Setup | None = None, arms_s: float = ARMS_S) -> Digitizer:
     """Open the digitizer that ``source`` names, as ``open_source`` does, in a process of its own.
 
+    A device that takes longer than ``arms_s`` to open, or to arm, does not answer; the bench takes what it needs.
     A recording played back is opened here: it waits for its reader, so there is nothing to lose.
     """
-    if source.strip().lower().startswith("replay"):
+    kind = source.strip().lower()
+    if kind.startswith("replay"):
         return open_source(source, setup=setup)
-    return DigitizerApart(partial(open_source, source, setup=setup))
+    patience_s = ARMS_S if kind.startswith("bench") else min(arms_s, ARMS_S)
+    return DigitizerApart(partial(open_source, source, setup=setup), patience_s)
 
 
 class DigitizerApart(Digitizer):
@@ -46,8 +49,9 @@ class DigitizerApart(Digitizer):
     A child that dies or hangs is told as a DigitizerError; the next ``arm`` starts another one.
     """
 
-    def __init__(self, opener: Opener) -> None:
+    def __init__(self, opener: Opener, arms_s: float = ARMS_S) -> None:
         """Start the child and open the digitizer in it.  Raises DigitizerError."""
+        self._arms_s = arms_s
         self._opener = opener
         self._talk = threading.RLock()  # one talk at a time
         self._ring: SharedRing | None = None
@@ -59,7 +63,7 @@ class DigitizerApart(Digitizer):
         self._turned_s = 0.0
         self._stopped = threading.Event()
         self._closed = False
-        self._child = Conversation(opener, lambda: False)
+        self._child = Conversation(opener, lambda: False, arms_s)
 
     @property
     def capabilities(self) -> Capabilities:
@@ -89,8 +93,8 @@ class DigitizerApart(Digitizer):
         """Return what the device is best given next."""
         with self._talk:
             if self._child.over:
-                self._child = Conversation(self._opener, lambda: False)
-            answer = self._child.ask("defaults", ARMS_S)
+                self._child = Conversation(self._opener, lambda: False, self._arms_s)
+            answer = self._child.ask("defaults", self._arms_s)
         return answer.settings if answer is not None else None
 
     def arm(self, settings: CaptureSettings) -> None:
@@ -103,11 +107,11 @@ class DigitizerApart(Digitizer):
             give_up = self._stopped.is_set
             if self._child.over:
                 self._forget_ring()
-                self._child = Conversation(self._opener, give_up)
+                self._child = Conversation(self._opener, give_up, self._arms_s)
                 self._child.ask("prepare", PREPARES_S, give_up=give_up, patience_s=ANSWERS_S)
             ring = self._fitting_ring(settings)
             try:
-                answer = self._child.ask("arm", ARMS_S, settings, ring, give_up=give_up, patience_s=ANSWERS_S)
+                answer = self._child.ask("arm", self._arms_s, settings, ring, give_up=give_up, patience_s=ANSWERS_S)
             finally:
                 if ring is not None and self._ring is not None:
                     self._ring.unlink()  # both have it, or neither will: it goes with them, however they end
@@ -211,6 +215,7 @@ class DigitizerApart(Digitizer):
             clipped=block.clipped if begun == 0 else (0,) * len(block.clipped),
             ended=whole and block.ended,
             trigger_sample=at if at is not None and 0 <= at < max(1, length) else None,
+            fired=block.fired,
         )
 
     def _forget_stream(self) -> None:

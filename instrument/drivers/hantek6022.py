@@ -22,6 +22,7 @@ from instrument.drivers import hantek6022_firmware as firmware_files
 from instrument.drivers import usb_bus
 from instrument.drivers.assumed_rig import assumed_rig
 from instrument.drivers.bulk_stream import BulkStream, QueuedBulkStream
+from instrument.drivers.byte_clock import LASTING_STEP_S
 from instrument.drivers.hantek6022_calibration import EEPROM_BYTES, EEPROM_START, GAINS, scale_of
 from instrument.drivers.streamed_codes import StreamedCodes
 
@@ -88,6 +89,7 @@ class Hantek6022(Digitizer):
             max_samples=None,
             hardware_trigger=False,
             real_time=True,
+            unseen_loss_s=LASTING_STEP_S if self._reference_column is None else 0.0,
         )
 
     @property

@@ -14,8 +14,9 @@ from analysis.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers.assumed_rig import assumed_rig
 from instrument.drivers.scpi_arming import EXTERNAL, RATE_TOLERANCE, HardwareTrigger, set_time, set_trigger
-from instrument.drivers.scpi_dialects import Dialect, Scaling, Timing, dialect_of
-from instrument.drivers.scpi_transport import Cancelled, ScpiTransport
+from instrument.drivers.scpi_dialects import Dialect, Nonsense, Scaling, Timing, dialect_of
+from instrument.drivers.scpi_transport import Cancelled, ScpiTransport, Stalled
+from instrument.recording_error import one_line
 
 POLL_S = 0.02
 ARMING_S = 0.5  # for so long a "stopped" may still be that of the shot before
@@ -66,8 +67,8 @@ class ScpiOscilloscope(Digitizer):
         self._name = f"{self._dialect.name.split()[0]} {model}".strip()
         self._setup = setup or assumed_rig(self._dialect.bits)
         self._scales = {n: Scaling(1.0, 0.0) for n in self._roles}
-        with contextlib.suppress(DigitizerError):  # some tell them only of a finished shot
-            self._read_scales()
+        with contextlib.suppress(Nonsense):  # zeros before the first shot; refused once one is wanted
+            self._read_scales_if_told()
 
     @property
     def capabilities(self) -> Capabilities:
@@ -113,8 +114,7 @@ class ScpiOscilloscope(Digitizer):
         with self._talk:
             set_time(self._dialect, self._link.write, self.default_settings, settings, self._name)
             set_trigger(self._dialect, self._link.write, self._trigger)
-            with contextlib.suppress(DigitizerError):  # as above; those that count are read with the shot
-                self._read_scales()
+            self._read_scales_if_told()
             for command in self._dialect.single:
                 self._link.write(command)
         self._cancel.clear()
@@ -141,6 +141,9 @@ class ScpiOscilloscope(Digitizer):
                 return Block(0, ended=True)
             self._piece = item
         piece = self._piece
+        if not piece.counts.shape[0]:
+            self._piece = None
+            return Block(0, fired=True)
         count = min(piece.counts.shape[0], buffer.shape[0])
         buffer[:count] = piece.counts[:count]
         clipped: tuple[int, ...] = ()
@@ -172,6 +175,15 @@ class ScpiOscilloscope(Digitizer):
         self.stop()
         self._link.close()
 
+    def _read_scales_if_told(self) -> None:
+        """Read the scales; some tell them only of a finished shot.  Raises Nonsense where they cannot be."""
+        try:
+            self._read_scales()
+        except Nonsense:
+            raise
+        except DigitizerError:
+            return
+
     def _read_scales(self) -> None:
         for n in self._roles:
             for command in self._dialect.select:
@@ -191,6 +203,8 @@ class ScpiOscilloscope(Digitizer):
             out.put(None)
         except DigitizerError as error:
             out.put(error)
+        except Exception as error:  # whoever waits for samples must hear of it
+            out.put(DigitizerError(f"{self._name}: unexpected: {one_line(repr(error))}", "re-arm; report this"))
 
     def _wait_for_shot(self) -> None:
         armed_s = self._clock()
@@ -206,8 +220,12 @@ class ScpiOscilloscope(Digitizer):
 
     def _fetch(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
         words = self._dialect
+        out.put(
+            _Piece(np.empty((0, len(self._roles)), np.int16), None, False)
+        )  # it fired: from here on samples are due
         with self._talk:
-            self._read_scales()
+            with contextlib.suppress(Nonsense):  # those of the arming hold; the shot is worth more
+                self._read_scales()
             timing = words.timing(self._link.query, next(iter(self._roles)))
         if abs(timing.sample_rate_hz / settings.sample_rate_hz - 1) > RATE_TOLERANCE:
             raise DigitizerError(
@@ -219,12 +237,20 @@ class ScpiOscilloscope(Digitizer):
         step = words.points_a_read or self._wanted
         for at in range(first, end, step):
             count = min(step, end - at)
+            trigger = None if timing.trigger_sample is None else timing.trigger_sample - at
             counts = np.empty((count, len(self._roles)), np.int16)
             for column, n in enumerate(self._roles):
-                with self._talk:
-                    counts[:, column] = self._points(n, at, count, timing)
+                try:
+                    with self._talk:
+                        counts[:, column] = self._points(n, at, count, timing)
+                except Stalled as error:
+                    if column == len(self._roles) - 1:  # of the rows before every channel is there: they are kept
+                        came = words.decode(error.received)[at if words.points_a_read is None else 0 :][:count]
+                        counts[: came.size, column] = came
+                        self._fetched += came.size
+                        out.put(_Piece(counts[: came.size], trigger, False))
+                    raise
             self._fetched += count
-            trigger = None if timing.trigger_sample is None else timing.trigger_sample - at
             out.put(_Piece(counts, trigger, at + count == end))
 
     def _points(self, n: int, at: int, count: int, timing: Timing) -> NDArray[np.int16]:
@@ -246,7 +272,10 @@ class ScpiOscilloscope(Digitizer):
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """Fetched counts (int16, shape (n, channels)) and where in them the trigger is (may lie outside)."""
+    """Fetched counts (int16, shape (n, channels)) and where in them the trigger is (may lie outside).
+
+    One without counts says that the trigger fired.
+    """
 
     counts: NDArray[np.int16]
     trigger_sample: int | None

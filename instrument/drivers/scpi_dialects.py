@@ -15,6 +15,10 @@ from instrument.digitizer import DigitizerError
 Ask = Callable[[str], str]
 
 
+class Nonsense(DigitizerError):
+    """What an instrument told in numbers, and cannot be."""
+
+
 @dataclass(frozen=True, slots=True)
 class Timing:
     """When the samples of a shot were taken."""
@@ -26,10 +30,20 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class Scaling:
-    """volts = count * volts_per_count + offset_v, for counts as ``Dialect.decode`` returns them."""
+    """volts = count * volts_per_count + offset_v, for counts as ``Dialect.decode`` returns them.
+
+    Raises Nonsense where no instrument could have them.
+    """
 
     volts_per_count: float
     offset_v: float
+
+    def __post_init__(self) -> None:
+        if not (1e-12 < abs(self.volts_per_count) < 1e4 and abs(self.offset_v) < 1e6):
+            raise Nonsense(
+                f"the oscilloscope tells {self.volts_per_count:g} V a count and an offset of {self.offset_v:g} V",
+                "set the vertical scale anew, then re-arm",
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,16 +104,15 @@ def _number(text: str) -> float:
 
 
 def _timing(rate_hz: float, samples: float, trigger_sample: float) -> Timing:
-    if not (rate_hz > 0 and 1 <= samples <= 1 << 31):
-        raise DigitizerError(f"the oscilloscope tells {samples:g} samples at {rate_hz:g} a second", "re-arm")
-    at = round(trigger_sample)
-    return Timing(rate_hz, int(samples), at if 0 <= at < samples else None)
+    if not (1e-3 <= rate_hz <= 1e12 and 1 <= samples <= 1 << 31):
+        raise Nonsense(f"the oscilloscope tells {samples:g} samples at {rate_hz:g} a second", "set its time base anew")
+    return Timing(rate_hz, int(samples), round(trigger_sample) if 0 <= trigger_sample < samples - 0.5 else None)
 
 
 def _preamble_timing(ask: Ask, channel: int) -> Timing:
     _, _, points, _, step_s, origin_s, reference, *_ = numbers(ask(":WAV:PRE?"), 10, "the waveform's preamble")
-    if step_s <= 0:
-        raise DigitizerError(f"the oscilloscope tells a sample every {step_s:g} s", "re-arm")
+    if not 1e-12 <= step_s <= 1e3:
+        raise Nonsense(f"the oscilloscope tells a sample every {step_s:g} s", "set its time base anew")
     return _timing(1 / step_s, points, reference - origin_s / step_s)
 
 

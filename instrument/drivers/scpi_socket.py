@@ -1,15 +1,24 @@
 """SCPI over a TCP socket (the raw "socket" port of the instrument)."""
 
+import contextlib
 import socket
-import time
 from collections.abc import Callable
 
 from instrument.digitizer import DigitizerError
-from instrument.drivers.scpi_transport import MAX_LINE_BYTES, Cancelled, block_start, check_size, never
+from instrument.drivers.scpi_transport import (
+    MAX_LINE_BYTES,
+    Cancelled,
+    Deadline,
+    Stalled,
+    block_start,
+    check_size,
+    never,
+)
 
 PORTS = (5025, 5555)  # Keysight and Siglent; Rigol
 _REMEDY = "check its network address, and that no other program is connected"
 _PIECE = 1 << 18
+_LOOK_S = 0.1  # whether it was cancelled
 
 
 class SocketTransport:
@@ -44,11 +53,10 @@ class SocketTransport:
 
     def query(self, command: str, timeout_s: float = 5.0) -> str:
         """Send a command and return the line it answers; what an earlier block left before it is skipped."""
+        deadline = Deadline(timeout_s)
         self.write(command)
-        end = time.monotonic() + timeout_s
         while True:
-            while self._received and self._received[0] in b"\r\n":
-                del self._received[:1]
+            del self._received[: len(self._received) - len(self._received.lstrip(b"\r\n"))]
             line_end = self._received.find(b"\n")
             if line_end >= 0:
                 line = bytes(self._received[:line_end])
@@ -57,22 +65,28 @@ class SocketTransport:
             if len(self._received) > MAX_LINE_BYTES:
                 self.close()
                 raise DigitizerError(f"{self.name} answered {command} without an end", "re-arm")
-            self._receive_or_cancel(end, command, never)
+            self._receive_or_cancel(deadline, timeout_s, command, never)
 
     def query_block(
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
     ) -> bytes:
-        """Send a command and return the bytes of the block it answers; ``timeout_s`` is for each piece of it."""
+        """Send a command and return the bytes of the block it answers."""
+        deadline = Deadline(timeout_s)
         self.write(command)
-        end = time.monotonic() + timeout_s
         start = None
         while start is None:
             start = self._start(max_bytes)
             if start is None:
-                self._receive_or_cancel(end, command, cancelled)
+                self._receive_or_cancel(deadline, timeout_s, command, cancelled)
         first, size = start
+        deadline.allow_for(size)
         while len(self._received) < first + size:
-            self._receive_or_cancel(time.monotonic() + timeout_s, command, cancelled)
+            so_far = len(self._received)
+            came = self._received  # a lost connection forgets it
+            try:
+                self._receive_or_cancel(deadline, timeout_s, command, cancelled)
+            except DigitizerError as error:
+                raise Stalled(error.what, error.remedy, bytes(came[first:so_far])) from None
         block = bytes(memoryview(self._received)[first : first + size])
         del self._received[: first + size]
         return block
@@ -80,12 +94,12 @@ class SocketTransport:
     def close(self) -> None:
         """Close the connection; the next command opens it again."""
         held, self._socket = self._socket, None
-        self._received.clear()
+        self._received = bytearray()
         if held is not None:
             held.close()
 
     def _connect(self) -> None:
-        self._received.clear()
+        self._received = bytearray()
         self._socket = socket.create_connection(self._address, timeout=self._timeout_s)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
@@ -99,24 +113,29 @@ class SocketTransport:
             raise
         return start
 
-    def _receive_or_cancel(self, end: float, command: str, cancelled: Callable[[], bool]) -> None:
+    def _receive_or_cancel(
+        self, deadline: Deadline, pause_s: float, command: str, cancelled: Callable[[], bool]
+    ) -> None:
+        pause = Deadline(pause_s)
         while True:
             if cancelled():
                 self.close()
                 raise Cancelled
             try:
-                self._receive(min(end, time.monotonic() + 0.1))
+                deadline.check(self.name, command)
+                pause.check(self.name, command)
+            except DigitizerError:
+                self.close()
+                raise
+            with contextlib.suppress(TimeoutError):
+                self._receive(min(deadline.left_s, pause.left_s, _LOOK_S))
                 return
-            except TimeoutError:
-                if time.monotonic() >= end:
-                    self.close()
-                    raise DigitizerError(f"{self.name} does not answer {command}", _REMEDY) from None
 
-    def _receive(self, end: float) -> None:
+    def _receive(self, wait_s: float) -> None:
         if self._socket is None:
             raise DigitizerError(f"{self.name} is closed", "re-arm")
         try:
-            self._socket.settimeout(max(0.001, end - time.monotonic()))
+            self._socket.settimeout(max(0.001, wait_s))
             piece = self._socket.recv(_PIECE)
         except TimeoutError:
             raise

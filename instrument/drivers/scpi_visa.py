@@ -6,7 +6,15 @@ from functools import partial
 from typing import Any
 
 from instrument.digitizer import DigitizerError
-from instrument.drivers.scpi_transport import MAX_LINE_BYTES, Cancelled, block_start, check_size, never
+from instrument.drivers.scpi_transport import (
+    MAX_LINE_BYTES,
+    Cancelled,
+    Deadline,
+    Stalled,
+    block_start,
+    check_size,
+    never,
+)
 
 _PIECE = 1 << 20
 
@@ -50,20 +58,27 @@ class VisaTransport:
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
     ) -> bytes:
         """Send a command and return the bytes of the block it answers."""
+        deadline = Deadline(timeout_s)
         self.write(command)
         self._session.timeout = round(1000 * timeout_s)
         received = bytearray()
         start = None
         while start is None:
+            deadline.check(self.name, command)
             received += self._guard(lambda: self._session.read_bytes(1))
             start = block_start(received, self.name)
         first, size = start
         check_size(size, max_bytes, self.name)
+        deadline.allow_for(size)
         while len(received) < first + size:
             if cancelled():
                 self._guard(self._session.clear)
                 raise Cancelled
-            received += self._guard(partial(self._session.read_bytes, min(_PIECE, first + size - len(received))))
+            try:
+                deadline.check(self.name, command)
+                received += self._guard(partial(self._session.read_bytes, min(_PIECE, first + size - len(received))))
+            except DigitizerError as error:
+                raise Stalled(error.what, error.remedy, bytes(received[first:])) from error
         self._guard(lambda: self._session.read_bytes(1))  # the end of line after the block
         return bytes(received[first:])
 

@@ -12,7 +12,15 @@ import usb.core
 
 from instrument.digitizer import DigitizerError
 from instrument.drivers import usb_bus
-from instrument.drivers.scpi_transport import MAX_LINE_BYTES, Cancelled, block_start, check_size, never
+from instrument.drivers.scpi_transport import (
+    MAX_LINE_BYTES,
+    Cancelled,
+    Deadline,
+    Stalled,
+    block_start,
+    check_size,
+    never,
+)
 
 VENDORS = {0x1AB1: "Rigol", 0xF4EC: "Siglent", 0xF4ED: "Siglent", 0x0957: "Keysight", 0x2A8D: "Keysight"}
 CLASS = (0xFE, 0x03)
@@ -70,11 +78,13 @@ class UsbtmcTransport:
 
     def query(self, command: str, timeout_s: float = 5.0) -> str:
         """Send a command and return the message it answers, stripped."""
+        deadline = Deadline(timeout_s)
         self.write(command)
         answer = bytearray()
         ended = False
         while not ended:
-            content, ended = self._request(MAX_LINE_BYTES, timeout_s)
+            deadline.check(self.name, command)
+            content, ended = self._request(MAX_LINE_BYTES, deadline.left_s)
             answer += content
             if len(answer) > MAX_LINE_BYTES:
                 raise DigitizerError(f"{self.name} answered {command} without an end", "re-arm")
@@ -84,6 +94,7 @@ class UsbtmcTransport:
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
     ) -> bytes:
         """Send a command and return the bytes of the block it answers, fetched in requests of at most 1 MiB."""
+        deadline = Deadline(timeout_s)
         self.write(command)
         received = bytearray()
         start: tuple[int, int] | None = None
@@ -93,17 +104,24 @@ class UsbtmcTransport:
                 self._abort()
                 raise Cancelled
             rest = max_bytes if start is None else start[0] + start[1] - len(received)
-            content, ended = self._request(min(MAX_REQUEST_BYTES, max(rest, 0) + 64), timeout_s)
+            try:
+                deadline.check(self.name, command)
+                pause_s = min(timeout_s, deadline.left_s)
+                content, ended = self._request(min(MAX_REQUEST_BYTES, max(rest, 0) + 64), pause_s)
+            except DigitizerError as error:
+                raise Stalled(error.what, error.remedy, bytes(received[start[0] :]) if start else b"") from error
             received += content
             if start is None:
                 start = block_start(received, self.name)
                 if start is not None:
                     check_size(start[1], max_bytes, self.name)
+                    deadline.allow_for(start[1])
             if len(received) > max_bytes + 128:
                 self._abort()
                 raise DigitizerError(f"{self.name} sends more than it was asked for", "re-arm")
         if start is None or len(received) < start[0] + start[1]:
-            raise DigitizerError(f"{self.name} ended its answer to {command} early", "re-arm")
+            came = bytes(received[start[0] :]) if start else b""
+            raise Stalled(f"{self.name} ended its answer to {command} early", "re-arm", came)
         return bytes(memoryview(received)[start[0] : start[0] + start[1]])
 
     def close(self) -> None:
@@ -120,9 +138,9 @@ class UsbtmcTransport:
             with usb_bus.usb_errors_of(self.name):
                 self._device.write(self._out, self._head(_IN, size, 0), timeout=3000)
                 padded = (_HEADER.size + size + 3) // 4 * 4
-                answer = bytes(self._device.read(self._in, padded, timeout=round(1000 * timeout_s)))
+                answer = bytes(self._device.read(self._in, padded, timeout=max(1, round(1000 * timeout_s))))
                 if not answer:  # some begin with a packet of length zero
-                    answer = bytes(self._device.read(self._in, padded, timeout=round(1000 * timeout_s)))
+                    answer = bytes(self._device.read(self._in, padded, timeout=max(1, round(1000 * timeout_s))))
         except DigitizerError as error:
             if "unplugged" not in str(error):
                 self._abort()

@@ -21,6 +21,7 @@ SHOTS = 5
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cluster")
     assert main(["--simulate", str(folder / "one"), "--shots", "1", "--seed", "4"]) == 0
+    assert main(["--replay", str(folder / "one"), "--no-diagnose"]) == 0  # kernels are on disk from here on
     (folder / "shots").mkdir()
     (folder / "elsewhere").mkdir()
     for number in range(SHOTS):

@@ -1,0 +1,76 @@
+"""One attempt of an attack: it survives, or is refused with one line; anything else is a fault of the program."""
+
+import random
+import resource
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+SURVIVED, REFUSED = "survived", "refused"
+LONGEST_S, MOST_MB = 10.0, 500.0  # that one attempt may take on a quiet machine
+
+Attempt = tuple[str, Callable[[], str]]  # what is tried in words; it returns SURVIVED or REFUSED
+Attack = Callable[[Path, random.Random], Iterator[Attempt]]  # without end, or as many as there are
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What became of one kind of attack."""
+
+    kind: str
+    tried: int = 0
+    survived: int = 0
+    refused: int = 0
+    seconds: float = 0.0  # processor time of the slowest attempt, its threads included
+    megabytes: float = 0.0  # that memory grew beyond what it was before
+    failed: list[str] = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        self.failed = []
+
+
+def carry_out(kind: str, attack: Attack, folder: Path, count: int, seed: int) -> Outcome:
+    """Make at most ``count`` attempts in ``folder``; what fails is told, never raised."""
+    outcome = Outcome(kind)
+    folder.mkdir(parents=True, exist_ok=True)
+    before = most_megabytes()
+    for words, attempt in attack(folder, random.Random(seed)):
+        if outcome.tried == count:
+            break
+        outcome.tried += 1
+        begun = time.process_time()
+        try:
+            ended = attempt()
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt):
+                raise
+            outcome.failed.append(f"{kind}: {words}: {type(error).__name__}: {' '.join(str(error).split())[:300]}")
+        else:
+            outcome.survived += ended == SURVIVED
+            outcome.refused += ended == REFUSED
+        spent = time.process_time() - begun
+        if spent > LONGEST_S:
+            outcome.failed.append(f"{kind}: {words}: {spent:.0f} s of processor time")
+        outcome.seconds = max(outcome.seconds, spent)
+    outcome.megabytes = most_megabytes() - before
+    if outcome.megabytes > MOST_MB:
+        outcome.failed.append(f"{kind}: {outcome.megabytes:.0f} MB")
+    return outcome
+
+
+def refused_in_a_line(words: str, *named: str) -> str:
+    """Return REFUSED; AssertionError where ``words`` are not one printable line, or lack one of ``named``."""
+    assert "\n" not in words.rstrip("\n") and 0 < len(words) < 900, words[:300]
+    assert all(character.isprintable() or character == "\n" for character in words), repr(words[:300])
+    assert "Traceback" not in words and "fault of the program" not in words and "unexpected" not in words, words
+    for name in named:
+        assert name in words, f"{name} is not named: {words}"
+    return REFUSED
+
+
+def most_megabytes() -> float:
+    """Return the most memory this process ever held."""
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most / 1024 if sys.platform != "darwin" else most / 2**20

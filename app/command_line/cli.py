@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from app.command_line.model_choice import MODELS, is_model_file
+from app.words.plain import PlainStream
 from instrument.bench.site import NAMES, site_named
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
@@ -22,6 +23,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     if isinstance(sys.stdout, io.TextIOWrapper):  # "±", or a name that is no text, must not cost a script its result
         sys.stdout.reconfigure(errors="backslashreplace")
+    with _plain_streams():
+        return _status(arguments)
+
+
+def _status(arguments: Sequence[str]) -> int:
     try:
         with _ended_by_ctrl_c():
             work = _work(arguments)
@@ -50,6 +56,19 @@ def window(argv: Sequence[str] | None = None, *, site: str | None = None) -> int
     from app.window.main_window import run
 
     return run(list(sys.argv[1:] if argv is None else argv), site)
+
+
+@contextlib.contextmanager
+def _plain_streams() -> Iterator[None]:
+    """Let nothing that stands in a file's name or note be obeyed by the terminal it is shown on."""
+    with contextlib.ExitStack() as undo:
+        for stream, redirect in (
+            (sys.stdout, contextlib.redirect_stdout),
+            (sys.stderr, contextlib.redirect_stderr),
+        ):
+            if stream is not None:  # a program without a console has none
+                undo.enter_context(redirect(PlainStream(stream)))  # type: ignore[type-var]
+        yield
 
 
 @contextlib.contextmanager

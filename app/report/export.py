@@ -16,6 +16,7 @@ from analysis.quantity import Quantity, Reading
 from analysis.series import series
 from analysis.series import to_rows as series_rows
 from analysis.shot import Shot
+from app.words.plain import cell
 from instrument.recording_writer import write_text_beside
 
 Floats = NDArray[np.float64]
@@ -115,13 +116,13 @@ def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
 
 
 def write_table(header: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
-    """Write a table as CSV, whole or not at all, one row in memory at a time."""
+    """Write a table as CSV, whole or not at all, one row in memory at a time; no cell is one a program would obey."""
     write_text_beside(path, map(_csv_line, itertools.chain([header], rows)), sync=True)
 
 
 def _csv_line(cells: Sequence[str]) -> str:
     line = io.StringIO()
-    csv.writer(line, lineterminator="\n").writerow(cells)
+    csv.writer(line, lineterminator="\n").writerow(map(cell, cells))
     return line.getvalue()
 
 

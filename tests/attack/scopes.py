@@ -46,7 +46,7 @@ FLOODS = {"newlines": b"\n" * 4096, "blanks": b"\r\n" * 2048, "digits": b"9" * 4
 LIES = {
     "zero": b"0\n", "zeros": b"0,0,0,0,0,0,0,0,0,0\n", "huge": b"1e300\n", "huge fields": b",".join([b"1e300"] * 10),
     "tiny": b"1e-310,1e-310,1e-310,1e-310,1e-310,1e-310,1e-310,1e-310,1e-310,1e-310\n", "nan": b"nan\n",
-    "infinite": b"9.9E+37\n", "negative": b"-1,-1,-1,-1,-1,-1,-1,-1,-1,-1\n", "empty": b"\n", 
+    "infinite": b"9.9E+37\n", "negative": b"-1,-1,-1,-1,-1,-1,-1,-1,-1,-1\n", "empty": b"\n",
     "words": b"COMMAND ERROR\n",
     "digits": b"9" * 400 + b"\n", "escape": b"\x1b[2J\x1b]0;owned\x07\n", "not ascii": b"\xff\xfe\x00\n",
     "fractions": b"0.5\n", "ones": b"1,1,1,1,1,1,1,1,1,1\n",

@@ -10,6 +10,7 @@ class Progress:
     def __init__(self, total: int, already: int) -> None:
         self._total, self._already, self._done = total, already, 0
         self._shown = sys.stderr.isatty()
+        self._bare = getattr(sys.stderr, "bare", sys.stderr)  # this line alone moves the cursor
         self._started = time.monotonic()
         if already and self._shown:
             self.say(f"levimass: {already} shots were done before and are not done again")
@@ -20,11 +21,13 @@ class Progress:
         if self._shown:
             spent = time.monotonic() - self._started
             left = spent / self._done * (self._total - self._done)
-            sys.stderr.write(f"\r{self._done}/{self._total} shots, {left:.0f} s to go \x1b[K")
+            self._bare.write(f"\r{self._done}/{self._total} shots, {left:.0f} s to go \x1b[K")
 
     def say(self, line: str) -> None:
         """Print a line without disturbing the count."""
-        sys.stderr.write(("\r\x1b[K" if self._shown else "") + line + "\n")
+        if self._shown:
+            self._bare.write("\r\x1b[K")
+        sys.stderr.write(line + "\n")
 
     def end(self) -> None:
         """Leave the terminal on a fresh line."""

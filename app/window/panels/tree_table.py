@@ -15,6 +15,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.window.theme import sized
+from app.words.plain import cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +75,11 @@ class TreeTable(QTreeWidget):
         QGuiApplication.clipboard().setText(self.selected_text())
 
     def selected_text(self) -> str:
-        """Return the selected lines as text, in the order of the screen."""
+        """Return the selected lines as text for a spreadsheet, in the order of the screen."""
         lines = []
         walk = QTreeWidgetItemIterator(self, QTreeWidgetItemIterator.IteratorFlag.Selected)
         while (item := walk.value()) is not None:
-            lines.append("\t".join(item.text(column) for column in range(self.columnCount())))
+            lines.append("\t".join(cell(item.text(column)) for column in range(self.columnCount())))
             walk += 1
         return "\n".join(lines)
 

@@ -19,7 +19,7 @@ MEANINGS = {
     "leak_removed": "unshifted light reached PD1 (polarisation leak); its ripple was taken off",
     "rest_drift": "the rest frequency drifted during the shot; followed by a smooth curve",
     "rest_unsteady": "the rest frequency was not smooth: take PD0 off sample by sample (instantaneous)",
-    "wander": "the optical path wandered by itself; contained in the uncertainties of velocity and force",
+    "wander": "the optical path drifted by itself; contained in the uncertainties of velocity and force",
     "out_of_band": "the beat left the band it was read through: frequencies beyond it are not to be trusted",
     "uneven_time": "the record's times were uneven and were interpolated to an even grid",
 }

@@ -17,6 +17,7 @@ class Kind(StrEnum):
     EXPORTED = "exported"
     DIAGNOSED = "diagnosed"
     MODEL = "model"  # a model file was loaded
+    CUT_OFF = "cut off"  # recordings that the end of the program cut off were found
     PROBLEM = "problem"
 
 
@@ -27,6 +28,7 @@ class Event:
     kind: Kind
     words: str
     numbers: tuple[int, ...] = ()
+    paths: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

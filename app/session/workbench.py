@@ -4,6 +4,7 @@ Plain Python: every piece of work is a job, done in a process of its own where t
 Event that the screen polls.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -13,6 +14,7 @@ from typing import Any
 from analysis.diagnosis import diagnose
 from analysis.diagnosis.model_file import SavedModel
 from analysis.shot import AnalysisSettings, Shot
+from app.session.cut_off import cut_off
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, SavedElsewhere
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.load import unanalysed
@@ -80,6 +82,22 @@ class Workbench:
         for entry in self.session.entries:
             if entry.shot is None and entry.path is not None:
                 self._submit_fill(entry)
+
+    def look_for_cut_off(self, folder: Path) -> None:
+        """Queue a look for recordings in ``folder`` that a kill cut off and the session does not list."""
+        listed = {entry.path for entry in self.session.entries if entry.path is not None}
+        now_s = time.time()
+
+        def work(_: Report, __: Asked) -> Event | None:
+            found = tuple(cut_off(folder, listed, now_s))
+            if not found:
+                return None
+            names = ", ".join(path.name.removesuffix(".sigmf-meta") for path in found[:3])
+            more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+            words = f"The program ended while it recorded {names}{more}: as far as it got it is saved, not listed"
+            return Event(Kind.CUT_OFF, words, paths=found)
+
+        self.errands.submit("cut-off recordings", work, "look")
 
     def reanalyse(self, numbers: Sequence[int]) -> int:
         """Queue copies of these entries with the present settings; return how many.

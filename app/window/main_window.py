@@ -5,13 +5,14 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from platformdirs import user_config_path
+from platformdirs import user_config_path, user_log_path
 from PySide6.QtCore import Qt, QTimer, Slot
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import QApplication, QMainWindow
 
 from analysis.shot import AnalysisSettings
 from app.session.choices import Choices
+from app.session.log import ProgramLog, note
 from app.session.rig import Open, Rig
 from app.session.saver import Saver
 from app.session.session import Entry, Session
@@ -44,8 +45,17 @@ SWITCH_S = 5e-4  # a busy thread gives way this soon; Python's own 5 ms, at each
 class MainWindow(QMainWindow):
     """The one window.  Whatever takes longer than a frame runs in the rig's threads, the jobs' or a child."""
 
-    def __init__(self, rig: Rig, workbench: Workbench, theme: Theme, choices: Choices, kernels: Kernels) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        workbench: Workbench,
+        theme: Theme,
+        choices: Choices,
+        kernels: Kernels,
+        log: ProgramLog,
+    ) -> None:
         super().__init__()
+        self.log = log
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
         self.rig, self.workbench, self.theme = rig, workbench, theme
@@ -86,8 +96,9 @@ class MainWindow(QMainWindow):
             self.say(workbench.session.problem, Tone.WARNING)
         for words in choices.warnings:
             self.say(words, Tone.WARNING)
-        workbench.jobs.submit("kernels", kernels.work, "warm")
+        workbench.jobs.submit("preparing the analysis", kernels.work, "warm")
         workbench.read_unread()
+        workbench.look_for_cut_off(choices.settings.data_folder)
         self.session_presenter.refresh()
         if workbench.session.entries:  # a session reopens where it was: at its last shot
             self.panels.table.select([workbench.session.entries[-1].number])
@@ -103,6 +114,8 @@ class MainWindow(QMainWindow):
     def pull(self) -> None:
         """Bring the screen up to date; the only place where it happens."""
         snapshot = self.rig_presenter.refresh()
+        for problem in self.log.take_problems():
+            self.say(problem, Tone.BAD)
         self._warned &= frozenset(snapshot.unsaved)  # a name that comes again is another shot's
         self.session_presenter.rig_doing, self.session_presenter.rig_share = snapshot.doing, snapshot.progress
         self.session_presenter.refresh()
@@ -115,7 +128,8 @@ class MainWindow(QMainWindow):
 
     @Slot(str, Tone)
     def say(self, words: str, tone: Tone) -> None:
-        """Show a message in the lowest line."""
+        """Show a message in the lowest line, and keep it in the log."""
+        note(words)
         self.panels.work.notices.say(words, tone)
 
     @Slot(object)
@@ -175,9 +189,14 @@ class MainWindow(QMainWindow):
 
 
 def open_window(
-    folder: Path, open_digitizer: Open | None = None, *, apart: bool = True, site: str | None = None
+    folder: Path,
+    open_digitizer: Open | None = None,
+    *,
+    apart: bool = True,
+    site: str | None = None,
+    log: ProgramLog | None = None,
 ) -> MainWindow:
-    """Return the window, not shown yet, with settings and session kept in ``folder``.
+    """Return the window, not shown yet, with settings and session kept in ``folder``, the log there or where it is.
 
     Its simulated bench stands at ``site``, or else where the settings say.
     ``apart``: the rig's shots are analysed in a process of their own, what is asked for beside it in another.
@@ -206,7 +225,7 @@ def open_window(
         analyst=analyst,
     )
     workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again)
-    window = MainWindow(rig, workbench, theme, choices, kernels)
+    window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
     theme.setParent(window)
     room = window.screen().availableSize()
     window.resize(min(1480, room.width()), min(920, room.height()))
@@ -220,7 +239,12 @@ def run(argv: list[str], site: str | None = None) -> int:
     application.setApplicationName("Levimass")
     application.setStyle("Fusion")
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Qt's loop never returns to Python for a Ctrl+C
-    window = open_window(user_config_path("levimass"), site=site)
+    log = ProgramLog(user_log_path("levimass"))
+    log.install()
+    window = open_window(user_config_path("levimass"), site=site, log=log)
     window.show()
     window.tour_presenter.start_once()
-    return application.exec()
+    try:
+        return application.exec()
+    finally:
+        log.close()

@@ -1,5 +1,8 @@
 """What an operator did or took is kept: typed numbers, notes, unanalysed shots, the keyboard's place."""
 
+import threading
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +13,8 @@ from pytestqt.qtbot import QtBot
 
 from analysis.recording import Channel, Recording, Role, Setup
 from analysis.shot import AnalysisSettings
+from app.session.cut_off import cut_off
+from app.session.log import NAME, ProgramLog, note
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.session.workbench import Workbench
@@ -23,9 +28,11 @@ from app.words.typed_number import typed_number
 from instrument.digitizer import CaptureSettings
 from instrument.open_recording import open_recording
 from instrument.recording_file import write_recording
+from instrument.recording_writer import RecordingWriter
 from instrument.snapshot import FinishedShot
 
 WAIT_MS = 30_000
+CHANNELS = (Channel(Role.MEASUREMENT, 1e-3),)
 
 
 @pytest.mark.parametrize("locale", ["de_DE", "en_US", "fr_FR", "C"])
@@ -76,8 +83,7 @@ def test_a_sheet_forgets_a_button_that_was_deleted(qtbot: QtBot) -> None:
 
 def _recording(folder: Path) -> Path:
     counts = np.zeros((64, 1), np.int16)
-    channel = Channel(Role.MEASUREMENT, 1e-3)
-    return write_recording(Recording("shot-0001", counts, 1e6, (channel,), Setup(17.85e-3)), folder / "shot-0001")
+    return write_recording(Recording("shot-0001", counts, 1e6, CHANNELS, Setup(17.85e-3)), folder / "shot-0001")
 
 
 def test_a_note_reaches_the_recording(qtbot: QtBot, tmp_path: Path) -> None:
@@ -92,24 +98,93 @@ def test_a_note_reaches_the_recording(qtbot: QtBot, tmp_path: Path) -> None:
         workbench.close()
 
 
-def test_a_shot_whose_analysis_was_stopped_is_listed_and_analysed_in_its_place(qtbot: QtBot, tmp_path: Path) -> None:
-    theme = Theme("light")
-    panels = Layout(theme)
+@pytest.fixture
+def away(qtbot: QtBot, tmp_path: Path) -> Iterator[tuple[Workbench, Layout, SessionPresenter]]:
+    """A workbench with its panels and no rig."""
+    panels = Layout(Theme("light"))
     qtbot.addWidget(panels)
     workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
+    selection = SelectionPresenter(workbench, panels, panels)
+    yield workbench, panels, SessionPresenter(workbench, panels, selection, panels)
+    workbench.close()
+
+
+Away = tuple[Workbench, Layout, SessionPresenter]
+
+
+def test_a_shot_whose_analysis_was_stopped_is_listed_and_analysed_in_its_place(
+    qtbot: QtBot, tmp_path: Path, away: Away
+) -> None:
+    workbench, _, presenter = away
+    meta = _recording(tmp_path)
+    stopped = FinishedShot(1, "shot-0001", meta, CaptureSettings(1e6, 64, 0), None, "the analysis was stopped")
+    presenter.take(stopped, stay=False)
+    (entry,) = workbench.session.entries
+    assert entry.path == str(meta) and entry.shot is not None and "Ctrl+R" in (entry.shot.problem or "")
+    assert Session.reopen(tmp_path / "session.json").entries[0].path == str(meta)
+    before = entry.shot
+    presenter.reanalyse_selected()
+    qtbot.waitUntil(lambda: bool(workbench.poll()), timeout=WAIT_MS)
+    (entry,) = workbench.session.entries
+    assert entry.shot is not before
+
+
+def test_a_recording_that_a_kill_cut_off_is_offered_at_the_next_start(qtbot: QtBot, tmp_path: Path, away: Away) -> None:
+    workbench, panels, presenter = away
+    whole = _recording(tmp_path)
+    writer = RecordingWriter(tmp_path / "shot-0002", 1e6, CHANNELS, Setup(17.85e-3))
+    writer.append(np.zeros((64, 1), np.int16))
+    writer.release()  # as a kill leaves it: no hash
+    cut = tmp_path / "shot-0002.sigmf-meta"
+    assert cut_off(tmp_path, (), time.time() + 1.0) == [cut] and whole.exists()
+    assert cut_off(tmp_path, (str(cut),), time.time() + 1.0) == [] == cut_off(tmp_path, (), 0.0)
+    assert cut_off(tmp_path / "none", (), time.time()) == []
+
+    time.sleep(0.01)
+    workbench.look_for_cut_off(tmp_path)
+    notices = panels.work.notices
+    qtbot.waitUntil(lambda: (presenter.refresh(), "shot-0002" in notices.words)[1], timeout=WAIT_MS)
+    notices._do.click()
+    qtbot.waitUntil(lambda: (presenter.refresh(), len(workbench.session.entries) == 1)[1], timeout=WAIT_MS)
+    assert workbench.session.entries[0].path == str(cut) and notices.words == ""
+
+
+def test_a_folder_of_shots_does_not_take_the_selection_and_a_picture_is_refused(
+    qtbot: QtBot, tmp_path: Path, away: Away
+) -> None:
+    workbench, panels, presenter = away
+    said: list[str] = []
+    presenter.said.connect(lambda words, _: said.append(words))
+    (tmp_path / "plot.png").write_bytes(b"\x89PNG")
+    presenter.open_paths([tmp_path / "plot.png"])
+    assert "plot.png is no recording" in said[0] and workbench.jobs.open_jobs == 0
+    for n in range(3):
+        write_recording(
+            Recording(f"s-{n}", np.zeros((64, 1), np.int16), 1e6, CHANNELS, Setup(17.85e-3)), tmp_path / f"s-{n}"
+        )
+    presenter.open_paths([tmp_path])
+    qtbot.waitUntil(lambda: (presenter.refresh(), len(workbench.session.entries) == 3)[1], timeout=WAIT_MS)
+    assert panels.table.numbers == [1]
+
+
+def test_an_exception_of_any_thread_reaches_the_log_and_the_screen(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = ProgramLog(tmp_path / "log")
+    log.install()
     try:
-        selection = SelectionPresenter(workbench, panels, panels)
-        presenter = SessionPresenter(workbench, panels, selection, panels)
-        meta = _recording(tmp_path)
-        stopped = FinishedShot(1, "shot-0001", meta, CaptureSettings(1e6, 64, 0), None, "the analysis was stopped")
-        presenter.take(stopped, stay=False)
-        (entry,) = workbench.session.entries
-        assert entry.path == str(meta) and entry.shot is not None and "Ctrl+R" in (entry.shot.problem or "")
-        assert Session.reopen(tmp_path / "session.json").entries[0].path == str(meta)
-        before = entry.shot
-        presenter.reanalyse_selected()
-        qtbot.waitUntil(lambda: bool(workbench.poll()), timeout=WAIT_MS)
-        (entry,) = workbench.session.entries
-        assert entry.shot is not before
+
+        def broken() -> None:
+            raise ValueError("the plate\nis gone")
+
+        thread = threading.Thread(target=broken)
+        thread.start()
+        thread.join()
+        note("Report saved")
+        (told,) = log.take_problems()
+        assert "ValueError: the plate is gone" in told and log.take_problems() == []
     finally:
-        workbench.close()
+        log.close()
+    written = (tmp_path / "log" / NAME).read_text(encoding="utf-8")
+    assert "in broken" in written and "Report saved" in written
+    assert "ValueError" in capsys.readouterr().err

@@ -227,6 +227,6 @@ def test_a_long_message_widens_nothing_and_is_whole_on_hover(qtbot):
     before = line.minimumSizeHint().width()
     words = f"saved as /{'a-long-folder/' * 40}report.html"
     line.say(words, Tone.GOOD)
-    assert line.minimumSizeHint().width() <= before + line.fontMetrics().horizontalAdvance("M Read M") + 60
+    assert line.minimumSizeHint().width() <= before + line.fontMetrics().horizontalAdvance("M Dismiss M") + 60
     assert line.words == words and words in line._words.toolTip()
     assert "…" in line._words.text()

@@ -1,4 +1,7 @@
-"""A line under the banner for what went wrong or was done; it stays until it is read away, and never blocks."""
+"""A line under the banner for what went wrong or was done; it stays until it is dismissed, and never blocks."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
@@ -9,13 +12,23 @@ from app.window.theme import MARKS, Colours, Tone
 KEPT = 20
 
 
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """What is said, how bad it is, and, where something can be done at once, the button's word and what it does."""
+
+    words: str
+    tone: Tone
+    label: str = ""
+    do: Callable[[], object] | None = None
+
+
 class NoticeLine(QFrame):
     """Shows the newest notice and how many came before it; its height is always there, so nothing moves."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
-        self._notices: list[tuple[str, Tone]] = []
+        self._notices: list[Notice] = []
         row = QHBoxLayout(self)
         row.setContentsMargins(12, 0, 4, 0)
         self._words = QLabel(self)
@@ -23,10 +36,14 @@ class NoticeLine(QFrame):
         self._words.setAccessibleName("Newest message")
         self._words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # a path must not widen it
         self._whole = ""
-        self._close = QPushButton("Read", self)
+        self._do = QPushButton(self)
+        self._do.setToolTip("Do what the message offers")
+        self._do.clicked.connect(self._done)
+        self._close = QPushButton("Dismiss", self)
         self._close.setToolTip("Take this message away")
         self._close.clicked.connect(self.next)
         row.addWidget(self._words, 1)
+        row.addWidget(self._do)
         row.addWidget(self._close)
         self.setFixedHeight(self._close.sizeHint().height() + 2)
         self._refresh()
@@ -34,14 +51,29 @@ class NoticeLine(QFrame):
     @property
     def words(self) -> str:
         """Get the newest notice, or nothing."""
-        return self._notices[-1][0] if self._notices else ""
+        return self._notices[-1].words if self._notices else ""
 
     def say(self, words: str, tone: Tone) -> None:
         """Show a notice; the same words twice in a row are shown once."""
-        if not self._notices or self._notices[-1] != (words, tone):
-            self._notices.append((words, tone))
+        self._add(Notice(words, tone))
+
+    def offer(self, words: str, label: str, do: Callable[[], object]) -> None:
+        """Show a notice with a button that does something about it."""
+        self._add(Notice(words, Tone.WARNING, label, do))
+
+    def _add(self, notice: Notice) -> None:
+        newest = self._notices[-1] if self._notices else None
+        if newest is None or (newest.words, newest.tone) != (notice.words, notice.tone):
+            self._notices.append(notice)
             del self._notices[:-KEPT]
         self._refresh()
+
+    @Slot()
+    def _done(self) -> None:
+        notice = self._notices.pop()
+        self._refresh()
+        if notice.do is not None:
+            notice.do()
 
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
@@ -67,16 +99,19 @@ class NoticeLine(QFrame):
 
     def _refresh(self) -> None:
         self._close.setVisible(bool(self._notices))
+        self._do.setVisible(bool(self._notices and self._notices[-1].label))
         if not self._notices:
             self._whole = ""
             self._words.setText("")
             self._words.setToolTip("")
             self._words.setAccessibleDescription("")
             return
-        words, tone = self._notices[-1]
+        newest = self._notices[-1]
+        self._do.setText(newest.label)
+        self._do.setAccessibleName(newest.label or "Do what the message offers")
         more = f"   ({len(self._notices) - 1} more)" if len(self._notices) > 1 else ""
-        self._whole = f"{MARKS[tone]} {words}{more}"
-        self._words.setToolTip("\n".join(text for text, _ in reversed(self._notices)))
+        self._whole = f"{MARKS[newest.tone]} {newest.words}{more}"
+        self._words.setToolTip("\n".join(notice.words for notice in reversed(self._notices)))
         self._words.setAccessibleDescription(self._whole)
-        self._words.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
+        self._words.setStyleSheet(f"color: {self._colours.signs[newest.tone]}; font-weight: bold")
         self._fit()

@@ -1,5 +1,6 @@
 """What an operator does with the session's shots: open, export, report, note, remove, analyse again."""
 
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
@@ -14,6 +15,7 @@ from app.window.theme import Tone
 from instrument.foreign.remembered import FORMATS, format_of, is_foreign
 from instrument.snapshot import FinishedShot
 
+ENDINGS = (".sigmf-meta", ".sigmf-data", ".csv", ".toml", *FORMATS)
 OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for ending in FORMATS)})"
 
 
@@ -34,6 +36,7 @@ class SessionPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._panels, self._selection = workbench, panels, selection
         self._seen = -1
+        self._choose_next = False  # whether the next shot that was opened comes to the front
         self._folder = Path.home()
         self.rig_doing: str | None = None  # what the rig's own analysis is at, for the line of work
         self.rig_share: float | None = None
@@ -67,11 +70,16 @@ class SessionPresenter(QObject):
     def _happened(self, event: Event) -> None:
         self._show_table()
         if event.kind is Kind.SHOT:
+            if not self._choose_next:  # of a folder's shots the first: no other selection is spoilt
+                return
+            self._choose_next = False
             self._panels.table.select(list(event.numbers))
             if self._panels.tabs.currentIndex() == Layout.LIVE:
                 self._panels.tabs.setCurrentIndex(Layout.SHOT)
         elif event.kind in (Kind.CHANGED, Kind.DIAGNOSED):
             self._selection.show_again()
+        elif event.kind is Kind.CUT_OFF:
+            self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, list(event.paths)))
         elif event.kind is Kind.MODEL:
             self.said.emit(event.words, Tone.GOOD)
         else:
@@ -105,8 +113,12 @@ class SessionPresenter(QObject):
         """Open recordings and folders of recordings."""
         if paths:
             self._folder = paths[0].parent
+            for path in [path for path in paths if path.is_file() and not path.name.lower().endswith(ENDINGS)]:
+                self.said.emit(f"{path.name} is no recording: {', '.join(ENDINGS)} are", Tone.BAD)
+                paths = [other for other in paths if other != path]
             unmapped = [path for path in paths if path.is_file() and is_unmapped(path)]
-            self._workbench.open_paths([path for path in paths if path not in unmapped])
+            if self._workbench.open_paths([path for path in paths if path not in unmapped]):
+                self._choose_next = True
             if unmapped:
                 self.mapping_wanted.emit(unmapped)
 
@@ -163,6 +175,7 @@ class SessionPresenter(QObject):
     def reanalyse_selected(self) -> None:
         """Analyse the selected shots again, as copies."""
         count = self._workbench.reanalyse(self._panels.table.numbers)
+        self._choose_next = count > 0
         put_right = self._workbench.put_right()
         words = f"{count} shots are analysed again as copies, with the present settings"
         words += f" and {put_right} in place of the recordings' own" if put_right else ""

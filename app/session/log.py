@@ -1,0 +1,69 @@
+"""The program's log: a file that tells afterwards what went wrong, exceptions of every thread with their traceback."""
+
+import logging
+import sys
+import threading
+from collections import deque
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
+from types import TracebackType
+
+_LOG = logging.getLogger("levimass")
+_MOST_BYTES = 1_000_000
+NAME = "levimass.log"
+
+
+class ProgramLog:
+    """Writes to ``folder``; what was never caught is also kept for the screen, which takes it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._problems: deque[str] = deque(maxlen=100)
+        self._handler: logging.Handler | None = None
+
+    def install(self) -> None:
+        """Write from now on, and hear of every exception that nobody catches."""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._handler = RotatingFileHandler(
+                self.folder / NAME, maxBytes=_MOST_BYTES, backupCount=3, encoding="utf-8", errors="backslashreplace"
+            )
+        except OSError as error:
+            self._problems.append(f"no log is kept: {error}")
+        else:
+            self._handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+            _LOG.addHandler(self._handler)
+            _LOG.setLevel(logging.INFO)
+            _LOG.propagate = False
+        sys.excepthook = self._uncaught
+        threading.excepthook = lambda what: self._uncaught(what.exc_type, what.exc_value, what.exc_traceback)
+
+    def close(self) -> None:
+        """Write no more; Python's own hooks are back."""
+        sys.excepthook, threading.excepthook = sys.__excepthook__, threading.__excepthook__
+        if self._handler is not None:
+            _LOG.removeHandler(self._handler)
+            self._handler.close()
+
+    def take_problems(self) -> list[str]:
+        """Return what went wrong unforeseen since the last call, a line each."""
+        told = []
+        while self._problems:
+            told.append(self._problems.popleft())
+        return told
+
+    def _uncaught(self, kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
+        if issubclass(kind, SystemExit | KeyboardInterrupt):
+            return
+        shown = error if error is not None else kind()
+        _LOG.error("not caught", exc_info=(kind, shown, trace))
+        sys.__excepthook__(kind, shown, trace)
+        cause = " ".join(str(shown).split())
+        self._problems.append(
+            f"a fault of the program: {kind.__name__}: {cause} (the log tells where: Help, Log folder)"
+        )
+
+
+def note(words: str) -> None:
+    """Write a line."""
+    _LOG.info("%s", " ".join(words.split()))

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit bench bench-loop bench-soak bench-streaming screenshots session clean
+.PHONY: run test lint types unit bench bench-loop bench-coverage bench-soak bench-streaming screenshots session clean
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -34,6 +34,10 @@ bench-streaming: $(READY)
 
 bench-loop: $(READY)
 	$(BIN)/python -m tests.benchmarks.loop --seed 2 --keep .bench/loop.jsonl --page docs/closed-loop-benchmark.md
+
+# 3,000 shots in buildings: do the 95 % intervals hold?  About an hour on two cores
+bench-coverage: $(READY)
+	$(BIN)/python -m tests.benchmarks.coverage --shots 3000 --seed 2 --keep .bench/coverage.jsonl --page docs/uncertainty.md
 
 screenshots: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m app.window.screenshots docs/images

@@ -106,25 +106,32 @@ class Frame:
         return replace(self, struck=tuple(struck)) if struck or self.struck else self
 
 
+def density_m2_per_hz(site: Site, frequency_hz: Floats) -> Floats:
+    """Return the one-sided density of the displacement's random part, (n,) at ``frequency_hz``; lines are not in it."""
+    low, high = BAND_HZ
+    shape = np.minimum(1.0, frequency_hz / low) * np.minimum(1.0, (high / frequency_hz) ** 2)
+    third = np.log(2.0) / 3 * frequency_hz  # width of a third-octave
+    inside = (frequency_hz >= LOWEST_HZ) & (frequency_hz <= HIGHEST_HZ)
+    velocity = np.where(inside, (site.third_octave_m_per_s * shape) ** 2 / third, 0.0)
+    if site.spectrum:
+        known_hz, density = np.array(site.spectrum).T
+        measured = np.exp(np.interp(np.log(frequency_hz), np.log(known_hz), np.log(density)))
+        within = (frequency_hz >= known_hz[0]) & (frequency_hz <= known_hz[-1])
+        velocity = velocity + np.where(within, (measured / (2 * np.pi * frequency_hz)) ** 2, 0.0)
+    result: Floats = velocity / (2 * np.pi * frequency_hz) ** 2
+    return result
+
+
 def frame_of(site: Site, seed: int) -> Frame:
     """Return the frame of a site; the same seed gives the same motion."""
     random = np.random.default_rng((seed, 0x51))
-    highest = max((HIGHEST_HZ, *(frequency for frequency, _ in site.spectrum[-1:])))
-    thirds = 3 * np.log2(highest / LOWEST_HZ)
-    edges = np.geomspace(LOWEST_HZ, highest, round(_PER_THIRD_OCTAVE * thirds) + 1)
+    known_hz = [frequency for frequency, _ in site.spectrum]
+    lowest, highest = min((LOWEST_HZ, *known_hz)), max((HIGHEST_HZ, *known_hz))
+    edges = np.geomspace(lowest, highest, round(_PER_THIRD_OCTAVE * 3 * np.log2(highest / lowest)) + 1)
     frequency_hz = random.uniform(edges[:-1], edges[1:])
-    low, high = BAND_HZ
-    shape = np.minimum(1.0, frequency_hz / low) * np.minimum(1.0, (high / frequency_hz) ** 2)
-    velocity = site.third_octave_m_per_s * shape / np.sqrt(_PER_THIRD_OCTAVE)  # rms of each
-    if site.spectrum:
-        known_hz, density = np.array(site.spectrum).T
-        within = (frequency_hz >= known_hz[0]) & (frequency_hz <= known_hz[-1])
-        measured = np.exp(np.interp(np.log(frequency_hz), np.log(known_hz), np.log(density)))
-        rms = np.where(within, measured * np.sqrt(np.diff(edges)), 0.0)
-        velocity = np.hypot(velocity, rms / (2 * np.pi * frequency_hz))
-    amplitude = velocity * random.rayleigh(1.0, velocity.size) / (2 * np.pi * frequency_hz)
+    rms_m = np.sqrt(density_m2_per_hz(site, frequency_hz) * np.diff(edges))
+    amplitude = np.concatenate((rms_m * random.rayleigh(1.0, rms_m.size), [line.amplitude_m for line in site.lines]))
     frequency_hz = np.concatenate((frequency_hz, [line.frequency_hz for line in site.lines]))
-    amplitude = np.concatenate((amplitude, [line.amplitude_m for line in site.lines]))
     there = amplitude > 0.0
     phase = random.uniform(0, 2 * np.pi, amplitude.size)
     return Frame(site, seed, Sines(2 * np.pi * frequency_hz[there], amplitude[there], phase[there]))

@@ -3,7 +3,7 @@
 import base64
 import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -14,7 +14,8 @@ from analysis.recording import Recording
 from instrument.bench.bench import Rig
 from instrument.bench.effects import BEYOND, CATALOGUE, Effects, complete, draw, for_shot
 from instrument.bench.floor import Floor
-from instrument.bench.frame import frame_of
+from instrument.bench.frame import Frame, frame_of
+from instrument.bench.mechanics import Trajectory
 from instrument.bench.optics import Path as LightPath
 from instrument.bench.optics import fill, node_times_s
 from instrument.bench.sight import lit, seen, shoot
@@ -99,25 +100,45 @@ def draw_undeclared(seed: int) -> dict[str, dict[str, float]]:
     return {name: draw(name, random) for name in chosen}
 
 
+@dataclass(frozen=True, slots=True)
+class Played:
+    """One shot as it happened: what the bench knows and no recording tells.  Its time zero is the first sample's."""
+
+    trajectory: Trajectory
+    frame: Frame
+    effects: dict[str, dict[str, float]]
+    seed: int
+
+
+def play_shot(rig: Rig, index: int, speed_m_per_s: float, duration_s: float) -> Played:
+    """Let shot ``index`` of the rig happen."""
+    effects = for_shot(complete(rig.effects), index, rig.seed)
+    distance = max(speed_m_per_s * BEFORE_TOUCH_S, rig.optics.switch_m + 1e-3)
+    seed = int(np.random.default_rng((rig.seed, index, 0xC)).integers(2**62))
+    frame = frame_of(rig.site, seed).knocked(0.0, index)
+    return Played(shoot(-speed_m_per_s, effects, rig.bodies, distance, duration_s + 1e-4, frame), frame, effects, seed)
+
+
 def record_shot(
     rig: Rig, index: int, speed_m_per_s: float, sample_rate_hz: float, duration_s: float
 ) -> tuple[Recording, dict[str, dict[str, float]]]:
     """Return one shot of the rig as a recording, and what was true of it."""
-    effects = for_shot(complete(rig.effects), index, rig.seed)
-    optics = lit(rig.optics, effects)
-    distance = max(speed_m_per_s * BEFORE_TOUCH_S, optics.switch_m + 1e-3)
-    shot_seed = int(np.random.default_rng((rig.seed, index, 0xC)).integers(2**62))
-    frame = frame_of(rig.site, shot_seed).knocked(0.0, index)
-    trajectory = shoot(-speed_m_per_s, effects, rig.bodies, distance, duration_s + 1e-4, frame)
+    played = play_shot(rig, index, speed_m_per_s, duration_s)
+    return recording_of(rig, index, played, sample_rate_hz, duration_s), played.effects
+
+
+def recording_of(rig: Rig, index: int, played: Played, sample_rate_hz: float, duration_s: float) -> Recording:
+    """Return what the digitizer makes of a shot that happened."""
+    optics = lit(rig.optics, played.effects)
     samples = round(duration_s * sample_rate_hz)
     time_s = node_times_s(0, samples, sample_rate_hz)
-    x, v = seen(trajectory, effects, time_s)
-    shake_x, shake_v = Floor(rig.floor_m, shot_seed).at(0.0, float(time_s[1]), time_s.size)
-    block = trajectory.block_m(time_s)
+    x, v = seen(played.trajectory, played.effects, time_s)
+    shake_x, shake_v = Floor(rig.floor_m, played.seed).at(0.0, float(time_s[1]), time_s.size)
+    block = played.trajectory.block_m(time_s)
     counts: NDArray[np.int16] = np.empty((samples, len(optics.channels)), np.int16)
-    clipped = fill(optics, LightPath(x + shake_x, v + shake_v, block), 0, sample_rate_hz, shot_seed, counts)
+    clipped = fill(optics, LightPath(x + shake_x, v + shake_v, block), 0, sample_rate_hz, played.seed, counts)
     crossed = np.flatnonzero(block < optics.switch_m)
-    recording = Recording(
+    return Recording(
         name=f"shot-{index + 1}",
         counts=counts,
         sample_rate_hz=sample_rate_hz,
@@ -127,7 +148,6 @@ def record_shot(
         started_at=(_EPOCH + timedelta(seconds=60 * rig.seed % 10**7 + index)).strftime("%Y-%m-%dT%H:%M:%SZ"),
         flags=("clipped",) if any(clipped) else (),
     )
-    return recording, effects
 
 
 def _told(effects: Effects, site: Site) -> str:

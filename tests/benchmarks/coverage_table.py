@@ -1,0 +1,106 @@
+"""The outcomes of the coverage benchmark as Markdown: coverage, numbers that are off without a word, and sharpness."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.benchmarks.coverage_shots import CONDITIONS, SITES
+
+BEGIN, END = "<!-- coverage: begin -->", "<!-- coverage: end -->"
+K_95 = 1.96
+FAR = 5.0  # standard uncertainties: the worst that an instrument can do without a word
+# what may be said of a number that is far off; that the site shakes ("vibration", "wander") is no excuse, since its
+# uncertainty claims to hold that
+ALWAYS = (
+    "restitution_above_one",
+    "contact_without_turn",
+    "impulse",
+    "contradict",
+    "disagree",
+    "chi2",
+    "fit_not_converged",
+    "not_known",
+)
+RIGHT = {"knock": ("knock",), "losses": ("samples_lost", "gap"), "low light": ("weak", "noisy"), "8 bits": ()}
+
+Outcome = dict[str, Any]
+Read = tuple[float, float, float]
+
+
+def tables(outcomes: Sequence[Outcome], seed: int) -> str:
+    """Return the three tables of ``outcomes``."""
+    names = list(dict.fromkeys(name for outcome in outcomes for name in outcome["read"]))
+    parts = [f"{len(outcomes)} shots of seed {seed} (`python -m tests.benchmarks.coverage`).", ""]
+    parts += ["Share of 95 % intervals that hold the truth (of how many):", ""]
+    parts += _grid("number", SITES, names, lambda name, site: _held(_reads(outcomes, name, "site", site)))
+    parts += ["", f"Share of numbers off by more than {FAR:g} standard uncertainties, and without a flag for it:", ""]
+    parts += [*_grid("number", CONDITIONS, names, lambda name, what: _far(outcomes, name, what))]
+    parts += ["", "Stated standard uncertainty over the least possible, median; refused although it could be read:", ""]
+    parts += _grid("number", SITES, list(outcomes[0]["bound"]), lambda name, site: _sharp(outcomes, name, site))
+    return "\n".join(parts)
+
+
+def into_page(page: Path, text: str) -> None:
+    """Put the tables between the page's marks.  Raises ValueError where it has none."""
+    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"{page} has no {BEGIN} and {END}")
+    page.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+
+
+def faults(outcomes: Sequence[Outcome]) -> list[str]:
+    """Return one line for each number that is far off without a flag that says so, worst first."""
+    found = []
+    for outcome in outcomes:
+        for name, read in outcome["read"].items():
+            if read is not None and _off(read) > FAR and not excused(outcome):
+                where = f"{outcome['index']:5d} {outcome['site']} {outcome['condition']:9s}"
+                words = f"{name:32s} {read[0]:.6g} ± {read[1]:.2g}, true {read[2]:.6g}; flags {outcome['flags']}"
+                found.append((_off(read), f"{_off(read):8.1f} sigma  {where} {words}"))
+    return [line for _, line in sorted(found, reverse=True)]
+
+
+def excused(outcome: Outcome) -> bool:
+    """Return whether a flag tells that a number of this shot cannot be trusted, and why."""
+    wanted = (*ALWAYS, *RIGHT.get(outcome["condition"], ()))
+    return any(part in flag for flag in outcome["flags"] for part in wanted)
+
+
+def _off(read: Read | list[float]) -> float:
+    return abs(read[0] - read[2]) / read[1] if read[1] > 0 else float("inf")
+
+
+def _reads(outcomes: Iterable[Outcome], name: str, key: str, value: str) -> list[list[float]]:
+    found = [outcome["read"].get(name) for outcome in outcomes if outcome[key] == value]
+    return [read for read in found if read is not None]
+
+
+def _held(reads: list[list[float]]) -> str:
+    if not reads:
+        return "–"
+    return f"{100 * np.mean([_off(read) <= K_95 for read in reads]):.0f} % ({len(reads)})"
+
+
+def _far(outcomes: Sequence[Outcome], name: str, condition: str) -> str:
+    at = [outcome for outcome in outcomes if outcome["condition"] == condition and outcome["read"].get(name)]
+    if not at:
+        return "–"
+    far = [outcome for outcome in at if _off(outcome["read"][name]) > FAR]
+    unsaid = [outcome for outcome in far if not excused(outcome)]
+    return f"{100 * len(far) / len(at):.1f} %, {100 * len(unsaid) / len(at):.1f} %"
+
+
+def _sharp(outcomes: Sequence[Outcome], name: str, site: str) -> str:
+    at = [outcome for outcome in outcomes if outcome["site"] == site]
+    ratios = [o["read"][name][1] / o["bound"][name] for o in at if o["read"].get(name)]
+    if not ratios:
+        return "–"
+    return f"{np.median(ratios):.2f}, {100 * (1 - len(ratios) / len(at)):.0f} %"
+
+
+def _grid(corner: str, columns: Sequence[str], rows: Sequence[str], cell: Callable[[str, str], str]) -> list[str]:
+    head = [f"| {corner} | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    return [*head, *(f"| {row} | {' | '.join(cell(row, column) for column in columns)} |" for row in rows)]

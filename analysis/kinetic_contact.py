@@ -11,27 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.fit import Fit
+from analysis.model.effects import named
 from analysis.model.exact import Event, solve
 from analysis.model.parameters import Collision, Variant
 from analysis.quantity import NotSeen, Quantity, Reading
 
 Floats = NDArray[np.float64]
 
-# Effects that act between block and plate or move the plate: with them the first contact is not the base model's.
-CONTACT_EFFECTS = frozenset(
-    (
-        "cubic_stiffness",
-        "plate_damping",
-        "viscoelastic_arm",
-        "second_plate_mode",
-        "support_compliance",
-        "plate_motion",
-        "contact_exponent",
-        "nonlinear_contact_damping",
-        "adhesion",
-        "block_mode",
-    )
-)
 _COLUMN = {
     "plate_stiffness_n_per_m": 0,
     "plate_mass_kg": 1,
@@ -57,7 +43,7 @@ def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
         return NotSeen("the fit did not converge")
     if fit.model == "driven":
         return NotSeen("a driven slider has no contact")
-    foreign = sorted(CONTACT_EFFECTS.intersection(fit.effects))
+    foreign = sorted(name for name in fit.effects if named(name).changes_contact)
     if foreign:
         return NotSeen(f"with {', '.join(foreign)} the first contact has no single COR of its own")
     values = {name: quantity.value for name, quantity in fit.parameters.items()}

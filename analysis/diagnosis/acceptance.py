@@ -5,27 +5,16 @@ What stands of the effects that a search found follows: after held-out shots, si
 
 from dataclasses import dataclass
 
-from analysis.diagnosis import words
 from analysis.diagnosis.competing_models import Separations, apart, challenged, unmissed
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, predict
-from analysis.diagnosis.forward_selection import Trail, another_way, better, pays, without
+from analysis.diagnosis.forward_selection import Trail, another_way, better, without
 from analysis.diagnosis.hypothesis_fit import Fitted
-from analysis.diagnosis.identifiability import LEAST_SEPARATION, missed_without, snr
+from analysis.diagnosis.identifiability import missed_without, snr
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, judge
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot import Progress
-
-# Each of several effects must stand out as one alone must: faint ones that lean on each other imitate anything.
-# Three fit anything smooth: a clamp that slips was plate damping, drift and tilt, the tilt of 18 to 26 noise norms.
-LEAST_OF = {1: LEAST_SEPARATION, 2: 12.0, 3: 30.0}
-# And each must pay much more than one alone: a law off the catalogue is imitated by two, of which the fainter mends
-# what the other does not meet.  It paid 21 to 85 there, and 100 or more where two of 16 noise norms or more are true.
-LEAST_FALL_OF_SEVERAL = 92.0
-# Beside something unexplained an effect is named only if it is so much larger: a law that misfits by a hundredth of
-# what it explains is still that law, to a per cent.
-CLEAR_OF_THE_REST = 2.0
-CLEAR_OF_A_MISFIT = 100.0
 
 Told = tuple[Prediction, Prediction]
 
@@ -66,14 +55,14 @@ def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
         fewer = {name: without(best, name, trail) for name in added}
         sizes = {name: min(snr(best, at, name), missed_without(best, fewer[name])) for name in added}
         faintest = min(added, key=sizes.__getitem__)
-        if sizes[faintest] >= LEAST_OF[min(len(added), max(LEAST_OF))]:
+        if sizes[faintest] >= CRITERIA.size_of_one(len(added)):
             pay = {name: one.bic - best.bic for name, one in fewer.items() if one is not None}
             faintest = min(pay, key=pay.__getitem__, default="")
-            if len(added) == 1 or not faintest or pay[faintest] >= LEAST_FALL_OF_SEVERAL:
+            if len(added) == 1 or not faintest or pay[faintest] >= CRITERIA.several_fall:
                 break
         best = (fewer[faintest] if len(added) > 1 else None) or trail.start
         at = projector_of(best, trail)
-    if best is not trail.start and not pays(best, trail.start):
+    if best is not trail.start and not trail.pays(best, trail.start):
         best, at = trail.start, projector_of(trail.start, trail)
     return best, at
 
@@ -87,18 +76,20 @@ def accepted_effects(effects: list[FoundEffect], rest: Residual, best: Fitted) -
     if not rest.significant:
         # Beside a floor that still wanders chance gives any freedom much: an effect must do more than the next one.
         free = rest.misfit.size if best.floor.rms_m[0] > 0 else 0.0
-        if all(effect.evidence["snr"] > CLEAR_OF_THE_REST * free for effect in effects):
+        if all(effect.evidence["snr"] > CRITERIA.clear_of_rest * free for effect in effects):
             return effects, Verdict.EFFECT_FOUND
         return [], Verdict.UNEXPLAINED
     # Several together imitate what none of them is, and a misfit says that the law is another one.
     doubtful = len(effects) > 1 or rest.misfitting
-    certain = all(clear(effect, rest, CLEAR_OF_A_MISFIT if doubtful else CLEAR_OF_THE_REST) for effect in effects)
+    certain = all(
+        clear(effect, rest, CRITERIA.clear_of_misfit if doubtful else CRITERIA.clear_of_rest) for effect in effects
+    )
     return effects if certain else [], Verdict.UNEXPLAINED
 
 
 def clear(effect: FoundEffect, rest: Residual, times: float) -> bool:
     """Return whether an effect is ``times`` as large as what stays unexplained, and not merely one of many."""
-    few = len(effect.indistinguishable_from) <= words.UNDETERMINED
+    few = len(effect.indistinguishable_from) <= CRITERIA.undetermined
     return few and effect.evidence["snr"] > times * rest.missed
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.forward_selection import Trail, better, climb, explore
@@ -19,7 +20,6 @@ from analysis.model.search import own_start
 from analysis.motion import Motion
 from analysis.shot import AnalysisError, Stop
 
-DRAWN_FAR = 1e6  # of chi^2 a sample, where the base did not even arrive
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
 
@@ -78,7 +78,7 @@ def explored(
     before: Fitted, given: Fit, motions: Sequence[Motion], catalogue: Sequence[TrialEffect], stop: Stop
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with effects, and what was tried from where; ``given`` is the base fit of ``motions``."""
-    if not before.converged and given.reduced_chi2 > DRAWN_FAR:
+    if not before.converged and given.reduced_chi2 > CRITERIA.drawn_far:
         return _from_the_guess(before, motions, catalogue, stop)
     best, trail = explore(before, catalogue, stop)
     again = trail.of(before.names)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from analysis.diagnosis.added_effect import refit, times
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Trail, better, without
 from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.hypothesis_fit import Fitted, fit
@@ -27,7 +28,6 @@ _ALIKE = 0.6  # of an effect's size is left beside a look-alike that is worth a 
 _ONE_LINE = 0.03  # of the frequency
 _STRONGER = 10.0
 _HOPELESS = 150.0  # of the criterion behind the best after a short search
-_NEARLY = 20.0  # of the criterion behind the best: likely enough to be asked where the best misses something
 
 
 def apart(best: Fitted, at: Projector, trail: Trail) -> Separations:
@@ -82,7 +82,7 @@ def unmissed(
         if len(key) == len(best.names)
         and len(set(key) - set(best.names)) == 1
         and other.converged
-        and other.bic < best.bic + _NEARLY
+        and other.bic < best.bic + CRITERIA.nearly
     ]
     for other in sorted(near, key=lambda fitted: fitted.bic)[:_FITTED]:
         trail.go_on()

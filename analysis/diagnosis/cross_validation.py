@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
@@ -30,7 +31,7 @@ class Prediction:
 
     def beats(self, other: "Prediction") -> bool:
         """Return whether this foretells better: more likely, and not further off."""
-        return self.surprise < other.surprise and self.rms_m < 1.02 * other.rms_m
+        return self.surprise < other.surprise and self.rms_m < CRITERIA.further_off * other.rms_m
 
 
 def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:

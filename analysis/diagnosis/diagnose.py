@@ -6,14 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.diagnosis import words
-from analysis.diagnosis.acceptance import CLEAR_OF_A_MISFIT, accepted_effects, clear, settle
+from analysis.diagnosis.acceptance import accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
 from analysis.diagnosis.base_fit import accept, base_fit, explored
 from analysis.diagnosis.competing_models import apart
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, choose, predict
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.forward_selection import LEAST_FALL, Trail, without
+from analysis.diagnosis.forward_selection import Trail, without
 from analysis.diagnosis.free_parameters import TrialEffect, trial_effects
 from analysis.diagnosis.full_rate import seen_finely
 from analysis.diagnosis.hypothesis import JointData
@@ -29,8 +30,6 @@ from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 from analysis.shot import Progress, Stop
-
-LEAST_LEAD = 6.0  # of the criterion over the runner-up
 
 
 def diagnose(
@@ -75,7 +74,7 @@ def diagnose(
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], rest, far[n], trail) for n in trail.added(best)]
         effects, verdict = accepted_effects(found, rest, best)
-        unclear = [effect.name for effect in found if not clear(effect, rest, CLEAR_OF_A_MISFIT)]
+        unclear = [effect.name for effect in found if not clear(effect, rest, CRITERIA.clear_of_misfit)]
         if effects or not rest.significant or len(unclear) in (0, len(found)):
             break
         # What little stays unexplained leaves those in doubt that are not much larger, and no others.
@@ -132,7 +131,7 @@ def _found(
             new = next(iter(swapped))
             # Of look-alikes the one with fewer parameters is not the true one for that alone.
             gap = min(gap, 2 * (best.log_likelihood - other.log_likelihood))
-            if gap < LEAST_LEAD and new not in others:
+            if gap < CRITERIA.least_lead and new not in others:
                 others.append(new)
     evidence = {
         "snr": min(far.snr, missed_without(best, fewer)),
@@ -181,7 +180,7 @@ def _candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
         elif fitted is None:
             remark = "scored only"
         else:
-            remark = "does not pay" if delta is None or delta > -LEAST_FALL else "another does better"
+            remark = "does not pay" if delta is None or delta > -trail.least_fall() else "another does better"
         out.append(Candidate(name, float(score.gain), delta, parameters, remark))
     out.sort(key=lambda c: (c.delta_bic if c.delta_bic is not None else 0.0, -c.score))
     return tuple(out)

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.quick_shot import Values
+from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
 
 Floats = NDArray[np.float64]
-LAG = "demodulation_lag"
-CLAMP = "support_compliance"
 _SOFTEST = 0.9  # of the whole compliance is the clamp's, at most
 
 
@@ -33,21 +32,21 @@ class Point:
 def to_effective(point: Point) -> Point:
     """Return the point as the record shows it."""
     own = point.own + [[0.0, _delay(values), 0.0] for values in point.values]
-    clamp = point.values[0].get(CLAMP)
+    clamp = _clamp(point.values[0])
     if clamp is None:
         return Point(point.base, own, point.values)
-    both = 1 + point.base[0] * clamp["compliance_m_per_n"]
-    return _clamped(point, own, point.base[0] / both, clamp["frequency_hz"] * math.sqrt(both))
+    both = 1 + point.base[0] * clamp.softness
+    return clamp.put(point, own, point.base[0] / both, clamp.swing * math.sqrt(both))
 
 
 def to_actual(effective: Point) -> Point:
     """Return the point that is seen so; Infeasible where no plate would be left."""
     own = effective.own - [[0.0, _delay(values), 0.0] for values in effective.values]
-    clamp = effective.values[0].get(CLAMP)
+    clamp = _clamp(effective.values[0])
     if clamp is None:
         return Point(effective.base, own, effective.values)
-    left = _left(effective.base[0], clamp)
-    return _clamped(effective, own, effective.base[0] / left, clamp["frequency_hz"] * math.sqrt(left))
+    left = clamp.left(effective.base[0])
+    return clamp.put(effective, own, effective.base[0] / left, clamp.swing * math.sqrt(left))
 
 
 def slope(effective: Point, size: int, at: Mapping[tuple[str, str], int], touches: list[int]) -> Floats:
@@ -56,32 +55,52 @@ def slope(effective: Point, size: int, at: Mapping[tuple[str, str], int], touche
     ``at`` says where in the vector an (effect, parameter) stands, ``touches`` where each shot's touch time does.
     """
     out = np.eye(size)
-    if (lag := at.get((LAG, "time_s"))) is not None:
-        out[touches, lag] = -1.0
-    if (soft := at.get((CLAMP, "compliance_m_per_n"))) is not None:
-        clamp, fast = effective.values[0][CLAMP], at[CLAMP, "frequency_hz"]
-        stiffness, left = float(effective.base[0]), _left(effective.base[0], clamp)
+    for (name, parameter), place in at.items():
+        if parameter == named(name).delays:
+            out[touches, place] = -1.0
+    clamp = _clamp(effective.values[0])
+    if clamp is not None and (soft := at.get((clamp.name, clamp.compliance))) is not None:
+        fast = at[clamp.name, clamp.frequency]
+        stiffness, left = float(effective.base[0]), clamp.left(effective.base[0])
         root = math.sqrt(left)
-        by_left = -0.5 * clamp["frequency_hz"] / root
+        by_left = -0.5 * clamp.swing / root
         out[0, [0, soft]] = 1 / left**2, (stiffness / left) ** 2
-        out[fast, [0, soft, fast]] = by_left * clamp["compliance_m_per_n"], by_left * stiffness, root
+        out[fast, [0, soft, fast]] = by_left * clamp.softness, by_left * stiffness, root
     return out
 
 
-def _left(stiffness: float, clamp: Mapping[str, float]) -> float:
-    """Return the plate's share of the whole compliance."""
-    left = 1 - float(stiffness) * clamp["compliance_m_per_n"]
-    if left < 1 - _SOFTEST:
-        raise Infeasible("the clamp alone is softer than what is seen")
-    return left
+@dataclass(frozen=True, slots=True)
+class _Clamp:
+    """An effect whose spring stands in series with the plate's: its name, its parameters' names, their values."""
+
+    name: str
+    compliance: str
+    frequency: str
+    softness: float
+    swing: float
+
+    def left(self, stiffness: float) -> float:
+        """Return the plate's share of the whole compliance."""
+        left = 1 - float(stiffness) * self.softness
+        if left < 1 - _SOFTEST:
+            raise Infeasible("the clamp alone is softer than what is seen")
+        return left
+
+    def put(self, point: Point, own: Floats, stiffness: float, swing: float) -> Point:
+        """Return the point with another plate and another frequency of the clamp."""
+        base = point.base.copy()
+        base[0] = stiffness
+        values = tuple({**v, self.name: {**v[self.name], self.frequency: swing}} for v in point.values)
+        return Point(base, own, values)
 
 
-def _clamped(point: Point, own: Floats, stiffness: float, frequency_hz: float) -> Point:
-    base = point.base.copy()
-    base[0] = stiffness
-    return Point(base, own, tuple({**v, CLAMP: {**v[CLAMP], "frequency_hz": frequency_hz}} for v in point.values))
+def _clamp(values: Values) -> _Clamp | None:
+    for name, given in values.items():
+        if (names := named(name).in_series) is not None:
+            return _Clamp(name, *names, *(given[parameter] for parameter in names))
+    return None
 
 
 def _delay(values: Values) -> float:
     """Return by how much the optics show everything late, in s: a growing lag must not move the touch as it is seen."""
-    return values.get(LAG, {}).get("time_s", 0.0)
+    return sum(given[named(name).delays] for name, given in values.items() if named(name).delays)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.added_effect import refit, united
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.effective_parameters import Point, to_effective
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.free_parameters import TrialEffect
@@ -21,18 +22,12 @@ from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
-LEAST_FALL = 10.0 + 2 * math.log(19)  # of the Bayesian information criterion, for an effect of so many to join
-# Beside a floor that wanders on: one number then gains three times by chance what white noise gives it (1 % of clean
-# sets would pass 28 with the best of 19 effects, and 2 of 85 clean sets came to 17 and 19).
-LEAST_FALL_WANDERING = LEAST_FALL + 12.0
 REFITTED = 5
 WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search: worth a longer one
 WORTH_FITTING = 8.0  # of gain; a step that promises less never makes the fall that is asked for
 UNDER_THE_FLOOR = 3  # more, of those that would do best if the floor did not wander
-MOST_EFFECTS = 3
 OTHER_FIRSTS = 2  # to begin with where what was found leaves something unexplained
 CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
-_A_STOP = 1.0  # of the criterion: searches of the same fit end that near each other
 
 
 @dataclass
@@ -59,6 +54,15 @@ class Trail:
         """Return the names of the effects that a fit has and the start has not."""
         return [name for name in fitted.names if name not in self.start.names]
 
+    def least_fall(self, floor: Floor | None = None) -> float:
+        """Return by how much the best of the catalogue must lower the criterion to join, beside ``floor``."""
+        # One number gains three times by chance beside a floor that wanders what it gains beside white noise.
+        return CRITERIA.fall(len(self.catalogue), wandering=floor is not None and floor.rms_m[0] > 0)
+
+    def pays(self, fitted: Fitted, fewer: Fitted) -> bool:
+        """Return whether a fit is worth its effects more than ``fewer`` has."""
+        return fewer.bic - fitted.bic >= self.least_fall(fitted.floor)
+
     def keep(self, fitted: Fitted) -> None:
         """Keep a fit unless a better one of the same effects is there."""
         key = tuple(sorted(fitted.names))
@@ -71,7 +75,7 @@ class Trail:
 
 
 def explore(
-    start: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, *, most: int = MOST_EFFECTS
+    start: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, *, most: int = CRITERIA.most_effects
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
     trail = Trail(start, catalogue, stop)
@@ -87,16 +91,16 @@ def another_way(best: Fitted, trail: Trail) -> Fitted:
         if len(key) == single and len(trail.added(fitted)) == 1 and not set(key) <= set(best.names)
     ]
     some = sorted(firsts, key=lambda fitted: fitted.bic)[:OTHER_FIRSTS]
-    ends = [climb(polish(first, trail), trail, MOST_EFFECTS - 1) for first in some]
+    ends = [climb(polish(first, trail), trail, CRITERIA.most_effects - 1) for first in some]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
-def climb(here: Fitted, trail: Trail, most: int = MOST_EFFECTS) -> Fitted:
+def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects) -> Fitted:
     """Return the best fit with at most ``most`` effects more than ``here``, one at a time."""
     for _ in range(most):
         best = extend(here, trail, first=len(here.names) == len(trail.start.names))
         # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
-        if best is None or here.bic - best.bic < LEAST_FALL:
+        if best is None or here.bic - best.bic < trail.least_fall():
             break
         here = polish(prune(best, trail), trail)
     return here
@@ -104,17 +108,7 @@ def climb(here: Fitted, trail: Trail, most: int = MOST_EFFECTS) -> Fitted:
 
 def better(fitted: Fitted, other: Fitted) -> bool:
     """Return whether a fit is more likely than another by more than where a search happens to stop."""
-    return fitted.bic < other.bic - _A_STOP
-
-
-def least_fall(floor: Floor) -> float:
-    """Return by how much an effect must lower the criterion to join, beside ``floor``."""
-    return LEAST_FALL_WANDERING if floor.rms_m[0] > 0 else LEAST_FALL
-
-
-def pays(fitted: Fitted, fewer: Fitted) -> bool:
-    """Return whether a fit is worth its effects more than ``fewer`` has."""
-    return fewer.bic - fitted.bic >= least_fall(fitted.floor)
+    return fitted.bic < other.bic - CRITERIA.same_end
 
 
 def polish(fitted: Fitted, trail: Trail) -> Fitted:
@@ -153,7 +147,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
         tried += [listed[0] for listed in other if listed[0].kind.name not in names]
     refitted = side_by_side(lambda score: refit(at, score.kind, score.start, trail.stop), tried)
     known = {score.kind.name: trail.of((*trail.start.names, score.kind.name)) for score in tried if not first}
-    alone = [fitted for fitted in known.values() if fitted is not None and pays(fitted, trail.start)]
+    alone = [fitted for fitted in known.values() if fitted is not None and trail.pays(fitted, trail.start)]
     refitted += side_by_side(lambda fitted: united(here, fitted, trail.start, trail.stop), alone)
     quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
 
@@ -224,7 +218,7 @@ def prune(fitted: Fitted, trail: Trail) -> Fitted:
         tried = side_by_side(partial(without, fitted, trail=trail), removable)
         fewer = [f for f in tried if f is not None]
         best = min(fewer, key=lambda f: f.bic, default=None)
-        if best is None or pays(fitted, best):
+        if best is None or trail.pays(fitted, best):
             return fitted
         fitted = best
 

@@ -9,17 +9,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from analysis.diagnosis.added_effect import refit
-from analysis.diagnosis.forward_selection import Trail, least_fall, polish, prune
+from analysis.diagnosis.forward_selection import Trail, polish, prune
 from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted, fit, learn_floor, residuals
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.samples import FINE_RATE_HZ, together
 from analysis.diagnosis.screening import scores
+from analysis.model.effects import named
 from analysis.motion import Motion
 from analysis.shot import Stop
-
-RIPPLE = "cyclic_error"
 
 
 def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[Fitted, Trail] | None:
@@ -27,17 +26,17 @@ def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[
 
     What else is there was found at the averaged samples' rate.
     """
-    ripple = next((kind for kind in trail.catalogue if kind.name == RIPPLE), None)
+    ripple = next((kind for kind in trail.catalogue if named(kind.name).ripples), None)
     here = best.hypothesis.data
-    if ripple is None or RIPPLE in trail.start.names or any(shot.wavelength_m is None for shot in here.shots):
+    if ripple is None or ripple.name in trail.start.names or any(shot.wavelength_m is None for shot in here.shots):
         return None
     data = replace(here, shots=together(motions, FINE_RATE_HZ))
     if data.shots[0].factor == here.shots[0].factor:
         return None
-    if RIPPLE in best.names:
+    if ripple.name in best.names:
         finest: Fitted | None = _at(best, data, trail.stop)
     else:
-        finest = _with(ripple, best, data, trail.stop)
+        finest = _with(ripple, best, data, trail)
     if finest is None:
         return None
     anew = Trail(_at(trail.start, data, trail.stop), trail.catalogue, trail.stop, trail.scores)
@@ -49,13 +48,13 @@ def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:
     return fit(replace(fitted.hypothesis, data=data), fitted.z, fitted.floor, cancelled=stop)
 
 
-def _with(ripple: TrialEffect, best: Fitted, data: JointData, stop: Stop) -> Fitted | None:
+def _with(ripple: TrialEffect, best: Fitted, data: JointData, trail: Trail) -> Fitted | None:
     """Return the fit with a ripple, at the rig's rate, where it promises to pay, else None."""
     hypothesis = replace(best.hypothesis, data=data)
     left = residuals(hypothesis, best.z)
     floor, value = learn_floor(data, left, best.floor)
     at = projector(replace(best, hypothesis=hypothesis, residual_m=left, floor=floor, log_likelihood=value))
     listed = scores(at, ripple)
-    if not listed or listed[0].worth(at.left.size) < least_fall(floor):
+    if not listed or listed[0].worth(at.left.size) < trail.least_fall(floor):
         return None
-    return refit(at, ripple, listed[0].start, stop)
+    return refit(at, ripple, listed[0].start, trail.stop)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.effective_parameters import Point, to_actual, to_effective
 from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.hypothesis_fit import Fitted
@@ -14,7 +15,6 @@ from analysis.diagnosis.screening import scores
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
-LEAST_SEPARATION = 5.0  # SNR sqrt(1 - cos^2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Separation:
         What stays unexplained, of size ``remainder`` in units of the noise, may stand in for a difference of its size.
         """
         near = sorted(self.from_other.items(), key=lambda item: item[1])
-        return tuple(name for name, distance in near if distance < LEAST_SEPARATION + remainder)
+        return tuple(name for name, distance in near if distance < CRITERIA.separation + remainder)
 
 
 def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
@@ -94,7 +94,7 @@ def _nothing(kind: TrialEffect, values: Mapping[str, float]) -> dict[str, float]
     return {**values, **dict.fromkeys(kind.amplitude, 0.0)}
 
 
-def least_seen(at: Projector, kind: TrialEffect, snr: float = 5.0) -> float | None:
+def least_seen(at: Projector, kind: TrialEffect, snr: float = CRITERIA.stands_out) -> float | None:
     """Return the smallest first amplitude of an effect that would stand out by ``snr``, None where none would."""
     probe = replace(at, left=np.zeros_like(at.left))
     listed = scores(probe, kind)
@@ -106,4 +106,4 @@ def least_seen(at: Projector, kind: TrialEffect, snr: float = 5.0) -> float | No
     return float(snr * size / np.sqrt(best)) if not kind.inverse else float(size * np.sqrt(best) / snr)
 
 
-__all__ = ["LEAST_SEPARATION", "Separation", "beside", "least_seen", "missed_without", "separation", "snr"]
+__all__ = ["Separation", "beside", "least_seen", "missed_without", "separation", "snr"]

@@ -18,6 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis
@@ -28,11 +29,6 @@ from analysis.diagnosis.samples import Samples
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
-FALSE_ALARM = 3e-3  # of all shapes together
-# A wandering floor that is learnt from the same data is refitted to every shape: clean sets with a random walk and with
-# a building's floor gain up to three times what white noise does.  Where a shape makes the floor cease to wander, the
-# floor was the shape, and white noise is the measure.
-_WANDERING = 3.0
 _WIDTHS = (0.01, 0.03, 0.1)  # in contact times
 
 
@@ -120,9 +116,15 @@ def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> LackOfFit:
     found = []
     gains = side_by_side(lambda columns: gain(fitted, at, columns), shapes.values())
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
-        factor = slow * (_WANDERING if floor.rms_m[0] > 0 else 1.0)
+        # A wandering floor is learnt from the same data, anew beside every shape.  Where a shape makes it cease to
+        # wander, the floor was the shape, and white noise is the measure.
+        factor = slow * (CRITERIA.wandering_gain if floor.rms_m[0] > 0 else 1.0)
         if width:
-            found.append(LackOfFit(name, value, factor * float(chi2_law.isf(FALSE_ALARM / len(shapes), width)), width))
+            found.append(
+                LackOfFit(
+                    name, value, factor * float(chi2_law.isf(CRITERIA.freedom_chance / len(shapes), width)), width
+                )
+            )
     return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=NOTHING)
 
 

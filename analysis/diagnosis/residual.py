@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.lack_of_fit import NOTHING, LackOfFit, colour, gain, worst
@@ -21,10 +22,6 @@ from analysis.signal.filters import derivatives
 Floats = NDArray[np.float64]
 _CONTACT = np.array([0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0])  # knots, in contact times
 _POWERS = (0, 1, 2)
-_SMALL_SAMPLE = 1.35  # the ratio's quantiles over those of chi^2, where the floor is learnt too (bootstrap, 3 x 60 ms)
-FALSE_ALARM = 1e-3
-WORST_CORRELATION = 0.15
-WORST_RATIO = 2.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +53,7 @@ class Residual:
     @property
     def rough(self) -> bool:
         """Return whether the remainder is not even roughly noise, so that no likelihood can be believed."""
-        return self.correlation > WORST_CORRELATION or self.ratio > WORST_RATIO
+        return self.correlation > CRITERIA.rough_correlation or self.ratio > CRITERIA.rough_ratio
 
     @property
     def significant(self) -> bool:
@@ -132,7 +129,7 @@ def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
     gains = side_by_side(gained, _POWERS)
     best = max(0.0, *(value for value, _, _ in gains))
     width = gains[-1][1]
-    limit = _SMALL_SAMPLE * float(chi2_law.isf(FALSE_ALARM / len(_POWERS), width))
+    limit = CRITERIA.small_sample * float(chi2_law.isf(CRITERIA.shape_chance / len(_POWERS), width))
     return best, limit, width
 
 

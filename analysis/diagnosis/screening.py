@@ -47,8 +47,8 @@ class Score:
 
 def scores(at: Projector, kind: TrialEffect) -> list[Score]:
     """Return the scores of one effect, one a start, best first."""
-    if kind.name == "frame_vibration":
-        return _vibration(at, kind)
+    if named(kind.name).wave is not None:
+        return _waves(at, kind)
     with_it = Hypothesis(
         at.fitted.hypothesis.data,
         (*at.fitted.hypothesis.effects, kind),
@@ -175,6 +175,7 @@ def _linear(
     power = np.einsum("ij,ij->j", rows, rows)
     along = rows.T @ at.left
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
+    grows_as = named(kind.name).grows_as
     out = []
     for k, begin in enumerate(starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
@@ -183,9 +184,9 @@ def _linear(
             factor = max(factor, 1e-9)
             start[free.name] = start[free.name] / factor
             factor = factor if factor > 1e-9 else 0.0
-        elif kind.name == "demodulation_lag":  # what is not a mere delay goes as its square
+        elif grows_as != 1.0:
             factor = max(factor, 0.0)
-            start[free.name] = max(start[free.name] * math.sqrt(factor), free.low)
+            start[free.name] = max(start[free.name] * factor ** (1 / grows_as), free.low)
         else:
             if free.low >= 0:
                 factor = max(factor, 0.0)
@@ -251,9 +252,11 @@ def _own_amplitudes(
     return out
 
 
-def _vibration(at: Projector, kind: TrialEffect) -> list[Score]:
-    """Score a line of the frame: any amplitude and phase a shot, frequencies dense against 1 / record."""
+def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
+    """Score a wave that the sensor adds: any amplitude and phase a shot, frequencies dense against 1 / record."""
     shots = at.fitted.hypothesis.data.shots
+    wave = named(kind.name).wave
+    assert wave is not None
     grid, total = scan(at)
     freedom = len(kind.shared) + len(shots)
     out = []
@@ -268,13 +271,7 @@ def _vibration(at: Projector, kind: TrialEffect) -> list[Score]:
         rows = at.projected(np.concatenate(blocks, axis=1))
         solution, *_ = np.linalg.lstsq(rows, at.left, rcond=1e-9)
         direction = rows @ solution
-        pairs = solution.reshape(-1, 2)
-        # The displacement is -A/omega cos(omega t + phi).
-        size = omega * float(np.sqrt(np.mean(np.sum(pairs**2, axis=1))))
-        starts = tuple(
-            {"frequency_hz": f, "phase_rad": math.atan2(float(y), -float(x)), "amplitude_m_per_s": size}
-            for x, y in pairs
-        )
+        starts = tuple(wave(f, np.asarray(solution, dtype=np.float64).reshape(-1, 2)))
         power = float(rows[:, 0] @ rows[:, 0])
         out.append(Score(kind, starts, float(direction @ at.left), freedom, direction, power, omega))
     out.sort(key=lambda score: -score.gain)

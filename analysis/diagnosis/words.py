@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.model.effects import named
 from analysis.quantity import Quantity
 from analysis.units import parts
 
-UNDETERMINED = 5  # more look-alikes than this: it is not even a class
 CLASSES = {
     frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",
     frozenset({"plate_damping", "viscoelastic_arm"}): "a loss in the plate whose form is undetermined",
@@ -45,7 +46,7 @@ def found(name: str, parameters: Mapping[str, Quantity], others: Sequence[str]) 
     """Return the sentence of one found effect; a phase, every shot's own, is for the table of parameters."""
     told = {key: q for key, q in parameters.items() if not key.startswith("phase_rad")}
     numbers = ", ".join(f"{stem(key)} {quantity(key, q)}" for key, q in told.items())
-    if len(others) > UNDETERMINED:
+    if len(others) > CRITERIA.undetermined:
         return f"a further small effect whose form this data does not determine (best as {plain(name)}: {numbers})"
     if others:
         group = frozenset({name, *others})
@@ -72,7 +73,7 @@ def separating(name: str, others: Sequence[str], speeds: Sequence[float]) -> str
     """Return the shot that would tell look-alikes apart."""
     fast, slow = max(speeds), min(speeds)
     group = {name, *others[:1]}
-    if group & {"sensor_drift", "frame_vibration"}:
+    if any(named(name).at_rest for name in group):
         return "a record at rest, which shows what moves without the block"
     if fast < 1.6 * slow:
         return f"two more, at {0.5 * slow:.2g} m/s and at {1.6 * fast:.2g} m/s: each goes with the speed its own way"

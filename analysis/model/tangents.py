@@ -163,7 +163,7 @@ def _sensed(problem: Problem, parameters: Floats, effect: Effect) -> Iterator[Ca
                 p = np.zeros((3, 1), dtype=np.complex128)
                 for place, parameter in enumerate(effect.parameters):
                     p[place] = phase if parameter.name == "phase_rad" else point.get(parameter.name, parameter.scale)
-                if effect.name == "demodulation_lag":
+                if effect.grows_as != 1.0:
                     shown = effect.sensor(seen, x[:, None].astype(np.complex128), p)
                     both.append((shown[:, 0].real - x) / effect.parameters[amplitude].scale)
                 else:

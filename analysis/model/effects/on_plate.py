@@ -129,6 +129,7 @@ ROWS = (
         "compliance_m_per_n",
         support_compliance,
         hidden=2,
+        in_series=("compliance_m_per_n", "frequency_hz"),
         fastest=lambda values, _: 2 * math.pi * float(values[1]),
         look_alikes=("coulomb_friction", "viscous_drag"),
     ),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from analysis.model.effects.row import Acts, Effect, Parameter, Sensed, frequencies
+from analysis.model.effects.row import Acts, Effect, Floats, Parameter, Sensed, frequencies
 
 _CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # of the record's rate: where the demodulator's decimator begins and ends
 
@@ -60,6 +60,19 @@ def frame_vibration(seen: Sensed, x: Any, p: Any) -> Any:
     return x - p[0] / omega * np.cos(omega * seen.time_s[:, None] + p[2])
 
 
+def frame_of_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[str, float]]:
+    """Return the frame's velocity amplitude (that of all shots) and each shot's phase, of -A/omega cos(omega t + phi).
+
+    ``cosine_and_sine_m`` has shape (shots, 2).
+    """
+    omega = 2 * math.pi * frequency_hz
+    size = omega * float(np.sqrt(np.mean(np.sum(cosine_and_sine_m**2, axis=1))))
+    return [
+        {"frequency_hz": frequency_hz, "phase_rad": math.atan2(float(y), -float(x)), "amplitude_m_per_s": size}
+        for x, y in cosine_and_sine_m
+    ]
+
+
 def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
     """Measure x + A sin(4 pi n x / lambda + phi); p = (A in m, n, phi in rad).
 
@@ -80,6 +93,7 @@ ROWS = (
         (Parameter("ramp_m_per_s2", "m/s²", 1e-4),),
         "ramp_m_per_s2",
         sensor=sensor_drift,
+        at_rest=True,
         look_alikes=("tilt", "coulomb_friction"),
     ),
     Effect(
@@ -89,6 +103,8 @@ ROWS = (
         (Parameter("time_s", "s", 1e-5, lower=2e-7, upper=5e-4, logarithmic=True),),
         "time_s",
         sensor=demodulation_lag,
+        grows_as=2.0,  # a mere delay is the touch time's
+        delays="time_s",
         remembers=True,
     ),
     Effect(
@@ -102,6 +118,8 @@ ROWS = (
         ),
         "amplitude_m_per_s",
         sensor=frame_vibration,
+        wave=frame_of_wave,
+        at_rest=True,
     ),
     Effect(
         "cyclic_error",
@@ -115,5 +133,6 @@ ROWS = (
         "amplitude_m",
         sensor=cyclic_error,
         optical=True,
+        ripples=True,
     ),
 )

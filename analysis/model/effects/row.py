@@ -65,6 +65,7 @@ class Sensed:
 
 Sensor = Callable[[Sensed, Any, Any], Any]
 Rate = Callable[[Floats, Collision], float]
+Wave = Callable[[float, Floats], list[dict[str, float]]]  # (frequency in Hz, cosine and sine a shot in m) -> values
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,12 @@ class Effect:
     its values and the collision ``fastest`` gives the fastest rate in rad/s that the effect brings, ``stiffens`` by
     what factor it may raise the contact's stiffness, ``rough`` says that its law is not smooth where the overlap
     begins: the integrators suit their steps to them.
+
+    What a search makes use of: ``grows_as`` is the power of the amplitude in which the effect grows where it is small;
+    ``delays`` names the parameter by which everything is shown late; ``in_series`` those of a spring's compliance and
+    frequency that stands in series with the plate's; ``wave`` makes the values of a sensor's wave from the cosine and
+    the sine it adds to every shot.  ``ripples`` says that it shows only at the record's own rate, ``at_rest`` that a
+    record without a collision shows it.
     """
 
     name: str
@@ -96,6 +103,12 @@ class Effect:
     inverse: bool = False
     remembers: bool = False  # what the sensor shows at an instant depends on what it saw before
     optical: bool = False  # has a meaning only where light of a known wavelength measures
+    grows_as: float = 1.0
+    delays: str = ""
+    in_series: tuple[str, str] | None = None
+    wave: Wave | None = None
+    ripples: bool = False
+    at_rest: bool = False
     fastest: Rate = field(default=lambda _values, _collision: 0.0)
     stiffens: Rate = field(default=lambda _values, _collision: 1.0)
     locked: Kernel | None = None
@@ -105,6 +118,11 @@ class Effect:
     def one_body(self) -> bool:
         """Return whether the effect has a meaning where the plate does not move."""
         return self.acts not in (Acts.ON_PLATE, Acts.AT_START) or self.locked is not None
+
+    @property
+    def changes_contact(self) -> bool:
+        """Return whether the first contact is no longer that of two bodies, a spring and a dashpot with it."""
+        return self.acts in (Acts.ON_PLATE, Acts.IN_CONTACT, Acts.AT_START) or self.hidden > 0
 
     @property
     def own(self) -> bool:

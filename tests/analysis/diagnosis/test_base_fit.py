@@ -1,6 +1,7 @@
 """A search begins where it can lead somewhere."""
 
-from analysis.diagnosis.base_fit import DRAWN_FAR, base_fit, explored
+from analysis.diagnosis.base_fit import base_fit, explored
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.samples import together
 from analysis.model.fitting import base_named, fit_shots
@@ -11,7 +12,7 @@ def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collisi
     motions = shots({"cubic_stiffness": {"coefficient_n_per_m3": 3e5}})
     given = fit_shots(motions)
     before = base_fit(JointData(together(motions), base_named("paper")), given, calm)
-    assert given.reduced_chi2 > DRAWN_FAR and not before.converged
+    assert given.reduced_chi2 > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff
     best, trail = explored(before, given, motions, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
     assert trail.start is before and best.names == ("cubic_stiffness",)

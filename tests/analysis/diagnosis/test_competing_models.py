@@ -2,7 +2,7 @@
 
 from analysis.diagnosis.added_effect import refit
 from analysis.diagnosis.competing_models import challenged
-from analysis.diagnosis.diagnose import LEAST_LEAD
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Trail
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.screening import scores
@@ -18,7 +18,7 @@ def test_the_better_of_two_look_alikes_takes_the_place() -> None:
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
     best, _, far = challenged(wrong, projector(wrong), trail, lambda _: True)
-    assert best.names == (true,) and best.bic < wrong.bic - LEAST_LEAD
+    assert best.names == (true,) and best.bic < wrong.bic - CRITERIA.least_lead
     assert list(far) == [true]
     kept, _, _ = challenged(wrong, projector(wrong), trail, lambda _: False)
     assert kept is wrong  # what does not predict a held-out shot takes no place

@@ -1,0 +1,77 @@
+"""Every threshold by which a diagnosis decides, with its unit, its meaning and where its value comes from.
+
+What a search costs (how many fits, how many steps, when a step is small) and numerical tolerances stay where they are
+used: they change how long a diagnosis takes, not what it would say of a fit.
+"""
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+_KASS = "Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773: very strong evidence"
+_SIMULATED = "simulated sets of known truth"
+_CONVENTION = "convention"
+
+
+def _is(value: float, unit: str, meaning: str, source: str) -> Any:
+    return field(default=value, metadata={"unit": unit, "meaning": meaning, "source": source})
+
+
+@dataclass(frozen=True, slots=True)
+class Criteria:
+    """The thresholds; ``rows`` gives each with its unit, meaning and source."""
+
+    least_fall: float = _is(10.0, "BIC", "fall for an effect to join, beside what the choice costs", _KASS)
+    cost_of_choice: float = _is(2.0, "BIC per ln(tried)", "price of the best of so many effects", "Bonferroni's bound")
+    wandering_fall: float = _is(
+        12.0, "BIC", "more, where the noise still wanders", f"{_SIMULATED}: 2 of 85 clean sets came to 17 and 19"
+    )
+    several_fall: float = _is(
+        92.0,
+        "BIC",
+        "fall that each of several must bring",
+        f"{_SIMULATED}: imitations 21 to 85, true pairs 100",
+    )
+    most_effects: int = _is(3, "effects", "that may join at once", "three fit almost anything smooth")
+    least_lead: float = _is(6.0, "BIC", "lead below which the runner-up is named beside", "Kass and Raftery: strong")
+    same_end: float = _is(1.0, "BIC", "searches of one fit end this near each other", _SIMULATED)
+    nearly: float = _is(20.0, "BIC", "behind the best and still asked where the best misses something", _SIMULATED)
+    stands_out: float = _is(5.0, "noise norms", "size of a lone effect beside all other parameters", "five sigma")
+    one_of_two: float = _is(12.0, "noise norms", "size of each of two effects", f"{_SIMULATED}: faint pairs imitate")
+    one_of_three: float = _is(
+        30.0, "noise norms", "size of each of three", f"{_SIMULATED}: a slipping clamp looked like three of 18 to 26"
+    )
+    separation: float = _is(5.0, "noise norms", "left beside a look-alike, SNR sqrt(1 - cos^2)", "five sigma")
+    undetermined: int = _is(5, "look-alikes", "more than these are no class", _CONVENTION)
+    further_off: float = _is(1.02, "ratio", "of held-out rms after to before, at most", _SIMULATED)
+    clear_of_rest: float = _is(2.0, "ratio", "size of an effect to what it leaves over", _CONVENTION)
+    clear_of_misfit: float = _is(
+        100.0, "ratio", "the same where the law itself does not fit", "a law right to a hundredth"
+    )
+    freedom_chance: float = _is(3e-3, "probability", "that a right fit has use for any freedom", "three sigma")
+    shape_chance: float = _is(1e-3, "probability", "that noise has a shape that all shots share", _CONVENTION)
+    wandering_gain: float = _is(3.0, "ratio", "of chance gains beside a noise that wanders", _SIMULATED)
+    small_sample: float = _is(
+        1.35, "ratio", "of a shared shape's quantiles to chi^2's", "bootstrap of 3 shots of 60 ms"
+    )
+    rough_correlation: float = _is(0.15, "1", "autocorrelation of what is no noise at all", _SIMULATED)
+    rough_ratio: float = _is(2.5, "ratio", "of power in the loudest phase to the quietest, the same", _SIMULATED)
+    drawn_far: float = _is(1e6, "chi^2 a sample", "of a base fit that did not even arrive", _SIMULATED)
+
+    def fall(self, tried: int, *, wandering: bool = False) -> float:
+        """Return by how much the best of ``tried`` effects must lower the criterion to join."""
+        return self.least_fall + self.cost_of_choice * math.log(max(tried, 1)) + self.wandering_fall * wandering
+
+    def size_of_one(self, of: int) -> float:
+        """Return the size in noise norms that each of so many effects must have."""
+        return (self.stands_out, self.one_of_two, self.one_of_three)[min(max(of, 1), 3) - 1]
+
+    def rows(self) -> list[tuple[str, str, str, str, str]]:
+        """Return (name, value, unit, meaning, source) of every threshold."""
+        return [
+            (one.name, f"{getattr(self, one.name):g}", *(one.metadata[key] for key in ("unit", "meaning", "source")))
+            for one in fields(self)
+        ]
+
+
+CRITERIA = Criteria()

@@ -1,0 +1,64 @@
+"""The thresholds: documented as they are, and the price of an effect that follows the catalogue's length."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.forward_selection import Trail
+from analysis.model.effects import CATALOGUE
+
+DOCS = Path(__file__).parents[3] / "docs" / "how-a-diagnosis-decides.md"
+
+
+def test_the_page_lists_every_threshold_as_it_is() -> None:
+    text = DOCS.read_text(encoding="utf-8")
+    table = [line for line in text.splitlines() if line.startswith("| `")]
+    assert table == [f"| `{name}` | {' | '.join(rest)} |" for name, *rest in CRITERIA.rows()]
+    assert all(all(cell.strip() for cell in row) for row in CRITERIA.rows())
+
+
+def test_what_the_page_says_in_words_is_what_the_table_says() -> None:
+    prose = " ".join(DOCS.read_text(encoding="utf-8").split())
+    tried = len(CATALOGUE)
+    said = {
+        f"{CRITERIA.least_fall:g} + {CRITERIA.cost_of_choice:g} ln {tried} = {CRITERIA.fall(tried):.1f}",
+        f"by {CRITERIA.fall(tried, wandering=True):.1f} where the floor still wanders",
+        f"must be {CRITERIA.stands_out:g} noise norms beside all other parameters",
+        f"one of two {CRITERIA.one_of_two:g}, one of three {CRITERIA.one_of_three:g}",
+        f"lower the criterion by {CRITERIA.several_fall:g}",
+        f"leaves less than {CRITERIA.separation:g} noise norms",
+        f"within {CRITERIA.least_lead:g} of the criterion, or within {CRITERIA.least_lead / 2:g} of the log-likelihood",
+    }
+    assert {words for words in said if words not in prose} == set()
+
+
+@pytest.mark.parametrize("tried", [1, 19, 60])
+def test_an_effect_of_a_longer_catalogue_pays_more(tried: int) -> None:
+    class Nothing:
+        names: tuple[str, ...] = ()
+        bic = 0.0
+
+    trail = Trail(Nothing(), [None] * tried, lambda: False)  # type: ignore[arg-type, list-item]
+    assert trail.least_fall() == pytest.approx(10 + 2 * math.log(tried))
+
+
+# Where an effect's name may stand: its row and what is said of it in words.  Beyond: a plate's motion is a state at the
+# touch, which the integrators take by name, and a driven slider has a short catalogue of its own.
+ROWS = {f"analysis/model/effects/{name}.py" for name in ("on_block", "on_plate", "in_contact", "on_sensor")}
+WORDS = {"analysis/diagnosis/words.py"}
+ALLOWED = ROWS | WORDS | {"analysis/model/driven.py", "analysis/diagnosis/driven.py"}
+
+
+def test_no_effect_is_named_outside_its_row_and_its_words() -> None:
+    house = Path(__file__).parents[3]
+    found = set()
+    for source in (house / "analysis").rglob("*.py"):
+        path = source.relative_to(house).as_posix()
+        text = source.read_text(encoding="utf-8")
+        for name in CATALOGUE:
+            if path not in ALLOWED and name != "plate_motion" and re.search(rf'"{name}["]', text):
+                found.add((path, name))
+    assert {(path, name) for path, name in found if "oscillators" not in path} == set()

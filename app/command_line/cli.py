@@ -181,7 +181,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Levitation Mass Method: from the beat of two light frequencies to force and restitution. "
         "Without an option the desktop window opens.",
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print version, licence and the versions it works with")
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--replay", nargs="+", metavar="PATH", type=_path, help="analyse recordings (files or folders)")
     mode.add_argument(
@@ -306,12 +306,12 @@ def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
 
 
 class _Version(argparse.Action):
-    """Print the version; what knows it is imported only then, as a usage error need not wait for it."""
+    """Print the version; what knows it is imported only then, and nothing that compiles."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from analysis.report import program_version
+        from app.command_line.version import version_text
 
-        print(f"levimass {program_version()}")
+        print(version_text())
         parser.exit()
 
 

@@ -6,7 +6,7 @@ answer is smooth in the parameters.  Positions count from the plate's rest.
 """
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 
 from analysis.model.effects import kernel
 from analysis.model.rates import (
@@ -139,17 +139,7 @@ def meet(z, start, attracts, p, slots, flags, on, used):  # type: ignore[no-unty
     set_flags(on, slots, flags)
 
 
-_VECTOR, _MATRIX = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
-_ADDRESSES = types.Array(types.int64, 1, "C")
-
-
-@njit(
-    types.int64(
-        _VECTOR, _VECTOR, _MATRIX, _ADDRESSES, types.int64, types.int64, types.int64,
-        _VECTOR, _VECTOR, _VECTOR, _VECTOR,
-    ),
-    cache=True, nogil=True, error_model="numpy",
-)  # fmt: skip
+@njit(cache=True, nogil=True, error_model="numpy")
 def integrate(time_s, p, slots, functions, size, pieces, apart, x, v, plate, changes):  # type: ignore[no-untyped-def]
     """Write position and velocity of the block and position of the contact point at ``time_s`` (ascending).
 

@@ -73,10 +73,10 @@ def _whole(course: _Course) -> Markup:
     words = "Velocity and force over the whole shot."
     if isinstance(rest, Quantity) and motion.wavelength_m is not None:
         words = "Beat frequency of the measurement photodiode, velocity and force over the whole shot."
-        beats = [1e-6 * beat_hz(motion.velocity_m_per_s, rest.value, motion.wavelength_m), None]
-        if over is not None:
-            beats[1] = 1e-6 * beat_hz(over.velocity_m_per_s, rest.value, motion.wavelength_m)
-        plots.append(_over_time(course, "beat (MHz)", *beats))
+        velocities = (motion.velocity_m_per_s, over.velocity_m_per_s if over else None)
+        seen, drawn = (None if v is None else 1e-6 * beat_hz(v, rest.value, motion.wavelength_m) for v in velocities)
+        assert seen is not None
+        plots.append(_over_time(course, "beat (MHz)", seen, drawn))
     plots += [
         _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None),
         _over_time(course, "force (N)", motion.force_n, over.force_n if over else None),

@@ -48,7 +48,8 @@ class AskedWork(Generic[Result]):
         if job.cancelled or job.problem is not None:
             self._number = None
             return None
-        return job.result
+        result: Result = job.result
+        return result
 
 
 def raw_of(entry: Entry) -> Recording | None:

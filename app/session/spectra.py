@@ -33,7 +33,7 @@ def spectra_of(recording: Recording, zero_s: float, report: Report, cancelled: A
     window = np.hanning(BINS)
     scale = 1.0 / (recording.sample_rate_hz * float(window @ window))
     count = recording.samples // BINS
-    frequency = np.fft.rfftfreq(BINS, 1 / recording.sample_rate_hz)
+    frequency = np.asarray(np.fft.rfftfreq(BINS, 1 / recording.sample_rate_hz), dtype=np.float64)
     power: dict[Role, Floats] = {}
     image = np.zeros((0, len(frequency)))
     for role in NAMES:
@@ -48,7 +48,7 @@ def spectra_of(recording: Recording, zero_s: float, report: Report, cancelled: A
             if cancelled():
                 raise Cancelled
             block = recording.counts[first * BINS : (first + per_row) * BINS, column].reshape(per_row, BINS)
-            volts = block * channel.volts_per_count
+            volts = np.asarray(block * channel.volts_per_count, dtype=np.float64)
             volts = volts - volts.mean(axis=1, keepdims=True)
             row = (np.abs(np.fft.rfft(volts * window, axis=1)) ** 2).mean(axis=0) * scale
             total += row

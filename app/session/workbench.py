@@ -162,7 +162,7 @@ class Workbench:
         models = {entry.settings.model for entry in chosen}
         if len(models) > 1:
             return f"the selected shots use different base models ({', '.join(sorted(models))}): select shots of one"
-        motions = [entry.shot.motion for entry in chosen if entry.shot is not None]
+        motions = [e.shot.motion for e in chosen if e.shot is not None and e.shot.motion is not None]
         ids = tuple(entry.number for entry in chosen)
         (model,) = models
         judging = partial(diagnose, motions, model=model, accepted=self.effects_of(model))

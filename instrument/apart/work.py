@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from multiprocessing.connection import Connection
+from multiprocessing.connection import _ConnectionBase as Connection  # a pipe's end is another class on Windows
 from multiprocessing.context import SpawnProcess
 from multiprocessing.reduction import ForkingPickler
 from types import MappingProxyType

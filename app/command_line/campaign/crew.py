@@ -1,6 +1,7 @@
 """Who does a campaign's work: what is asked of them, and the processes of this machine."""
 
 import signal
+import sys
 import time
 from collections import deque
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -117,7 +118,7 @@ class _Pool(ProcessPoolExecutor):
 
     def submit(self, *work: Any, **more: Any) -> Future[Any]:
         """Hand out work; a process that is started for it inherits that Ctrl-C is held back, for good."""
-        if not hasattr(signal, "pthread_sigmask"):
+        if sys.platform == "win32":
             return super().submit(*work, **more)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:

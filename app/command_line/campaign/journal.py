@@ -5,7 +5,7 @@ import os
 import tempfile
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import IO, Any, cast
 
 from app.command_line.campaign.task import Entry
 from instrument.text_file import open_regular
@@ -21,7 +21,7 @@ class Journal:
 
     def __init__(self, path: Path | None, wanted: Collection[str]) -> None:
         self._places: dict[str, int] = {}
-        self._file: BinaryIO
+        self._file: IO[bytes]
         if path is None:
             self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - held until close
             return
@@ -61,7 +61,7 @@ class Journal:
         with os.fdopen(os.dup(self._file.fileno()), "rb") as lines:
             for line in lines:
                 if (stamp := _stamp_of(line)) in wanted:
-                    self._places[cast(str, stamp)] = place
+                    self._places[stamp] = place
                 place += len(line)
                 last = line
         if not last.endswith(b"\n"):

@@ -192,7 +192,9 @@ class ShotPanel(QWidget):
         if self._shot is None or what not in self._undrawn:
             return
         self._undrawn.discard(what)
-        {"motion": self.motion, "deflection": self.deflection, "gap": self.gap}[what].show_shot(self._shot)
+        views: dict[str, MotionView | DeflectionView | GapView]
+        views = {"motion": self.motion, "deflection": self.deflection, "gap": self.gap}
+        views[what].show_shot(self._shot)
 
     def show_raw(self, curves: RawCurves) -> None:
         """Show the raw curves that were asked for."""
@@ -202,8 +204,10 @@ class ShotPanel(QWidget):
     @Slot()
     def reset(self) -> None:
         """Bring the view back to what its name says."""
+        views: dict[str, DeflectionView | GapView | RawView]
         views = {"deflection": self.deflection, "gap": self.gap, "raw": self.raw}
-        views.get(self._view, self.motion).reset()
+        view = views.get(self._view)
+        (self.motion if view is None else view).reset()
 
     @Slot(bool)
     def show_cursors(self, shown: bool) -> None:

@@ -84,7 +84,8 @@ class TreeTable(QTreeWidget):
         return "\n".join(lines)
 
     def _top_items(self) -> list[QTreeWidgetItem]:
-        return [self.topLevelItem(index) for index in range(self.topLevelItemCount())]
+        items = (self.topLevelItem(index) for index in range(self.topLevelItemCount()))
+        return [item for item in items if item is not None]
 
     def _item(self, line: Line) -> QTreeWidgetItem:
         item = QTreeWidgetItem(list(line.cells))

@@ -53,7 +53,7 @@ class SampledCurve(ColumnCurve):
         last = int(np.clip(np.floor((right - self._start) / self._step + 1e-9) + 1, first, count))
         return first, last
 
-    def between(self, left: float, right: float) -> tuple[NDArray[np.float64], Array]:
+    def between(self, left: float, right: float) -> tuple[NDArray[np.floating], Array]:
         """Return x and values of all samples between two x, undecimated."""
         first, last = self.index_range(left, right)
         return self._start + self._step * np.arange(first, last), self._pyramid.values[first:last]

@@ -84,7 +84,7 @@ class PlotView(pg.GraphicsLayoutWidget):
         left, right = self.span
         width = right - left
         key, held = event.key(), event.modifiers()
-        side = {Qt.Key.Key_Left: -1, Qt.Key.Key_Right: 1}.get(key, 0)
+        side = int(key == Qt.Key.Key_Right) - int(key == Qt.Key.Key_Left)
         if side and held & (Qt.KeyboardModifier.ShiftModifier | Qt.KeyboardModifier.ControlModifier):
             if not self.cursors.shown:
                 self.show_cursors(True)

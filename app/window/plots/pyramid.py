@@ -1,5 +1,7 @@
 """Extremes of a long record at every zoom: what a view of so many pixels needs, and no peak lost."""
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,11 +32,12 @@ class Pyramid:
 
     def append(self, values: Array) -> None:
         """Add values at the end; the cost is that of the new ones plus one copy of the level arrays."""
-        self._values = values if len(self._values) == 0 else np.concatenate((self._values, values))
+        self._values = values if len(self._values) == 0 else cast(Array, np.concatenate((self._values, values)))
         self._grow()
 
     def _grow(self) -> None:
-        low, high = self._values, self._values
+        low: Array = self._values
+        high: Array = self._values
         level = 0
         while len(low) >= BASE:
             if level == len(self._lows):

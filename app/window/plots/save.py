@@ -21,7 +21,7 @@ def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:
     painter = QPainter(image)
     view.render(painter, QRectF(0, 0, view.width(), view.height()))  # else it takes the device's pixels for its own
     painter.end()
-    if not image.save(str(path), "PNG"):
+    if not image.save(str(path), "PNG"):  # type: ignore[call-overload]  # its types want bytes, itself takes text
         raise OSError(f"{path}: could not be written")
 
 

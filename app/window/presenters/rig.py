@@ -9,6 +9,7 @@ from analysis.quantity import Quantity
 from app.session.choices import Choices
 from app.session.rig import Rig
 from app.session.session import Entry
+from app.session.setting_field import Value
 from app.session.settings import FIELDS
 from app.window import state_words
 from app.window.file_question import Want, ask
@@ -163,7 +164,7 @@ class RigPresenter(QObject):
             sheet.open()
 
     @Slot(dict)
-    def _settings_applied(self, values: dict[str, object]) -> None:
+    def _settings_applied(self, values: dict[str, Value]) -> None:
         stood = self._choices.settings.site
         problem = self._choices.change(values)
         if problem:

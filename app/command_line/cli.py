@@ -181,7 +181,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Levitation Mass Method: from the beat of two light frequencies to force and restitution. "
         "Without an option the desktop window opens.",
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version, the licence, what it works with")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print version, licence and what it works with")
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--replay", nargs="+", metavar="PATH", type=_path, help="analyse recordings (files or folders)")
     mode.add_argument(

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 from analysis.corrected import AIR
 from analysis.shot import AnalysisSettings
@@ -57,7 +58,8 @@ class Choices:
         """
         values = self.settings.values()
         names = [name for group in RIG for name in group if self._changed.intersection(group)]
-        return replace(self.settings.analysis, corrections=tuple((name, values[name]) for name in names))
+        corrections = tuple((name, cast(float | None, values[name])) for name in names)  # the rig is all numbers
+        return replace(self.settings.analysis, corrections=corrections)
 
     def options(self, source: str, digitizer: Digitizer) -> CaptureOptions:
         """Return how shots are taken with a source.  Raises OSError where the folder cannot be made."""

@@ -83,7 +83,7 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Float
                 values[name][free.name] = learnt.values[0][name][free.name]
         z = one.pack(Point(learnt.base, point.own[[held]], (values,)))
         low, high = one.bounds
-        shared, learnt_at = _shared(one), _shared(some)
+        shared, learnt_at = shared_places(one), shared_places(some)
         low[shared] = high[shared] = z[shared]
         found = minimise(lambda at: square_of(one, floor, at), z, lower=low, upper=high, evaluations=10, tolerance=1e-2)
         known = covariance(trained.square)
@@ -93,7 +93,7 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Float
         return None
 
 
-def _shared(hypothesis: Hypothesis) -> list[int]:
+def shared_places(hypothesis: Hypothesis) -> list[int]:
     """Return where the vector holds what all shots share."""
     free_parameters = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.free_parameters) if shot < 0]
     return [*range(hypothesis.data.count), *free_parameters]

@@ -6,7 +6,7 @@ Reading and writing the file is the caller's; these are pure functions on text.
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,8 @@ class SavedModel:
 
     ``parameters`` has the names of a fit ("plate_stiffness_n_per_m", effects as "effect.parameter"), ``covariance``
     is over them in that order; ``errors`` may hold "before", "after", "held_out_before" and "held_out_after".
+    ``base_parameters`` are those of the base alone, fitted to the same shots, where it was: what the effects are to
+    beat on other shots.
     """
 
     base: str
@@ -42,6 +44,7 @@ class SavedModel:
     covariance: NDArray[np.float64]
     shots: tuple[str, ...]
     errors: Mapping[str, Errors]
+    base_parameters: Mapping[str, Quantity] = field(default_factory=dict)
 
 
 def saved(fit: Fit, shots: Sequence[str], diagnosis: Diagnosis | None = None) -> SavedModel:
@@ -50,7 +53,9 @@ def saved(fit: Fit, shots: Sequence[str], diagnosis: Diagnosis | None = None) ->
     if diagnosis is not None:
         given = {name: getattr(diagnosis, f"error_{name}") for name in _ERRORS}
         errors = {name: value for name, value in given.items() if value is not None}
-    return SavedModel(fit.model, fit.effects, dict(fit.parameters), fit.covariance, tuple(shots), errors)
+    bare = diagnosis.fit_before if diagnosis is not None and not diagnosis.fit_before.effects else None
+    base = dict(bare.parameters) if bare is not None and bare.converged else {}
+    return SavedModel(fit.model, fit.effects, dict(fit.parameters), fit.covariance, tuple(shots), errors, base)
 
 
 def to_text(model: SavedModel) -> str:
@@ -63,13 +68,16 @@ def to_text(model: SavedModel) -> str:
         "",
         "[parameters]  # value and standard uncertainty, SI units",
     ]
-    lines += [
-        f"{_string(name)} = {{ value = {_number(q.value)}, std = {_number(q.std)} }}"
-        for name, q in model.parameters.items()
-    ]
+    lines += _quantities(model.parameters)
     lines += ["", "[covariance]  # of the parameters, in their order", "rows = ["]
     lines += [f"  [{', '.join(_number(float(value)) for value in row)}]," for row in model.covariance]
     lines += ["]"]
+    if model.base_parameters:
+        lines += [
+            "",
+            "[base_parameters]  # of the base alone, fitted to the same shots",
+            *_quantities(model.base_parameters),
+        ]
     for name, errors in model.errors.items():
         lines += ["", f"[errors.{name}]"]
         lines += [f"{key} = {_number(value)}" for key, value in asdict(errors).items()]
@@ -91,11 +99,7 @@ def from_text(text: str) -> SavedModel:
     known = set(LAWS) if base == "driven" else {kind.name for kind in trial_effects()}
     if unknown := [name for name in effects if name not in known]:
         raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
-    parameters = {}
-    for name, entry in _table(data, "parameters").items():
-        if not isinstance(entry, dict):
-            raise ModelFileError(f"parameters.{name}: value and std are expected")
-        parameters[name] = Quantity(_float(entry, "value", name), _float(entry, "std", name), "model file")
+    parameters, base_parameters = _read_quantities(data, "parameters"), _read_quantities(data, "base_parameters")
     rows = _table(data, "covariance").get("rows", [])
     try:
         covariance = np.array(rows, dtype=np.float64).reshape(len(rows), -1 if rows else 0)
@@ -109,7 +113,7 @@ def from_text(text: str) -> SavedModel:
             raise ModelFileError(f"errors.{name}: one of {', '.join(_ERRORS)} is expected")
         keys = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
         errors[name] = Errors(*(_float(entry, key, name) for key in keys))
-    return SavedModel(base, effects, parameters, covariance, _strings(data, "shots"), errors)
+    return SavedModel(base, effects, parameters, covariance, _strings(data, "shots"), errors, base_parameters)
 
 
 def drift(model: SavedModel, fit: Fit) -> dict[str, float]:
@@ -120,6 +124,21 @@ def drift(model: SavedModel, fit: Fit) -> dict[str, float]:
         spread = math.hypot(now.std, then.std) if then is not None else 0.0
         if then is not None and spread > 0:
             out[name] = (now.value - then.value) / spread
+    return out
+
+
+def _quantities(parameters: Mapping[str, Quantity]) -> list[str]:
+    return [
+        f"{_string(name)} = {{ value = {_number(q.value)}, std = {_number(q.std)} }}" for name, q in parameters.items()
+    ]
+
+
+def _read_quantities(data: Mapping[str, Any], key: str) -> dict[str, Quantity]:
+    out = {}
+    for name, entry in _table(data, key).items():
+        if not isinstance(entry, dict):
+            raise ModelFileError(f"{key}.{name}: value and std are expected")
+        out[name] = Quantity(_float(entry, "value", name), _float(entry, "std", name), "model file")
     return out
 
 

@@ -68,7 +68,7 @@ def noise_n(motions: Sequence[Motion], runs: Sequence[Run], found: Regression) -
     return float(np.hypot(force * through, weight * place))
 
 
-def foretold(table: Table, effects: Sequence[str], parameters: Mapping[str, Quantity]) -> Regression:
-    """Return a saved model on these samples: its parameters unchanged but the offset, which is a record's own."""
+def foretold_force(table: Table, effects: Sequence[str], parameters: Mapping[str, Quantity]) -> Floats:
+    """Return what a saved model leaves of the force, shape (m,): unchanged but for the offset, a record's own."""
     known = {name: quantity.value for name, quantity in parameters.items() if name != "offset_n"}
-    return regress(table, effects, None, None, known)
+    return regress(table, effects, None, None, known).residual_n

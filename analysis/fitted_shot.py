@@ -45,9 +45,12 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
     assert shot.motion is not None
     try:
         fitted = with_fit(shot, fit_jointly([shot.motion], shot.settings.model, effects, cancelled))
-        return replace(fitted, problem=None) if driven else fitted
+        return replace(fitted, problem=None) if driven else replace(fitted, fit_problem=None)
     except AnalysisError as error:
-        return replace(with_fit(shot, None), problem=shot.problem or (str(error) if driven else None))
+        unfitted = with_fit(shot, None)
+        if driven:  # the fit is all there is
+            return replace(unfitted, problem=shot.problem or str(error))
+        return replace(unfitted, fit_problem=str(error))
 
 
 def fit_jointly(

@@ -8,6 +8,8 @@ from typing import Any
 
 from analysis.budget import budget
 from analysis.budget import to_result as budget_result
+from analysis.diagnosis.foretold import Foretold
+from analysis.diagnosis.foretold import to_result as foretold_result
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.result import to_result as diagnosis_result
 from analysis.fit import Fit
@@ -27,7 +29,7 @@ def program_version() -> str:
         return "unknown"
 
 
-def result(shots: Sequence[Shot], diagnosis: Diagnosis | None) -> dict[str, Any]:
+def result(shots: Sequence[Shot], diagnosis: Diagnosis | None, foretold: Foretold | None = None) -> dict[str, Any]:
     """Return the whole result, ready for JSON (no NaN, no infinity)."""
     return {
         "schema": SCHEMA,
@@ -35,6 +37,7 @@ def result(shots: Sequence[Shot], diagnosis: Diagnosis | None) -> dict[str, Any]
         "shots": [shot_result(shot, [other for other in shots if other is not shot]) for shot in shots],
         "series": _finite(series_result(series(shots))) if len(shots) > 1 else None,
         "diagnosis": None if diagnosis is None else _finite(diagnosis_result(diagnosis)),
+        "foretold": None if foretold is None else _finite(foretold_result(foretold)),
     }
 
 
@@ -47,6 +50,7 @@ def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
         "path": shot.path,
         "status": "failed" if shot.problem else "ok",
         "problem": shot.problem,
+        "fit_problem": shot.fit_problem,
         "flags": list(shot.flags),
         "sample_rate_hz": shot.sample_rate_hz,
         "samples": shot.samples,

@@ -49,6 +49,7 @@ class Shot:
     fit: Fit | None
     flags: tuple[str, ...] = ()
     problem: str | None = None
+    fit_problem: str | None = None  # why the model could not be fitted to a shot whose readings stand
     started_at: str | None = None
     note: str = ""
     seconds: Mapping[str, float] = field(default_factory=dict)  # "load", "demodulate", "impact", "fit"

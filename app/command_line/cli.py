@@ -112,18 +112,16 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             model=options.model,
         )
     if options.replay is not None:
+        from app.command_line.outputs import Outputs
         from app.command_line.replay import replay
 
         return partial(
             replay,
             options.replay,
-            json_to=options.json,
-            export_to=options.export,
+            outputs=Outputs(options.json, options.export, options.hdf5, options.report, options.save_model),
             diagnose=not options.no_diagnose,
             model=options.model,
-            report_to=options.report,
-            hdf5=options.hdf5,
-            save_model_to=options.save_model,
+            foretell=options.foretell,
         )
     if options.acquire is not None:
         from app.command_line.acquire import acquire
@@ -207,6 +205,9 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument(
         "--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)"
     )
+    group.add_argument(
+        "--foretell", action="store_true", help="put the model file to the test: unchanged, on these shots"
+    )
     group.add_argument("--save-model", type=_path, metavar="FILE", help="write the model that the diagnosis arrived at")
     group.add_argument("--jobs", type=_positive_int, metavar="N", help="a campaign over N processes, resumable")
     group.add_argument("--scheduler", metavar="ADDRESS", help="a campaign over the machines of a dask scheduler")
@@ -261,13 +262,16 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         parser.error("--figures goes with --paper")
     if options.model is not None and options.model not in MODELS and not is_model_file(options.model):
         parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
+    if options.foretell and (options.replay is None or options.model is None or not is_model_file(options.model)):
+        parser.error("--foretell goes with --replay and --model FILE: it puts that file's model to the test")
     if options.save_model is not None and options.no_diagnose:
         parser.error("--save-model writes what a diagnosis arrived at: leave --no-diagnose out")
     if options.jobs is not None and options.scheduler is not None:
         parser.error("--jobs and --scheduler: one of them")
-    of_one_call = options.report is not None or options.hdf5 or options.save_model is not None
+    of_one_call = any((options.report is not None, options.hdf5, options.save_model is not None, options.foretell))
     if of_one_call and (options.jobs is not None or options.scheduler is not None):
-        parser.error("--report, --hdf5 and --save-model are of one call's shots: leave --jobs and --scheduler out")
+        listed = "--report, --hdf5, --foretell and --save-model"
+        parser.error(f"{listed} are of one call's shots: leave --jobs and --scheduler out")
     if options.acquire is not None:
         if options.source is None:
             parser.error("--acquire needs --source")

@@ -1,9 +1,21 @@
 """Where a headless call writes: looked at before the work begins, and what fails said in one line."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from instrument.recording_error import RecordingError
 from instrument.recording_writer import check_writable
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """Where a replay writes, each None where it is not asked for; ``json`` may be "-", standard output."""
+
+    json: str | None = None
+    export: Path | None = None
+    hdf5: bool = False
+    report: Path | None = None
+    model: Path | None = None
 
 
 def check_outputs(json_to: str | None, folder: Path | None, *files: Path | None) -> None:

@@ -6,14 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose as diagnose_motions
+from analysis.diagnosis.foretold import Foretold
+from analysis.diagnosis.foretold import foretell as foretell_motions
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis
+from analysis.fit import Fit
+from analysis.fitted_shot import fit_again
 from analysis.quantity import Quantity, Reading
 from analysis.report import result
 from analysis.shot import AnalysisError, AnalysisSettings, Shot
 from app.command_line.model_choice import known_model
-from app.command_line.outputs import check_outputs, in_a_line
+from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.report.export import export
+from app.report.export_foretold import export_foretold
 from app.report.export_hdf5 import export_hdf5
 from app.report.page import report_of
 from app.session.load import complaint, load_and_analyse
@@ -22,43 +27,45 @@ from instrument.recording_search import find_recordings
 from instrument.recording_writer import write_text_beside
 
 DRIFT_SIGMAS = 4.0
+NOWHERE = Outputs()
 
 
 def replay(
     paths: Sequence[Path],
     *,
-    json_to: str | None,
-    export_to: Path | None,
-    diagnose: bool,
-    model: str | None,
-    report_to: Path | None = None,
-    hdf5: bool = False,
-    save_model_to: Path | None = None,
+    outputs: Outputs = NOWHERE,
+    diagnose: bool = True,
+    model: str | None = None,
+    foretell: bool = False,
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
-    ``model`` is a base model's name or the path of a model file, whose effects are then part of the model.
+    ``model`` is a base model's name or the path of a model file, whose effects are then part of the model;
+    ``foretell`` puts the file's model to the test, as it is.
     """
     shots: list[Shot] = []
     try:
         known = known_model(model)
-        check_outputs(json_to, export_to, report_to, save_model_to)
+        check_outputs(outputs.json, outputs.export, outputs.report, outputs.model)
     except (AnalysisError, RecordingError, OSError) as error:
         print(f"levimass: {in_a_line(error, model)}", file=sys.stderr)
         return 1
     settings = AnalysisSettings(effects=known.effects) if known else None
     for path in find_recordings(paths):
         shot = load_and_analyse(path, known.base if known else model, settings=settings)
-        if shot.problem:
-            print(complaint(shot.path or shot.name, shot.problem), file=sys.stderr)
+        if why := shot.problem or shot.fit_problem:
+            print(complaint(shot.path or shot.name, why if shot.problem else f"not fitted: {why}"), file=sys.stderr)
         shots.append(shot)
     diagnosis = _diagnosis(shots) if diagnose else None
-    ok = _write(shots, diagnosis, json_to, export_to, report_to, hdf5)
+    if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
+        shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
+    told = _foretold(shots, known) if foretell and known is not None else None
+    ok = _write(shots, diagnosis, told, outputs) and (told is not None or not foretell)
     if known is not None and diagnosis is not None:
         _tell_drift(known, diagnosis)
-    if save_model_to is not None:
-        ok = _save_model(shots, diagnosis, save_model_to) and ok
-    return 0 if ok and shots and not any(shot.problem for shot in shots) else 1
+    if outputs.model is not None:
+        ok = _save_model(shots, diagnosis, outputs.model) and ok
+    return 0 if ok and shots and not any(shot.problem or shot.fit_problem for shot in shots) else 1
 
 
 def _diagnosis(shots: Sequence[Shot]) -> Diagnosis | None:
@@ -85,6 +92,23 @@ def _diagnosis(shots: Sequence[Shot]) -> Diagnosis | None:
     return None
 
 
+def _foretold(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
+    """Return what the model file foretells of these shots; None, and one line, where it cannot be put to the test."""
+    seen = [shot for shot in shots if shot.motion is not None and not shot.problem]
+    motions = [shot.motion for shot in seen if shot.motion is not None]
+    try:
+        told = foretell_motions(motions, [shot.path or shot.name for shot in seen], known)
+    except AnalysisError as error:
+        print(f"levimass: nothing foretold: {error}", file=sys.stderr)
+        return None
+    for shot in told.shots:
+        if shot.took_part:
+            print(f"levimass: {shot.name}: took part in the model's fit, so it is no test of it", file=sys.stderr)
+        if shot.problem:
+            print(f"levimass: {shot.name}: not foretold: {shot.problem}", file=sys.stderr)
+    return told
+
+
 def _tell_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
     """Say which parameters of the model file these shots no longer agree with."""
     for name, deviation in drift(known, diagnosis.fit_after).items():
@@ -108,26 +132,26 @@ def _save_model(shots: Sequence[Shot], diagnosis: Diagnosis | None, path: Path) 
 def _write(
     shots: Sequence[Shot],
     diagnosis: Diagnosis | None,
-    json_to: str | None,
-    export_to: Path | None,
-    report_to: Path | None,
-    hdf5: bool,
+    told: Foretold | None,
+    outputs: Outputs,
 ) -> bool:
     ok = True
-    text = json.dumps(result(shots, diagnosis), indent=1, allow_nan=False) + "\n" if json_to else ""
+    text = json.dumps(result(shots, diagnosis, told), indent=1, allow_nan=False) + "\n" if outputs.json else ""
     try:
-        if export_to is not None:
-            export(shots, export_to)
-            if hdf5:
-                export_hdf5(shots, export_to)
-        if report_to is not None:
-            write_text_beside(report_to, report_of(shots, diagnosis), sync=True)
-        if json_to and json_to != "-":
-            write_text_beside(Path(json_to), text, sync=True)
+        if outputs.export is not None:
+            export(shots, outputs.export)
+            if told is not None:
+                export_foretold(told, outputs.export)
+            if outputs.hdf5:
+                export_hdf5(shots, outputs.export)
+        if outputs.report is not None:
+            write_text_beside(outputs.report, report_of(shots, diagnosis, foretold=told), sync=True)
+        if outputs.json and outputs.json != "-":
+            write_text_beside(Path(outputs.json), text, sync=True)
     except (RecordingError, OSError) as error:
-        print(f"levimass: {in_a_line(error, export_to)}", file=sys.stderr)
+        print(f"levimass: {in_a_line(error, outputs.export)}", file=sys.stderr)
         ok = False
-    if json_to == "-":
+    if outputs.json == "-":
         print(text, end="")
     else:
         for shot in shots:
@@ -135,6 +159,8 @@ def _write(
                 print(summary(shot))
         if diagnosis is not None:
             print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
+        if told is not None:
+            print(told.sentence)
     return ok
 
 
@@ -161,8 +187,14 @@ def summary(shot: Shot) -> str:
             shown = reading.scaled(factor) if isinstance(reading, Quantity) else f"– ({reading.reason})"
             lines.append(f"  {label:<27}{shown} {unit}".rstrip())
     if shot.fit is not None and shot.fit.converged:
-        lines.append(f"  fit of model {shot.fit.model}, reduced chi2 {shot.fit.reduced_chi2:.3g}")
-        lines += [f"    {name:<32}{quantity}" for name, quantity in shot.fit.parameters.items()]
+        lines += fit_lines(shot.fit)
     if shot.flags:
         lines.append(f"  flags: {', '.join(shot.flags)}")
     return "\n".join(lines)
+
+
+def fit_lines(fit: Fit) -> list[str]:
+    """Return a fitted model's numbers for a terminal."""
+    effects = "".join(f" + {name}" for name in fit.effects)
+    lines = [f"  fit of model {fit.model}{effects}, reduced chi2 {fit.reduced_chi2:.3g}"]
+    return [*lines, *(f"    {name:<32} {quantity}" for name, quantity in fit.parameters.items())]

@@ -25,7 +25,7 @@ def headless_shot() -> int:
 
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
         status = simulate(Path(folder), shots=1, seed=1, effect=None, undeclared=False, site=USUAL_SITE)
-        return status or replay([Path(folder)], json_to=None, export_to=None, diagnose=False, model=None)
+        return status or replay([Path(folder)], diagnose=False)
 
 
 if __name__ == "__main__":

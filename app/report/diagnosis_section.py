@@ -33,7 +33,7 @@ MOST_DRAWN = 8  # shots whose residuals are drawn
 
 def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
     """Return the whole section; ``shots`` are those of the report, in their order."""
-    count = len(diagnosis.fit_after.shots)
+    count = sum(shot.motion is not None and shot.fit is not None for shot in shots)
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict]}."), class_="verdict"),
         tag("p", diagnosis.sentence),
@@ -76,9 +76,15 @@ def _errors(diagnosis: Diagnosis) -> Markup:
             ("held-out shot, before", diagnosis.error_held_out_before),
             ("held-out shot, after", diagnosis.error_held_out_after),
         ]
-    rows = [[words, *(f"{scale * getattr(e, name):.4g}" for _, e in columns)] for name, words, scale in ERRORS]
+    rows = error_rows(columns)
     note = "Over the same samples at the same bandwidth; before is the base model at its own best fit."
     return joined(table(["", *(name for name, _ in columns)], rows, "numbers"), tag("p", note, class_="faint"))
+
+
+def error_rows(columns: Sequence[tuple[str, Errors]]) -> list[list[str]]:
+    """Return a row an error that was seen, a column a model."""
+    rows = [(words, [scale * getattr(e, name) for _, e in columns]) for name, words, scale in ERRORS]
+    return [[words, *(f"{v:.4g}" for v in values)] for words, values in rows if np.isfinite(values).any()]
 
 
 def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:

@@ -72,7 +72,7 @@ def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
 
 def motion_file_names(shot_names: Sequence[str]) -> list[str]:
     """Return a file name for each shot, no two alike: shots of two folders often share their names."""
-    taken = {"shots.csv", "budget.csv", "series.csv"}
+    taken = {"shots.csv", "budget.csv", "series.csv", "foretold.csv"}
     names = []
     for shot_name in shot_names:
         stem = re.sub(r"[^\w.-]+", "_", shot_name).strip("._") or "shot"

@@ -5,11 +5,13 @@ from datetime import UTC, datetime
 from importlib import resources
 
 from analysis.budget import budget
+from analysis.diagnosis.foretold import Foretold
 from analysis.diagnosis.result import Diagnosis
 from analysis.instrument_uncertainty import InstrumentUncertainty
 from analysis.shot import Shot
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section
+from app.report.foretold_section import foretold_section
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import budgets, fitted, numbers
 from app.report.session_section import session_section
@@ -27,6 +29,7 @@ def report_of(
     instrument: InstrumentUncertainty | None = None,
     title: str | None = None,
     made_at: datetime | None = None,
+    foretold: Foretold | None = None,
 ) -> str:
     """Return the report as HTML.
 
@@ -52,6 +55,8 @@ def report_of(
         body.append(session_section(shots))
     if diagnosis is not None:
         body.append(diagnosis_section(diagnosis, shots))
+    if foretold is not None:
+        body.append(foretold_section(foretold))
     drawn = len(shots) <= MOST_DRAWN
     if not drawn:
         said = f"Figures and budgets of single shots are left out beyond {MOST_DRAWN} shots; a report of one has them."

@@ -1,5 +1,6 @@
 """How a shot was taken and analysed, and from which bytes: what another person needs to get the same numbers."""
 
+import math
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, fields
@@ -142,7 +143,7 @@ def _mapped(path: Path) -> list[list[str]]:
 def _rig(setup: Setup | None, shot: Shot) -> list[list[str]]:
     if setup is None:
         mass = shot.motion.moving_mass_kg if shot.motion is not None else None
-        return [["moving mass", f"{1e3 * mass:.8g} g"]] if mass else []
+        return [["moving mass", f"{1e3 * mass:.8g} g"]] if mass is not None and math.isfinite(mass) else []
     rows = [["moving mass", f"{1e3 * setup.moving_mass_kg:.8g} g, u = {1e3 * setup.moving_mass_u_kg:.3g} g"]]
     if setup.wavelength_vacuum_m is not None:
         rows.append(["wavelength in vacuum", f"{1e9 * setup.wavelength_vacuum_m:.6f} nm"])

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit bench bench-loop bench-coverage bench-soak bench-streaming screenshots session clean
+.PHONY: run test lint types unit attack bench bench-loop bench-coverage bench-soak bench-streaming screenshots session clean
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -31,6 +31,10 @@ bench-soak: $(READY)
 	$(BIN)/python -m tests.benchmarks.soak --shots 2000 --apart
 	$(BIN)/python -m tests.benchmarks.kill --times 100
 	$(BIN)/python -m tests.benchmarks.fuzz --times 12000
+
+# crafted files, rogue devices, crowds and a cluster on this machine: a quarter of an hour
+attack: $(READY)
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.attack
 
 bench-streaming: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.benchmarks.streaming --seconds 60

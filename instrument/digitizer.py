@@ -7,15 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Channel, Setup
+from instrument.recording_error import one_line
 
 
 class DigitizerError(Exception):
     """What went wrong with a device, in one line, and what to do about it."""
 
     def __init__(self, what: str, remedy: str = "") -> None:
-        super().__init__(f"{what}: {remedy}" if remedy else what)
-        self.what = what
-        self.remedy = remedy
+        self.what = one_line(what, 400)  # drivers and instruments put anything into their answers
+        self.remedy = one_line(remedy, 400)
+        super().__init__(f"{self.what}: {self.remedy}" if remedy else self.what)
 
 
 @dataclass(frozen=True, slots=True)

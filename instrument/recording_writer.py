@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import json
 import os
+import threading
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -186,7 +187,7 @@ def write_beside(path: Path, content: Iterable[bytes | memoryview], *, sync: boo
             path.write_bytes(b"".join(content))
             return
         path = Path(os.path.realpath(path))
-        beside = path.with_name(f".{path.name}.{os.getpid()}.new")
+        beside = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.new")  # another window may too
         try:
             with open(beside, "wb") as file:
                 file.writelines(content)

@@ -83,6 +83,7 @@ class SourceRun:
         self.stop()
         able = self._digitizer.capabilities
         check_settings(settings, len(able.channels))
+        check_channels(able)
         own = self._digitizer.setup
         self._block = int(np.clip(_BLOCK_S * settings.sample_rate_hz, *_BLOCKS))
         self._make_ring(settings, len(able.channels))
@@ -197,6 +198,16 @@ def check_settings(settings: CaptureSettings, channels: int) -> None:
             f"{MOST_SHOT_BYTES // 2**30} GiB of memory",
             "choose a shorter shot or a lower rate",
         )
+
+
+def check_channels(able: Capabilities) -> None:
+    """Refuse, as a DigitizerError, channels whose scale no recording can hold."""
+    for channel in able.channels:
+        if not (1e-30 < abs(channel.volts_per_count) < 1e6 and abs(channel.offset_v) < 1e9):
+            raise DigitizerError(
+                f"{able.name} tells {channel.volts_per_count:g} V a count and an offset of {channel.offset_v:g} V",
+                "set the vertical scale anew, then arm again",
+            )
 
 
 def _check_block(block: Block, room: int) -> None:

@@ -1,6 +1,5 @@
 """The shots of a session, with their notes and verdicts; written to disk at each change, so that a crash loses none."""
 
-import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -13,6 +12,7 @@ from analysis.shot import AnalysisSettings, Shot
 from app.session.model_effects import ModelEffects, known_effects
 from instrument.checked import Checked
 from instrument.recording_error import RecordingError, shown
+from instrument.recording_writer import write_json_beside
 from instrument.text_file import read_json
 
 SCHEMA = "levimass.session/1"
@@ -154,16 +154,11 @@ class Session:
         shots = [_to_json(entry) for entry in entries if entry.path]
         accepted = {"effects": list(effects.collision), "drive_effects": list(effects.drive)}
         document = {"schema": SCHEMA, **accepted, "shots": shots}
-        beside = path.with_name(path.name + ".new")
         problem = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with beside.open("w", encoding="utf-8") as file:
-                json.dump(document, file, indent=1)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(beside, path)
-        except OSError as error:
+            write_json_beside(path, document, sync=True)
+        except (OSError, RecordingError) as error:
             problem = f"the session could not be saved: {error}"
         if problem != self.problem:
             self.problem = problem

@@ -1,5 +1,6 @@
 """The settings on disk: versioned, written beside and renamed, the last good copy kept; spoilt ones stop no start."""
 
+import contextlib
 import json
 import os
 from dataclasses import fields
@@ -37,14 +38,14 @@ def load(path: Path) -> tuple[Settings, list[str]]:
 def save(path: Path, settings: Settings) -> str | None:
     """Write the settings; what stood there before becomes the last good copy.  Returns why not, or None."""
     document = {"levimass_settings": VERSION, **settings.values()}
-    beside = path.with_name(path.name + ".new")
+    beside = path.with_name(f"{path.name}.{os.getpid()}.new")  # another window may be saving too
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with beside.open("w", encoding="utf-8") as file:
             json.dump(document, file, indent=1)
             file.flush()
             os.fsync(file.fileno())
-        if path.exists():
+        with contextlib.suppress(FileNotFoundError):  # the first time, or just moved by another window
             os.replace(path, _last_good(path))
         os.replace(beside, path)
     except OSError as error:

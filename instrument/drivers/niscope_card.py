@@ -114,9 +114,9 @@ class NiscopeCard(Digitizer):
             self._session = self._open()
         try:
             self._configure(settings)
+            rate = float(self._session.horz_sample_rate)
         except Exception as error:  # niscope's errors derive from Exception alone
             raise self._described(error) from error
-        rate = float(self._session.horz_sample_rate)
         if abs(rate / settings.sample_rate_hz - 1) > 1e-6:
             raise DigitizerError(
                 f"{self._resource} samples at {rate:g}/s, not at {settings.sample_rate_hz:g}", f"ask for {rate:g}"

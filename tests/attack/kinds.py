@@ -1,0 +1,85 @@
+"""Every kind of attack, how often it is tried at length, and what is loaded before its memory is counted."""
+
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from analysis.recording import Channel, Gap, Recording, Role, Setup
+from instrument.bench.simulate import simulate
+from tests.attack.crowds import folders, kills, sessions
+from tests.attack.devices import clocks, ni_cards, usb_devices
+from tests.attack.foreign import foreign
+from tests.attack.recordings import analysed, claims, moving_data
+from tests.attack.scopes import scopes
+from tests.attack.texts import texts, travelling
+from tests.attack.trial import SURVIVED, Attack, Attempt, Outcome, carry_out
+from tests.instrument.fuzzing import fuzz
+
+SPOILT_A_TIME = 20
+
+
+def spoilt(folder: Path, random_: random.Random) -> Iterator[Attempt]:
+    """Recordings, motion records and settings with bytes and values at random, twenty an attempt."""
+    rng = np.random.default_rng(random_.randrange(2**32))
+    shot = Recording(
+        "s", rng.integers(-2000, 2000, (2_000, 3)).astype(np.int16), 30e6,
+        (Channel(Role.REFERENCE, 5e-4), Channel(Role.MEASUREMENT, 4e-4), Channel(Role.SWITCH, 1e-3)),
+        Setup(0.01785, wavelength_air_m=632.8e-9, digitizer_bits=12, extra={"rig": "north"}),
+        trigger_sample=500, gaps=(Gap(700, 3),), note="a note", started_at="2026-01-01T00:00:00Z",
+    )  # fmt: skip
+    number = 0
+    while True:
+        number += 1
+
+        def attempt(number: int = number) -> str:
+            place = folder / str(number)
+            place.mkdir()
+            fuzz(place, shot, SPOILT_A_TIME, random_.randrange(2**32))
+            return SURVIVED
+
+        yield f"{SPOILT_A_TIME} files", attempt
+
+
+def nothing(folder: Path) -> None:
+    """Load nothing."""
+
+
+def kernels(folder: Path) -> None:
+    """Load the kernels, by reading one sound recording."""
+    assert analysed(simulate(folder, 1)[0]) == SURVIVED
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """An attack, the number of its attempts at length, and what runs before they are measured."""
+
+    attack: Attack
+    count: int
+    warm: Callable[[Path], None] = nothing
+
+
+KINDS = {
+    "claims": Kind(claims, 400, kernels),
+    "moving data": Kind(moving_data, 100, kernels),
+    "spoilt": Kind(spoilt, 400),
+    "texts": Kind(texts, 3000),
+    "travelling": Kind(travelling, 100, kernels),
+    "foreign": Kind(foreign, 1500),
+    "scopes": Kind(scopes, 400),
+    "usb": Kind(usb_devices, 80),
+    "ni": Kind(ni_cards, 96),
+    "clocks": Kind(clocks, 20),
+    "folders": Kind(folders, 2, kernels),
+    "sessions": Kind(sessions, 20),
+    "kills": Kind(kills, 30),
+}
+
+
+def attacked(name: str, folder: Path, count: int, seed: int) -> Outcome:
+    """Make ``count`` attempts of the kind ``name`` and return what became of them."""
+    kind = KINDS[name]
+    kind.warm(folder / "warm")
+    return carry_out(name, kind.attack, folder / "trial", count, seed)

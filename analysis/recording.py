@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 DEFAULT_WAVELENGTH_AIR_M = 632.8e-9  # the paper's; 30 ppm below Ciddor's for 20 degC, 101325 Pa, 50 % RH
+MOST_GAPS = 300
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -110,14 +111,15 @@ class Recording:
         """Get the gaps inside the recording that lost something, oldest first.
 
         Once they come to more than all that was stored their length counts as unknown: no motion can be foretold over
-        it, and a few bytes of metadata must not ask for more memory than the samples themselves.
+        it, and a few bytes of metadata must not ask for more memory than the samples themselves.  So it does where
+        there are more than ``MOST_GAPS``: what lies between them is too short to be read, and each costs 4 ms.
         """
         inside = (gap for gap in self.gaps if 0 < gap.sample_start < self.samples and gap.samples_lost != 0)
         gaps, lost = [], 0
         for gap in sorted(inside, key=lambda gap: gap.sample_start):
             lost += gap.samples_lost or 0
             gaps.append(gap if lost <= self.samples else Gap(gap.sample_start))
-        return tuple(gaps)
+        return tuple(gaps) if len(gaps) <= MOST_GAPS else tuple(Gap(gap.sample_start) for gap in gaps)
 
     def column(self, role: Role) -> int | None:
         """Return the channel index that carries ``role``, or None."""

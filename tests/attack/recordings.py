@@ -71,10 +71,11 @@ def claims(folder: Path, random_: random.Random) -> Iterator[Attempt]:
                ("channel", "offset_v"), ("global", "lmm:trigger_sample"), ("global", "lmm:samples")]  # fmt: skip
     while True:
         spoilt = copy.deepcopy(head)
+        whole = spoilt["global"]
+        inner = {"global": whole, "setup": whole["lmm:setup"], "channel": whole["lmm:channels"][-1]}
         words = []
         for where, key in random_.sample(places, random_.choice((1, 1, 1, 2, 3))):
-            inside = spoilt["global"]
-            inside = {"setup": inside["lmm:setup"], "channel": inside["lmm:channels"][-1]}.get(where, inside)
+            inside = inner[where]
             inside[key] = random_.choice((*NUMBERS, *(-n for n in NUMBERS), *NASTY))
             words.append(f"{key} = {str(inside[key])[:20]}")
         text = json.dumps(spoilt).encode("utf-8", "surrogatepass")

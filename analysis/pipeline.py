@@ -3,6 +3,8 @@
 import time
 from dataclasses import replace
 
+from numpy.linalg import LinAlgError
+
 from analysis.corrected import FLAG, corrected
 from analysis.fitted_shot import fit_again
 from analysis.motion import Motion
@@ -95,6 +97,8 @@ def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | 
             shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
         except NoImpact as error:
             shot = replace(shot, problem=str(error))
+        except LinAlgError:
+            shot = replace(shot, problem="the motion is in too many pieces to be read")
     seconds["impact"] = time.perf_counter() - started
     _tell(progress, cancelled, "fitting the model", 0.6)
     started = time.perf_counter()

@@ -189,7 +189,7 @@ def _wav(folder: Path) -> Iterator[tuple[str, Callable[[Path], None]]]:
         channels: int = 2, size: int | None = None, rate: int = 1_000_000, bits: int = 16, align: int | None = None
     ) -> Callable[[Path], None]:
         def build(path: Path) -> None:
-            data = np.stack([_beat(n) for n in range(min(channels, 64))], axis=1).astype("<i2").tobytes()
+            data = np.stack([_beat(n) for n in range(max(1, min(channels, 64)))], axis=1).astype("<i2").tobytes()
             align_ = 2 * channels if align is None else align
             head = struct.pack("<HHIIHH", 1, channels, rate, (rate * align_) & 0xFFFFFFFF, align_, bits)
             claimed = len(data) if size is None else size

@@ -109,7 +109,7 @@ def moving_data(folder: Path, random_: random.Random) -> Iterator[Attempt]:
             else:
                 left.unlink(missing_ok=True)
         data.write_bytes(whole)
-        delay_s = random_.uniform(0.0, 0.05)
+        delay_s = random_.uniform(0.0, 0.01)
         timer = threading.Timer(delay_s, change)
         timer.start()
         try:

@@ -36,7 +36,8 @@ def carry_out(kind: str, attack: Attack, folder: Path, count: int, seed: int) ->
     outcome = Outcome(kind)
     folder.mkdir(parents=True, exist_ok=True)
     before = most_megabytes()
-    for words, attempt in attack(folder, random.Random(seed)):
+    for what, attempt in attack(folder, random.Random(seed)):
+        words = ascii(what)[1:-1]
         if outcome.tried == count:
             break
         outcome.tried += 1

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.recording import Gap, Recording
+from analysis.recording import MOST_GAPS, Gap, Recording
 from instrument.recording_file import RecordingError, read_recording, write_recording
 
 
@@ -18,6 +18,8 @@ def test_gaps_longer_than_the_recording_are_of_unknown_length(shot: Recording) -
     assert long.bridgeable_gaps == (Gap(300, 10), Gap(500, None))
     many = dataclasses.replace(shot, gaps=tuple(Gap(n, shot.samples // 3) for n in range(100, 110)))
     assert [gap.samples_lost is None for gap in many.bridgeable_gaps] == [False] * 3 + [True] * 7
+    crowd = dataclasses.replace(shot, gaps=tuple(Gap(n, 1) for n in range(1, MOST_GAPS + 2)))
+    assert all(gap.samples_lost is None for gap in crowd.bridgeable_gaps)
 
 
 def test_a_recording_keeps_what_it_says_of_its_gaps(shot: Recording, tmp_path: Path) -> None:

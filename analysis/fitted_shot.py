@@ -9,6 +9,7 @@ from analysis.kinetic_contact import fitted_contact_cor
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.quantity import NotSeen
+from analysis.reading.from_model import with_model_readings
 from analysis.shot import AnalysisError, Shot
 
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
@@ -45,12 +46,20 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
     assert shot.motion is not None
     try:
         fitted = with_fit(shot, fit_jointly([shot.motion], shot.settings.model, effects, cancelled))
-        return replace(fitted, problem=None) if driven else replace(fitted, fit_problem=None)
+        return replace(fitted, problem=None) if driven else _read_again(replace(fitted, fit_problem=None))
     except AnalysisError as error:
         unfitted = with_fit(shot, None)
         if driven:  # the fit is all there is
             return replace(unfitted, problem=shot.problem or str(error))
         return replace(unfitted, fit_problem=str(error))
+
+
+def _read_again(shot: Shot) -> Shot:
+    """Return the shot with its pulse read from the fit, where derivatives of its record carry too little."""
+    if shot.impact is None or shot.fit is None or shot.motion is None:
+        return shot
+    impact = with_model_readings(shot.impact, shot.fit, shot.motion)
+    return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, *impact.flags))))
 
 
 def fit_jointly(

@@ -43,6 +43,8 @@ FLAG_WORDS = {
     "trigger_lost": "the light switch's sample lies beyond the end of the file",
     "impulse_disagrees": "quasi-static COR and impulse ratio differ by more than three standard uncertainties",
     "bounces_disturbed": "something else moves the block in its first flights: the kinetic COR is not given",
+    "read_from_model": "peak, width, contact time and deflection are the fitted model's: derivatives carry too little",
+    "pulse_disagrees": "peak and width of the force as read do not make the impulse that mass and velocities do",
     "no_release": "the record ends within the contact",
     "fit_not_converged": "the model's fit did not converge: its numbers are withheld",
     "mass_disagrees": "force and motion contradict the stated mass: the fitted one is used",

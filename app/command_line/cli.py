@@ -13,7 +13,6 @@ from pathlib import Path
 
 from app.command_line.model_choice import MODELS, is_model_file
 from app.words.plain import PlainStream
-from instrument.bench.site import NAMES, site_named
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -166,6 +165,10 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
         from app.command_line.paper import paper
 
         return partial(paper, options.json, options.figures, options.paper or None)
+    if options.prepare:
+        from app.command_line.prepare import prepare
+
+        return partial(prepare, options.jobs)
     if options.doctor:
         from app.command_line.doctor import doctor
 
@@ -195,6 +198,7 @@ def _parser() -> argparse.ArgumentParser:
         help="print the paper's numbers beside this program's (and beside a recording's)",
     )
     mode.add_argument("--map", type=_path, metavar="FILE", help="what a TDMS, HDF5, WAV or CSV file holds, and its use")
+    mode.add_argument("--prepare", action="store_true", help="compile everything now, for the first start (--jobs N)")
     mode.add_argument("--doctor", action="store_true", help="check this machine, with --source its signals too")
     group = parser.add_argument_group("with --replay")
     group.add_argument("--json", metavar="FILE", type=_name, help="write the result (- for standard output)")
@@ -239,7 +243,7 @@ def _parser() -> argparse.ArgumentParser:
         "--site",
         type=_name,
         metavar="SITE",
-        help=f"where it stands: {', '.join(NAMES)}, or a TOML file (quiet; in the window as set there)",
+        help="where it stands: quiet, ISO-office, VC-A to VC-G, or a TOML file (quiet; in the window as set)",
     )
     return parser
 
@@ -251,6 +255,8 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     given |= {"no-diagnose"} if options.no_diagnose else set()
     if options.paper is not None:
         given -= {"json"}
+    if options.prepare:
+        given -= {"jobs"}
     if given and options.replay is None:
         parser.error(f"--{sorted(given)[0]} goes with --replay")
     if options.hdf5 and options.export is None:
@@ -303,6 +309,8 @@ def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
     elsewhere = any(mode is not None for mode in (options.replay, options.map, options.paper, options.doctor or None))
     if elsewhere or (options.acquire is not None and not _is_bench(options.source)):
         parser.error("--site is where the simulated bench stands: with --simulate, --acquire --source bench or alone")
+    from instrument.bench.site import site_named
+
     try:
         site_named(options.site)
     except ValueError as error:

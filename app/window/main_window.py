@@ -13,10 +13,11 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from analysis.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.log import ProgramLog, note
+from app.session.prepare import run_once
 from app.session.rig import Open, Rig
 from app.session.saver import Saver
 from app.session.session import Entry, Session
-from app.session.warm import Kernels, run_once
+from app.session.warm import Kernels
 from app.session.workbench import Workbench
 from app.window import keyboard
 from app.window.layout import Layout

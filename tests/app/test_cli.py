@@ -50,7 +50,26 @@ def test_wrong_usage_is_refused(arguments: list[str], capsys: pytest.CaptureFixt
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out.startswith("levimass ")
+    out = capsys.readouterr().out
+    assert out.startswith("levimass ")
+    assert "MIT" in out and "numba" in out
+
+
+def test_version_and_a_wrong_word_wait_for_no_numerics() -> None:
+    asking = (
+        "import sys\nfrom app.command_line.cli import main\nmain(['--version']); main(['--no-such'])\n"
+        "assert not {'numpy', 'numba', 'PySide6'} & set(sys.modules)"
+    )
+    ended = subprocess.run([sys.executable, "-c", asking], cwd=HOUSE, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_the_help_names_the_sites_there_are() -> None:
+    from instrument.bench.site import NAMES
+
+    words = " ".join(cli._parser().format_help().split())
+    for name in NAMES:
+        assert name in words or name.startswith("VC-"), name
 
 
 @pytest.mark.parametrize("option", ["--json", "--report", "--save-model", "--export"])

@@ -1,44 +1,103 @@
-"""The mark that says the kernels are on disk: true only for what wrote it."""
+"""The mark that says the kernels are on disk, true only for what wrote it; and what compiles them."""
 
 import llvmlite
 import numba
 import pytest
 
 from analysis import kernel_cache
-from app.session import warm
+from analysis.shot import Cancelled
+from app.command_line.cli import main
+from app.session import prepare, warm
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "root", lambda: tmp_path)
-    monkeypatch.setattr(warm, "run_once", lambda **_: None)
-    monkeypatch.setattr(warm.os, "nice", lambda _: 0)
+    monkeypatch.setattr(warm, "run_once", lambda: None)
     return tmp_path
 
 
+class AtOnce:
+    """A process that has ended when it is started, and says in which order."""
+
+    started: list[str] = []  # noqa: RUF012 - emptied by each test
+
+    def __init__(self, piece) -> None:
+        self.started.append(piece.name)
+        self.exitcode = 0
+
+    def is_alive(self) -> bool:
+        return False
+
+
+@pytest.fixture
+def order(monkeypatch):
+    AtOnce.started.clear()
+    monkeypatch.setattr(prepare, "_started", AtOnce)
+    return AtOnce.started
+
+
+def quietly(words: str, share: float) -> None:
+    assert 0.0 <= share <= 1.0
+
+
 def test_the_mark_holds_for_the_program_that_wrote_it(folder):
-    assert not warm._on_disk()
-    warm.main()
-    assert warm._on_disk()
+    assert not prepare.complete()
+    prepare.mark_complete()
+    assert prepare.complete()
 
 
 @pytest.mark.parametrize("what", [numba, llvmlite])
 def test_another_numba_does_not_trust_it(folder, monkeypatch, what):
-    warm.main()
+    prepare.mark_complete()
     monkeypatch.setattr(what, "__version__", "999.0")
-    assert not warm._on_disk()
+    assert not prepare.complete()
 
 
 def test_a_mark_that_says_nothing_or_nonsense_is_none(folder):
     (folder / "complete").touch()  # as an older version of the program left it
-    assert not warm._on_disk()
+    assert not prepare.complete()
     (folder / "complete").write_bytes(b"\xff\xfe")
-    assert not warm._on_disk()
+    assert not prepare.complete()
 
 
-def test_what_is_not_on_disk_is_compiled_elsewhere_and_only_once(folder, monkeypatch):
-    compiled = []
-    monkeypatch.setattr(warm, "_in_another_process", lambda _: compiled.append(warm.main()))
+def test_what_is_not_on_disk_is_compiled_elsewhere_and_only_once(folder, order):
     for _ in range(2):
-        warm.Kernels().work(lambda words, share: None, lambda: False)
-    assert compiled == [0]
+        warm.Kernels().work(quietly, lambda: False)
+    assert sorted(order) == sorted(piece.name for piece in prepare.PIECES)
+
+
+def test_what_a_first_shot_needs_comes_first(folder, order):
+    begun = []
+    assert prepare.prepare(quietly, lambda: False, lambda: begun.append(len(order)), at_once=1)
+    firsts = [piece.name for piece in prepare.PIECES if piece.first]
+    assert set(order[: begun[0]]) == set(firsts)
+    assert order[len(firsts) - 1] == next(piece.name for piece in prepare.PIECES if piece.joins)
+
+
+def test_in_processes_of_their_own_and_none_stays(folder, monkeypatch):
+    processes = []
+    start = prepare._started
+    monkeypatch.setattr(prepare, "_started", lambda piece: processes.append(start(piece)) or processes[-1])
+    with pytest.raises(Cancelled):
+        prepare.prepare(quietly, lambda: True, at_once=2)
+    assert len(processes) == 2
+    for process in processes:
+        process.join(10)
+        assert not process.is_alive()
+    assert not prepare.complete()
+
+
+def test_what_could_not_be_compiled_leaves_no_mark_and_is_told(folder, order, monkeypatch, capsys):
+    monkeypatch.setattr(AtOnce, "is_alive", lambda self: setattr(self, "exitcode", 1))
+    assert main(["--prepare"]) == 1
+    assert "not everything could be compiled" in capsys.readouterr().err
+    assert not prepare.complete()
+
+
+def test_prepare_compiles_once(folder, order, capsys):
+    assert main(["--prepare", "--jobs", "2"]) == 0
+    assert "100" not in capsys.readouterr().err  # a share is of what is left, and at its end it is told in one line
+    assert main(["--prepare"]) == 0
+    assert "already" in capsys.readouterr().out
+    assert len(order) == len(prepare.PIECES)

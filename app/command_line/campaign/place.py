@@ -8,7 +8,7 @@ from pathlib import Path
 
 from analysis.report import program_version
 
-_HOUSE = Path(__file__).resolve().parents[2]
+_HOUSE = Path(__file__).resolve().parents[3]
 
 
 def program() -> str:

@@ -1,0 +1,103 @@
+"""Levimass from a script or a notebook: ``read``, ``analyse``, ``diagnose``, ``simulate``.
+
+Each is one line over what the window and the command line use themselves; what they return is frozen, and its arrays
+are read-only.  Importing this is quick: the first call loads the numerics, and the first ever compiles them
+(``levimass --prepare`` does that beforehand).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.result import Diagnosis
+    from analysis.recording import Recording
+    from analysis.shot import AnalysisSettings, Shot
+    from instrument.motion_file import MotionRecord
+
+__all__ = ["analyse", "diagnose", "read", "simulate"]
+
+
+def read(path: Path | str) -> Recording | MotionRecord:
+    """Return what lies at ``path``: a raw recording (counts), or a motion record (displacement, velocity, force).
+
+    Raises RecordingError, whose one line names file and cause.
+    """
+    from instrument.motion_file import read_motion
+    from instrument.open_recording import open_recording
+    from instrument.recording_search import is_motion_record
+
+    return read_motion(Path(path)) if is_motion_record(Path(path)) else open_recording(path)
+
+
+def analyse(
+    what: Recording | Path | str, *, model: str | None = None, settings: AnalysisSettings | None = None
+) -> Shot:
+    """Return the analysed shot of a raw recording, or of a recording or motion record that lies at a path.
+
+    ``model`` names the base model ("paper" unless the settings or a motion record say otherwise).  Velocities in m/s,
+    force in N, displacement in m, each with its standard deviation: ``shot.motion``; velocities and restitutions:
+    ``shot.impact``; the model: ``shot.fit``.  Where a part could not be had ``shot.problem`` says why.  Raises
+    RecordingError and AnalysisError where there is nothing to analyse.
+    """
+    from dataclasses import replace
+
+    from analysis.pipeline import analyse as analyse_recording
+    from analysis.shot import AnalysisSettings
+    from app.session.load import analysed
+
+    if isinstance(what, str | Path):
+        return analysed(Path(what), model, settings=settings)
+    chosen = settings or AnalysisSettings()
+    return analyse_recording(what, replace(chosen, model=model or chosen.model))
+
+
+def diagnose(shots: Shot | Sequence[Shot], *, accepted: Sequence[str] = ()) -> Diagnosis:
+    """Return what the model of the shots lacks; several shots of one rig are judged together, and tell more.
+
+    ``accepted`` names effects that are in the model already.  Raises AnalysisError where a shot has no motion, and
+    ValueError for an unknown effect or shots of different models.
+    """
+    from analysis.diagnosis.diagnose import diagnose as diagnose_motions
+    from analysis.shot import AnalysisError, Shot
+
+    several = [shots] if isinstance(shots, Shot) else list(shots)
+    models = {shot.settings.model for shot in several}
+    if len(models) > 1:
+        raise ValueError(f"the shots have different base models: {', '.join(sorted(models))}")
+    motions = []
+    for shot in several:
+        if shot.motion is None:
+            raise AnalysisError(f"{shot.name} has no motion: {shot.problem or 'it was not demodulated'}")
+        motions.append(shot.motion)
+    return diagnose_motions(motions, model=models.pop() if models else "paper", accepted=accepted)
+
+
+def simulate(
+    folder: Path | str, shots: int = 3, seed: int = 1, effects: Mapping[str, Mapping[str, float]] | None = None
+) -> list[Path]:
+    """Write recordings of ``shots`` shots on the simulated bench into ``folder``; return their paths.
+
+    ``effects`` are what is wrong with the rig, as in ``{"sensor_lag": {"lag_s": 1e-6}}``.  The same seed gives the
+    same counts.  Raises ValueError on an effect that does not exist, RecordingError where nothing can be written.
+    """
+    from instrument.bench.simulate import simulate as write_simulated
+
+    told = {name: dict(parameters) for name, parameters in effects.items()} if effects else None
+    return write_simulated(folder, shots, seed, told)
+
+
+def _main(argv: Sequence[str] | None = None) -> int:
+    """Run the command ``levimass``."""
+    from app.command_line.cli import main
+
+    return main(argv)
+
+
+def _window(argv: Sequence[str] | None = None) -> int:
+    """Open the window."""
+    from app.command_line.cli import window
+
+    return window(argv)

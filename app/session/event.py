@@ -15,6 +15,7 @@ class Kind(StrEnum):
     SHOT = "shot"  # a new entry, analysed
     CHANGED = "changed"  # entries were read again or refitted
     EXPORTED = "exported"
+    PRINT = "print"  # the text of a report, to be printed
     DIAGNOSED = "diagnosed"
     MODEL = "model"  # a model file was loaded
     CUT_OFF = "cut off"  # recordings that the end of the program cut off were found

@@ -37,6 +37,7 @@ class Entry:
 class _State:
     entries: tuple[Entry, ...]
     what: str
+    effects: ModelEffects
 
 
 class Session:
@@ -66,7 +67,9 @@ class Session:
         return self._effects
 
     def set_effects(self, effects: ModelEffects) -> None:
-        """Set the effects accepted into the model."""
+        """Set the effects accepted into the model; can be undone."""
+        if effects != self._effects:
+            self._remember("the change of the model")
         self._effects = effects
         self._set(self._entries)
 
@@ -119,10 +122,11 @@ class Session:
         self._set(tuple(entry for entry in self._entries if entry.number not in numbers))
 
     def undo(self) -> str | None:
-        """Take back the last note or removal; return what it was, or None."""
+        """Take back the last note, removal or change of the model; return what it was, or None."""
         if not self._undo:
             return None
         state = self._undo.pop()
+        self._effects = state.effects
         shots = {entry.number: entry for entry in self._entries}
         restored = []
         for old in state.entries:
@@ -134,7 +138,7 @@ class Session:
         return state.what
 
     def _remember(self, what: str) -> None:
-        self._undo.append(_State(self._entries, what))
+        self._undo.append(_State(self._entries, what, self._effects))
         del self._undo[:-UNDO_DEPTH]
 
     def _change(self, number: int, change: Callable[[Entry], Entry]) -> None:

@@ -44,10 +44,21 @@ def write_model(
 def write_report(
     path: Path, shots: Sequence[Shot], diagnosis: Diagnosis | None, *, progress: Progress, cancelled: Asked
 ) -> str:
-    """Write the report of these shots, and return what was done in words."""
-    progress("drawing the report", 0.2)
-    write_text_beside(path, report_of(shots, diagnosis), sync=True)
+    """Write the report of these shots, as the path's ending says, and return what was done in words."""
+    text = report_text(shots, diagnosis, progress=progress, cancelled=cancelled)
+    if path.suffix.lower() == ".pdf":
+        from app.report.pdf import write_pdf  # only this needs Qt
+
+        write_pdf(text, path)
+    else:
+        write_text_beside(path, text, sync=True)
     return f"Report of {len(shots)} shots saved as {path}"
+
+
+def report_text(shots: Sequence[Shot], diagnosis: Diagnosis | None, *, progress: Progress, cancelled: Asked) -> str:
+    """Return the report of these shots as HTML."""
+    progress("drawing the report", 0.2)
+    return report_of(shots, diagnosis)
 
 
 def write_csv(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Asked) -> str:

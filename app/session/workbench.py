@@ -13,6 +13,7 @@ from typing import Any
 
 from analysis.diagnosis import diagnose
 from analysis.diagnosis.model_file import SavedModel
+from analysis.diagnosis.result import Diagnosis
 from analysis.shot import AnalysisSettings, Shot
 from app.session.cut_off import cut_off
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, SavedElsewhere
@@ -22,7 +23,7 @@ from app.session.model_in_use import load_model, model_words
 from app.session.saver import Saver
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
-from app.session.shot_work import open_shot, refit_shot, write_csv, write_model, write_report
+from app.session.shot_work import open_shot, refit_shot, report_text, write_csv, write_model, write_report
 from app.words.verdict import verdict_words
 from instrument.apart.work import WorkApart
 from instrument.recording_error import PartlySaved
@@ -203,6 +204,14 @@ class Workbench:
         self.session.set_effects(self.session.effects.with_effects(base, effects))
         self._submit_refit([entry for entry in self.session.entries if entry.shot is not None])
 
+    def undo(self) -> str | None:
+        """Take back the last note, removal or change of the model; return what it was, or None."""
+        before = self.session.effects
+        what = self.session.undo()
+        if self.session.effects != before:
+            self._submit_refit([entry for entry in self.session.entries if entry.shot is not None])
+        return what
+
     def save_model(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the writing of the model as these entries show it, or as all do when none is named."""
         entries = [e for e in (self._entries(numbers) or self.session.entries) if e.shot is not None]
@@ -218,14 +227,25 @@ class Workbench:
         self.errands.submit("model file", lambda _, __: Loaded(load_model(path), path), "model")
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
-        """Queue the report of these entries, or of all when none is named, as one HTML file."""
+        """Queue the report of these entries, or of all when none is named, as one HTML or PDF file."""
+        shots, diagnosis = self._reported(numbers)
+        self._submit_export("report", partial(write_report, path, shots, diagnosis))
+
+    def report_to_print(self, numbers: Sequence[int]) -> None:
+        """Queue the making of the report's text, which comes back to be printed."""
+        make = partial(report_text, *self._reported(numbers))
+
+        def work(report: Report, cancelled: Asked) -> Event:
+            return Event(Kind.PRINT, self._do(make, report, cancelled))
+
+        self.jobs.submit("report", work, "export")
+
+    def _reported(self, numbers: Sequence[int]) -> tuple[list[Shot], Diagnosis | None]:
         entries = self._entries(numbers) or list(self.session.entries)
         shots = [replace(entry.shot, note=entry.note) for entry in entries if entry.shot is not None]
         found = self.diagnosed
         same = found is not None and set(found.numbers) <= {entry.number for entry in entries}
-        diagnosis = found.diagnosis if found is not None and same else None
-
-        self._submit_export("report", partial(write_report, path, shots, diagnosis))
+        return shots, found.diagnosis if found is not None and same else None
 
     # what ended -------------------------------------------------------------------------------------------------
 

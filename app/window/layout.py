@@ -3,6 +3,7 @@
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QTabWidget, QVBoxLayout, QWidget
 
+from app.window.panels.about_sheet import AboutSheet
 from app.window.panels.banner import Banner
 from app.window.panels.budget import BudgetPanel
 from app.window.panels.compare import ComparePanel
@@ -52,7 +53,7 @@ class Layout(QWidget):
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName("Pages")
         # none of the pages widens the window, whatever it shows
-        self.tabs.setMinimumWidth(54 * self.fontMetrics().horizontalAdvance("M"))
+        self.tabs.setMinimumWidth(44 * self.fontMetrics().horizontalAdvance("M"))
         for name, page in (
             ("LIVE", self.live),
             ("SHOT", self.shot),
@@ -69,13 +70,14 @@ class Layout(QWidget):
         self.setup = SetupSheet(c, self)
         self.mapping = MappingSheet(c, self)
         self.keys = KeySheet(self)
+        self.about = AboutSheet(self)
         self.tour = Tour(c, self)
         self._theme = theme
 
     def _place(self) -> None:
         column = QVBoxLayout(self)
-        column.setContentsMargins(8, 8, 8, 6)
-        column.setSpacing(6)
+        column.setContentsMargins(6, 4, 6, 4)
+        column.setSpacing(4)
         top = QHBoxLayout()
         top.setSpacing(10)
         top.addWidget(self.controls)
@@ -93,6 +95,7 @@ class Layout(QWidget):
         across = QSplitter(Qt.Orientation.Horizontal, self)
         across.addWidget(self.tabs)
         across.addWidget(side)
+        across.setSizes([1400, 430])  # of a large screen; on a small one the numbers take the least they need
         across.setStretchFactor(0, 1)
         across.setStretchFactor(1, 0)
         across.setChildrenCollapsible(False)
@@ -139,6 +142,7 @@ class Layout(QWidget):
         self.settings.place()
         self.setup.place()
         self.mapping.place()
+        self.about.place()
         self.tour.place()
         if self.keys.isVisible():
             self.keys.place()

@@ -19,9 +19,10 @@ from app.session.saver import Saver
 from app.session.session import Entry, Session
 from app.session.warm import Kernels
 from app.session.workbench import Workbench
-from app.window import keyboard
+from app.window import menus
 from app.window.layout import Layout
 from app.window.presenters.diagnosis import DiagnosisPresenter
+from app.window.presenters.help import HelpPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.model import ModelPresenter
 from app.window.presenters.rig import RigPresenter
@@ -72,11 +73,18 @@ class MainWindow(QMainWindow):
         self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
         self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
         self.tour_presenter = TourPresenter(choices, self.panels, self)
+        self.help_presenter = HelpPresenter(self.panels, log.folder, self)
         self.mapping_presenter = MappingPresenter(workbench, choices, self.panels, self)
         self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
         self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
         self.model_presenter = ModelPresenter(workbench, choices, self.panels, self.selection_presenter.front, self)
-        for presenter in (self.rig_presenter, self.session_presenter, self.view_presenter, self.model_presenter):
+        for presenter in (
+            self.rig_presenter,
+            self.session_presenter,
+            self.view_presenter,
+            self.model_presenter,
+            self.help_presenter,
+        ):
             presenter.said.connect(self.say)
         self.rig_presenter.shot_finished.connect(self._shot_finished)
         self.session_presenter.arrived.connect(self._arrived)
@@ -91,8 +99,9 @@ class MainWindow(QMainWindow):
             self.model_presenter,
             self.setup_presenter,
             self.tour_presenter,
+            self.help_presenter,
         )
-        keyboard.bind(self, (*presenters, self))
+        self.actions_by_name = menus.bind(self, (*presenters, self))
         if workbench.session.problem:
             self.say(workbench.session.problem, Tone.WARNING)
         for words in choices.warnings:
@@ -155,7 +164,7 @@ class MainWindow(QMainWindow):
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Press the button in focus by Enter."""
-        if not keyboard.pressed_by_enter(self.focusWidget(), event):
+        if not menus.pressed_by_enter(self.focusWidget(), event):
             super().keyPressEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:

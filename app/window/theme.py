@@ -61,7 +61,7 @@ LIGHT = Colours(
     simulated="#f0803c",
     residual="#1b5fa8",
     band="#d5dde8",
-    band_edge="#f2b233",
+    band_edge="#8497b0",
     marker="#7a8694",
     cursor_a="#7a2bb5",
     cursor_b="#0b7a53",
@@ -99,7 +99,7 @@ DARK = Colours(
     simulated="#ff8a4c",
     residual="#5aa9ff",
     band="#2b3744",
-    band_edge="#ffc533",
+    band_edge="#6d86a3",
     marker="#8793a0",
     cursor_a="#d39bff",
     cursor_b="#5fdcaa",
@@ -183,11 +183,11 @@ def style_sheet(colours: Colours) -> str:
     QWidget[panel="true"] {{ background: {colours.panel}; }}
     QLabel[faint="true"] {{ color: {colours.faint}; }}
     QLabel[heading="true"] {{ color: {colours.faint}; font-weight: bold; letter-spacing: 1px; }}
-    QPushButton, QToolButton {{ padding: 5px 12px; border: 1px solid {colours.edge}; border-radius: 5px;
+    QPushButton, QToolButton {{ padding: 4px 9px; border: 1px solid {colours.edge}; border-radius: 5px;
         background: {colours.panel}; color: {colours.text}; }}
     QFileDialog QToolButton {{ padding: 2px; }}
     QPushButton:hover, QToolButton:hover {{ border-color: {colours.accent}; }}
-    QPushButton:focus, QToolButton:focus {{ border: 2px solid {colours.accent}; padding: 4px 11px; }}
+    QPushButton:focus, QToolButton:focus {{ border: 2px solid {colours.accent}; padding: 3px 8px; }}
     QPushButton:pressed, QToolButton:pressed {{ background: {colours.edge}; }}
     QPushButton:checked, QToolButton:checked {{ background: {background}; color: {text}; }}
     QPushButton:disabled, QToolButton:disabled {{ color: {colours.marker};
@@ -203,7 +203,7 @@ def style_sheet(colours: Colours) -> str:
     QTableView QLineEdit, QTreeView QLineEdit {{ padding: 0 2px; border-radius: 0; }}
     QGraphicsView {{ border: 1px solid {colours.plot}; }}
     QGraphicsView:focus {{ border: 1px solid {colours.accent}; }}
-    QTabBar::tab {{ padding: 7px 18px; border: none; border-bottom: 3px solid transparent; color: {colours.faint};
+    QTabBar::tab {{ padding: 6px 10px; border: none; border-bottom: 3px solid transparent; color: {colours.faint};
         background: transparent; font-weight: bold; }}
     QTabBar::tab:selected {{ color: {colours.text}; border-bottom: 3px solid {colours.accent}; }}
     QTabBar::tab:focus {{ color: {colours.accent}; }}

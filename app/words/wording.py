@@ -11,6 +11,7 @@ from app.words.physics_words import flag_words as flag_words
 from app.words.physics_words import parameter_parts as parameter_parts
 
 DASH = "–"
+LONGEST_NAME = 24  # characters of a shot's name beside others
 
 MILD_FLAGS = ("wander", "leak_removed", "rest_drift")  # seen, and already contained in the numbers
 
@@ -85,6 +86,11 @@ def parameter_words(name: str, value: Quantity) -> str:
     words, unit = parameter_parts(base)
     which = f" of shot {shot}" if shot else ""
     return f"{words}{which} {value_text(value)} {unit}".rstrip()
+
+
+def short_name(name: str) -> str:
+    """Return a name with its middle left out where it is long: its end tells shots apart."""
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME // 2 - 1]}…{name[-LONGEST_NAME // 2 :]}"
 
 
 def duration(seconds: float) -> str:

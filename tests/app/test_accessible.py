@@ -1,5 +1,7 @@
 """The window without a mouse and without eyes: names, tooltips, the order of Tab, keys wherever the focus is."""
 
+import re
+
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAccessible, QKeySequence
@@ -20,8 +22,8 @@ from PySide6.QtWidgets import (
 
 from app.session.session import Session
 from app.session.settings import FIELDS
-from app.window import keyboard
-from app.window.keys import KEYS
+from app.window import menus
+from app.window.commands import COMMANDS, MENUS
 from app.window.layout import Layout
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Theme
@@ -48,7 +50,7 @@ def window(qtbot):
     main.setCentralWidget(main.panels)
     main.panels.settings.offer(FIELDS)
     main.pressed = Pressed()
-    keyboard.bind(main, (main.pressed,))
+    menus.bind(main, (main.pressed,))
     session = Session()
     for index, speed in enumerate((0.2, 0.25), 1):
         session.add(synthetic.shot(f"shot-{index}", speed, index))
@@ -123,12 +125,13 @@ def test_keys_work_wherever_the_focus_is_but_never_steal_what_is_typed(window, q
     qtbot.wait(20)
     tab_bar = window.panels.tabs.tabBar()
     for widget in [*_reachable(window), tab_bar]:
-        for key in KEYS:
-            (stroke,) = QKeySequence(key.sequence)
-            widget.setFocus()
-            window.pressed.actions.clear()
-            qtbot.keyClick(widget, stroke.key(), stroke.keyboardModifiers())
-            assert window.pressed.actions == [key.action], f"{key.sequence} in {widget}"
+        for command in COMMANDS:
+            for key in command.keys:
+                (stroke,) = QKeySequence(key)
+                widget.setFocus()
+                window.pressed.actions.clear()
+                qtbot.keyClick(widget, stroke.key(), stroke.keyboardModifiers())
+                assert window.pressed.actions == [command.action], f"{key} in {widget}"
 
 
 def test_letters_and_space_typed_into_a_field_stay_there(window, qtbot):
@@ -145,7 +148,7 @@ def test_letters_and_space_typed_into_a_field_stay_there(window, qtbot):
 
 def test_enter_presses_buttons_made_later_too(window, qtbot):
     main = window
-    main.keyPressEvent = lambda event: keyboard.pressed_by_enter(main.focusWidget(), event)
+    main.keyPressEvent = lambda event: menus.pressed_by_enter(main.focusWidget(), event)
     main.panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
     qtbot.wait(20)
     button = main.panels.diagnosis.effects.button("quadratic_drag")
@@ -190,3 +193,20 @@ def test_nothing_but_the_window_ever_comes_up_and_the_keyboard_stays(window, qtb
 
     assert appeared(shown_on_every_page) == []
     assert QApplication.focusWidget() is panels.table.table
+
+
+def test_menu_and_key_carry_out_one_action_and_what_a_tooltip_names_is_a_key(window):
+    known = {key for command in COMMANDS for key in command.keys}
+    by_menu = [action for menu in window.menuBar().actions() for action in menu.menu().actions() if action.text()]
+    assert [action.text() for action in by_menu] == [
+        command.words for name in MENUS for command in COMMANDS if command.menu == name
+    ]
+    for action, command in zip(by_menu, [c for name in MENUS for c in COMMANDS if c.menu == name], strict=True):
+        assert [key.toString() for key in action.shortcuts()] == [QKeySequence(key).toString() for key in command.keys]
+        window.pressed.actions.clear()
+        action.trigger()
+        assert window.pressed.actions == [command.action]
+    named = {found[1] for w in _used(window) if (found := re.search(r"  \(([^()]+)\)$", w.toolTip()))}
+    of_qt = {"Esc", "space", "Enter", "Enter in a field", "Enter in the field"}
+    wrong = {key for text in named for key in re.split(", | or ", text)} - known - of_qt
+    assert not wrong

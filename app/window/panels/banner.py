@@ -28,15 +28,15 @@ class Banner(QFrame):
         self._tone = Tone.NEUTRAL
         self.setObjectName("banner")
         row = QHBoxLayout(self)
-        row.setContentsMargins(16, 6, 16, 6)
-        row.setSpacing(14)
+        row.setContentsMargins(8, 4, 12, 4)
+        row.setSpacing(8)
         self._sign = QLabel(self)
         self._word = QLabel(self)
         self._detail = QLabel(self)
         self._clock = QLabel(self)
         self._sign.setFont(sized(self.font(), 2.3, bold=True))
         self._word.setFont(sized(self.font(), 2.3, bold=True))
-        self._clock.setFont(sized(self.font(), 2.0, bold=True))
+        self._clock.setFont(sized(self.font(), 1.6, bold=True))
         self._detail.setFont(sized(self.font(), 1.15))
         self._detail.setWordWrap(True)
         self._detail.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -57,7 +57,8 @@ class Banner(QFrame):
         self.save_elsewhere.hide()
         row.addWidget(self.save_elsewhere)
         row.addWidget(self._clock)
-        self.setFixedHeight(max(self._word.sizeHint().height() + 12, 3 * self._detail.fontMetrics().lineSpacing() + 12))
+        self._detail.setMinimumWidth(self.fontMetrics().horizontalAdvance("M") * 12)
+        self.setFixedHeight(max(self._word.sizeHint().height() + 8, 3 * self.fontMetrics().lineSpacing() + 8))
         self.setAccessibleName("State of the instrument")
         self.show_state("READY", "", Tone.NEUTRAL)
 
@@ -102,7 +103,7 @@ class Banner(QFrame):
     def _fit(self) -> None:
         """Take the largest font in which the whole sentence can be read."""
         self.layout().activate()
-        room = self.contentsRect().height() - 12
+        room = self.contentsRect().height() - 8
         for factor in FACTORS:
             font = sized(self.font(), factor)
             flags = Qt.TextFlag.TextWordWrap.value

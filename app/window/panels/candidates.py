@@ -34,7 +34,7 @@ class CandidateBars(QScrollArea):
         self._colours = colours
         self.setWidgetResizable(True)
         self.setAccessibleName("Effects that were tried, best first")
-        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAsNeeded)
 
     def dress(self, colours: Colours) -> None:
         """Set the colours used from the next show on."""
@@ -57,7 +57,7 @@ class CandidateBars(QScrollArea):
             font = name.font()
             font.setBold(chosen)
             name.setFont(font)
-            colour = self._colours.simulated if chosen else self._colours.marker
+            colour = self._colours.accent if chosen else self._colours.marker
             score = QLabel(number(candidate.score, 3), inner)
             score.setAlignment(Qt.AlignmentFlag.AlignRight)
             bic = DASH if candidate.delta_bic is None else f"ΔBIC {number(candidate.delta_bic, 3)}"
@@ -72,5 +72,3 @@ class CandidateBars(QScrollArea):
                 grid.addWidget(widget, line, place)
         grid.setRowStretch(SHOWN_CANDIDATES, 1)
         self.setWidget(inner)
-        if candidates:
-            self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())

@@ -14,6 +14,7 @@ from app.window.plots.legend import Legend
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from app.words.wording import short_name
 
 MOST = 8
 
@@ -38,6 +39,7 @@ class ComparePanel(QWidget):
             bar.addWidget(button)
         self._say = QLabel(self)
         self._say.setProperty("faint", True)
+        self._say.setWordWrap(True)
         bar.addWidget(self._say, 1)
         self._which = QComboBox(self)
         self._which.setAccessibleName("Number whose trend is shown")
@@ -91,9 +93,11 @@ class ComparePanel(QWidget):
     def _label_lines(self) -> None:
         shown = self._entries[-MOST:]
         self._numbers.show(self._velocity_curves[: len(shown)], [str(e.number) for e in shown], self._colours)
-        self._legend.show_entries(
-            [(f"{e.number}  {e.name}", series_pen(self._colours, index)) for index, e in enumerate(shown)]
-        )
+        entries = [
+            (f"{e.number}  {short_name(e.name)}", series_pen(self._colours, index)) for index, e in enumerate(shown)
+        ]
+        self._legend.show_entries(entries)
+        self.stack.legend = entries
 
     def show_entries(self, entries: list[Entry]) -> None:
         """Overlay the last eight of these and show the trend of all."""

@@ -6,6 +6,7 @@ from PySide6.QtWidgets import (
     QLabel,
     QProgressBar,
     QPushButton,
+    QScrollArea,
     QSplitter,
     QVBoxLayout,
     QWidget,
@@ -49,9 +50,18 @@ class DiagnosisPanel(QWidget):
         self._shots: list[Shot] = []
         self._model_effects: tuple[str, ...] = ()
         self._busy = False
-        column = QVBoxLayout(self)
-        column.setContentsMargins(10, 8, 10, 6)
-        column.setSpacing(6)
+        around = QVBoxLayout(self)
+        around.setContentsMargins(0, 0, 0, 0)
+        scroll = QScrollArea(self)  # a low screen shows it piece by piece, each piece whole
+        scroll.setWidgetResizable(True)
+        scroll.setAccessibleName("Diagnosis")
+        inner = QWidget(scroll)
+        inner.setProperty("panel", True)
+        scroll.setWidget(inner)
+        around.addWidget(scroll)
+        column = QVBoxLayout(inner)
+        column.setContentsMargins(10, 4, 10, 4)
+        column.setSpacing(4)
         top = QHBoxLayout()
         self._verdict = QLabel(self)
         self._verdict.setFont(sized(self.font(), 1.5, bold=True))
@@ -61,7 +71,7 @@ class DiagnosisPanel(QWidget):
         self.progress = QProgressBar(self)
         self.progress.setRange(0, 1000)
         self.progress.setAccessibleName("Progress of the diagnosis")
-        self.progress.setMinimumWidth(260)
+        self.progress.setMinimumWidth(120)
         policy = self.progress.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.progress.setSizePolicy(policy)
@@ -70,7 +80,7 @@ class DiagnosisPanel(QWidget):
         policy.setRetainSizeWhenHidden(True)
         self.cancel.setSizePolicy(policy)
         self.cancel.setToolTip("Stop the diagnosis; the one before is kept")
-        self.diagnose = QPushButton("Diagnose selected shots", self)
+        self.diagnose = QPushButton("Diagnose", self)
         self.diagnose.setProperty("primary", True)
         self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
         for widget in (self.progress, self.cancel, self.diagnose):
@@ -87,16 +97,19 @@ class DiagnosisPanel(QWidget):
         column.addWidget(self.effects)
         split = self._evidence = QSplitter(Qt.Orientation.Horizontal, self)
         left = QWidget(split)
+        left.setMinimumWidth(10 * self.fontMetrics().horizontalAdvance("M"))
         left_column = QVBoxLayout(left)
         left_column.setContentsMargins(0, 0, 0, 0)
         heading = QLabel("CANDIDATES, BEST FIRST", left)
         heading.setProperty("heading", True)
+        heading.setWordWrap(True)
         left_column.addWidget(heading)
         self.bars = CandidateBars(colours, left)
         left_column.addWidget(self.bars, 1)
         self.residuals = Residuals(colours, split)
         split.setSizes([480, 500])
         split.setChildrenCollapsible(False)
+        split.setMinimumHeight(15 * self.fontMetrics().lineSpacing())
         column.addWidget(split, 1)
         self._blind = QLabel(self)
         self._blind.setWordWrap(True)

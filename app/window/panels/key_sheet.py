@@ -1,9 +1,9 @@
-"""F1: every key on one sheet, made from the table the window binds them from."""
+"""F1: every key on one sheet, made from the table of commands."""
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
 
-from app.window.keys import KEYS, MOUSE, ON_PLOT
+from app.window.commands import COMMANDS, MOUSE, ON_PLOT
 from app.window.theme import sized
 
 
@@ -32,8 +32,9 @@ class KeySheet(QFrame):
         self._scroll.setAccessibleName("List of keys")
         column.addWidget(self._scroll)
         groups: dict[str, list[tuple[str, str]]] = {}
-        for key in KEYS:
-            groups.setdefault(key.group, []).append((key.sequence, key.words))
+        for command in COMMANDS:
+            if command.keys:
+                groups.setdefault(command.menu, []).append((", ".join(command.keys), command.words))
         groups["A plot in focus (Tab)"] = list(ON_PLOT)
         groups["Mouse on a plot"] = list(MOUSE)
         lines = [0, 0]

@@ -2,7 +2,7 @@
 
 import numpy as np
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.recording import Channel, Role
 from app.window.pens import thin
@@ -38,7 +38,7 @@ class LivePanel(QWidget):
         super().__init__(parent)
         self._colours = colours
         grid = QGridLayout(self)
-        grid.setContentsMargins(6, 6, 6, 6)
+        grid.setContentsMargins(6, 4, 6, 4)
         grid.setHorizontalSpacing(8)
         self.stack = TimeStack("Beat frequency, velocity and force, live", colours, self)
         self._plots = {name: self.stack.add_plot(title, unit) for name, title, unit, *_ in ROWS}
@@ -68,7 +68,7 @@ class LivePanel(QWidget):
             plot.minimum_span = 0.1
             plot.steady = True
         self.raw.label_time("time (ms), the newest samples")
-        self.raw.setMinimumWidth(300)
+        self.raw.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Ignored)  # a low screen has its digits
         grid.addWidget(self.raw, 4, 1)
         for line, plot in enumerate(self.plots, 5):
             grid.addWidget(readout := CursorReadout(plot, self), line, 0, 1, 2)
@@ -87,7 +87,7 @@ class LivePanel(QWidget):
         tile = QFrame(self)
         tile.setProperty("card", True)
         column = QVBoxLayout(tile)
-        column.setContentsMargins(12, 4, 12, 4)
+        column.setContentsMargins(12, 2, 12, 2)
         column.setSpacing(0)
         heading = QLabel(f"{title}  ({unit})", tile)
         heading.setProperty("faint", True)

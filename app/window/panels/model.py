@@ -15,8 +15,6 @@ class ModelPanel(QFrame):
 
     diagnose_wanted = Signal()
     details_wanted = Signal()
-    load_wanted = Signal()
-    save_wanted = Signal()
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -24,11 +22,19 @@ class ModelPanel(QFrame):
         self._shot: Shot | None = None
         self._said = self._told = ("", Tone.NEUTRAL)
         column = QVBoxLayout(self)
-        column.setContentsMargins(12, 6, 12, 8)
-        column.setSpacing(3)
-        heading = QLabel("MODEL AND DIAGNOSIS", self)
+        column.setContentsMargins(10, 2, 8, 4)
+        column.setSpacing(1)
+        top = QHBoxLayout()
+        heading = QLabel("MODEL", self)
         heading.setProperty("heading", True)
-        column.addWidget(heading)
+        top.addWidget(heading, 1)
+        self.diagnose = QPushButton("Diagnose", self)
+        self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
+        self.details = QPushButton("Evidence", self)
+        self.details.setToolTip("Candidates, residual before and after  (Ctrl+5)")
+        top.addWidget(self.diagnose)
+        top.addWidget(self.details)
+        column.addLayout(top)
         self._model = QLabel(self)
         self._fit = QLabel(self)
         self._known = QLabel(self)
@@ -37,29 +43,8 @@ class ModelPanel(QFrame):
             label.setWordWrap(True)
             label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             column.addWidget(label)
-        self._verdict.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
+        self._verdict.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
         self._verdict.setAlignment(Qt.AlignmentFlag.AlignTop)
-        row = QHBoxLayout()
-        self.diagnose = QPushButton("Diagnose", self)
-        self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
-        self.details = QPushButton("Evidence", self)
-        self.details.setToolTip("Candidates, residual before and after  (Ctrl+5)")
-        row.addWidget(self.diagnose)
-        row.addWidget(self.details)
-        row.addStretch(1)
-        for words, tip, slot in (
-            ("Open model …", "Use the effects of a model file; all shots are fitted again  (Ctrl+Shift+O)", self._load),
-            (
-                "Save model …",
-                "Base, effects, parameters of the selected shots, as a file  (Ctrl+Shift+S)",
-                self._save,
-            ),
-        ):
-            button = QPushButton(words, self)
-            button.setToolTip(tip)
-            button.clicked.connect(slot)
-            row.addWidget(button)
-        column.addLayout(row)
         self.diagnose.clicked.connect(self._diagnose)
         self.details.clicked.connect(self._details)
         self.show_shot(None)
@@ -119,14 +104,6 @@ class ModelPanel(QFrame):
     @Slot()
     def _diagnose(self) -> None:
         self.diagnose_wanted.emit()
-
-    @Slot()
-    def _load(self) -> None:
-        self.load_wanted.emit()
-
-    @Slot()
-    def _save(self) -> None:
-        self.save_wanted.emit()
 
     @Slot()
     def _details(self) -> None:

@@ -36,7 +36,7 @@ class NoticeLine(QFrame):
         self._words.setAccessibleName("Newest message")
         self._words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # a path must not widen it
         self._whole = ""
-        self._do = QPushButton(self)
+        self._do = QPushButton("Do it", self)
         self._do.setToolTip("Do what the message offers")
         self._do.clicked.connect(self._done)
         self._close = QPushButton("Dismiss", self)

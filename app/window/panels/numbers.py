@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QScrollArea,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
 
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.shot import Shot
@@ -113,12 +122,14 @@ class NumbersPanel(QScrollArea):
         super().__init__(parent)
         self._colours = colours
         self._shot: Shot | None = None
+        self._title = "No shot"
         self._values: dict[str, QLabel] = {}
         self._names: dict[str, QLabel] = {}
         inner = QWidget(self)
         column = QVBoxLayout(inner)
-        column.setContentsMargins(12, 8, 12, 8)
+        column.setContentsMargins(10, 4, 8, 4)
         self.title = QLabel("No shot", inner)
+        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.title.setFont(sized(self.font(), 1.25, bold=True))
         self.title.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         top = QHBoxLayout()
@@ -130,19 +141,19 @@ class NumbersPanel(QScrollArea):
         column.addLayout(top)
         grid = QGridLayout()
         grid.setHorizontalSpacing(8)
-        grid.setVerticalSpacing(2)
+        grid.setVerticalSpacing(0)
         grid.setColumnStretch(1, 1)
         column.addLayout(grid)
         line = 0
         for heading, rows in GROUPS:
             label = QLabel(heading, inner)
             label.setProperty("heading", True)
-            grid.addWidget(label, line, 0, 1, 2)
+            grid.addWidget(label, line, 0)
             if heading == "RESTITUTION":
                 self.agreement = QLabel("", inner)
                 self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
                 grid.addWidget(self.agreement, line, 1, 1, 2)
-            grid.setRowMinimumHeight(line, int(1.9 * self.fontMetrics().height()) if line else 0)
+            grid.setRowMinimumHeight(line, int(1.4 * self.fontMetrics().height()) if line else 0)
             line += 1
             for row in rows:
                 self._add_row(grid, line, row, inner)
@@ -167,7 +178,7 @@ class NumbersPanel(QScrollArea):
         unit.setProperty("faint", True)
         value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        value.setMinimumWidth(value.fontMetrics().horizontalAdvance("-0.987555673 ± 0.000000044"))
+        value.setMinimumWidth(value.fontMetrics().horizontalAdvance("-0.987555673(44)"))
         value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         value.setAccessibleName(f"{row.name} {row.unit}")
         grid.addWidget(name, line, 0)
@@ -196,7 +207,8 @@ class NumbersPanel(QScrollArea):
     def show_shot(self, shot: Shot | None, title: str = "") -> None:
         """Show the numbers of a shot, or dashes."""
         self._shot = shot
-        self.title.setText(title or (shot.name if shot is not None else "No shot"))
+        self._title = title or (shot.name if shot is not None else "No shot")
+        self._fit_title()
         for _, rows in GROUPS:
             for row in rows:
                 reading = row.find(shot) if shot is not None else None
@@ -209,11 +221,17 @@ class NumbersPanel(QScrollArea):
         self._show_agreement(shot)
         self._show_flags(shot)
 
+    def _fit_title(self) -> None:
+        """Leave out the middle of a long name; its end tells shots apart."""
+        room, metrics = self.title.width(), self.title.fontMetrics()
+        self.title.setText(metrics.elidedText(self._title, Qt.TextElideMode.ElideMiddle, room))
+        self.title.setToolTip(self._title)
+
     @staticmethod
     def _fitting(label: QLabel, reading: Reading | None, scale: float) -> str:
         """Return 0.98755563 ± 0.00000016, or, where that has no room, 0.98755563(16)."""
         words = value_text(reading, scale)
-        if label.fontMetrics().horizontalAdvance(words) <= label.minimumWidth():
+        if label.fontMetrics().horizontalAdvance(words) <= max(label.width(), label.minimumWidth()):
             return words
         return concise_text(reading, scale)
 
@@ -221,6 +239,13 @@ class NumbersPanel(QScrollArea):
         """Keep the room of the scroll bar free, so that nothing moves when it comes."""
         super().resizeEvent(event)
         self.widget().setFixedWidth(self.width() - self.verticalScrollBar().sizeHint().width())
+        self.widget().layout().activate()
+        self._fit_title()
+        for _, rows in GROUPS:
+            for row in rows:
+                label = self._values[row.name]
+                reading = row.find(self._shot) if self._shot is not None else None
+                label.setText(self._fitting(label, reading, row.scale))
 
     def _show_agreement(self, shot: Shot | None) -> None:
         self.agreement.setText("")

@@ -11,7 +11,7 @@ from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.wording import DASH, number
+from app.words.wording import DASH, number, short_name
 
 CELL = "<td align='right' style='padding: 0 6px'>"
 
@@ -25,11 +25,13 @@ class Residuals(QWidget):
         column.setContentsMargins(6, 0, 0, 0)
         self._heading = QLabel("RESIDUAL OF DISPLACEMENT", self)
         self._heading.setProperty("heading", True)
+        self._heading.setWordWrap(True)
         column.addWidget(self._heading)
         self.stack = TimeStack("Residual before and after", colours, self)
         self._plots = [self.stack.add_plot(name, "nm", 1) for name in ("before", "after")]
         self._bands = [plot.add_band(colours.band, colours.band_edge) for plot in self._plots]
         self._curves = [plot.add_curve("residual", thin(colours.residual)) for plot in self._plots]
+        self.stack.setMinimumHeight(8 * self.fontMetrics().lineSpacing())
         self.stack.label_time("time from first touch (ms)")
         self.stack.reset_wanted.connect(self.reset)
         column.addWidget(self.stack, 1)
@@ -62,7 +64,7 @@ class Residuals(QWidget):
         assert motion is not None
         zero, words = time_zero(shot)
         self.stack.label_time(words)
-        self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {shot.name} (band: noise, ±2 σ)")
+        self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: noise, ±2 σ)")
         # What stays unexplained is not noise, though a floor that wanders may take it for some.
         known = diagnosis.verdict not in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
         noise_m = (

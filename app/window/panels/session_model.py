@@ -9,9 +9,9 @@ from app.session.session import Entry
 from app.words.wording import DASH, concise_text, flag_words, how_text, value_text
 
 COLUMNS = (
-    ("#", 5),
+    ("#", 9),
     ("time", 9),
-    ("name", 13),
+    ("name", 18),
     ("v in (m/s)", 19),
     ("v out (m/s)", 19),
     ("COR quasi-static", 17),

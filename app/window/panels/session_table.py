@@ -3,6 +3,7 @@
 from PySide6.QtCore import (
     QItemSelection,
     QItemSelectionModel,
+    Qt,
     Signal,
     Slot,
 )
@@ -38,8 +39,8 @@ class SessionTable(QFrame):
         super().__init__(parent)
         self.setProperty("card", True)
         column = QVBoxLayout(self)
-        column.setContentsMargins(8, 6, 8, 4)
-        column.setSpacing(4)
+        column.setContentsMargins(6, 2, 6, 2)
+        column.setSpacing(2)
         bar = QHBoxLayout()
         self._count = QLabel("SHOTS", self)
         self._count.setProperty("heading", True)
@@ -80,6 +81,8 @@ class SessionTable(QFrame):
         self.table.setAlternatingRowColors(True)
         self.table.setShowGrid(False)
         self.table.setWordWrap(False)
+        self.table.setTextElideMode(Qt.TextElideMode.ElideMiddle)
+        self.table.setMinimumHeight(int(4.2 * self.fontMetrics().height()))
         self.table.setTabKeyNavigation(False)
         self.table.verticalHeader().hide()
         self.table.verticalHeader().setDefaultSectionSize(int(1.9 * self.fontMetrics().height()))
@@ -128,6 +131,13 @@ class SessionTable(QFrame):
             model.setCurrentIndex(last, flag.NoUpdate)
             self.table.scrollTo(last)
         model.select(chosen, flag.ClearAndSelect | flag.Rows)  # at once: every change of the selection is drawn
+
+    def as_text(self) -> str:
+        """Return the selected lines, or all, as the table shows them: a line of heads, cells parted by tabs."""
+        rows = [row for row, e in enumerate(self.model.entries) if not self._numbers or e.number in self._numbers]
+        lines = [[name for name, _ in COLUMNS]]
+        lines += [[str(self.model.index(row, n).data()) for n in range(len(COLUMNS))] for row in rows]
+        return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
     def edit_note(self) -> None:
         """Start editing the note of the shot in front."""

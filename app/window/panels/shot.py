@@ -2,11 +2,12 @@
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QPen
-from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QButtonGroup, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
 from analysis.recording import Recording
 from analysis.shot import Shot
 from app.report.shot_times import time_zero
+from app.window.flow_layout import FlowLayout
 from app.window.panels.shot_deflection import DeflectionView
 from app.window.panels.shot_gap import GapView
 from app.window.panels.shot_motion import MotionView
@@ -93,7 +94,7 @@ class ShotPanel(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(6, 6, 6, 2)
         column.setSpacing(4)
-        bar = QHBoxLayout()
+        bar = FlowLayout()
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
         for name, words, key, tip in VIEWS:
@@ -105,7 +106,6 @@ class ShotPanel(QWidget):
             self._buttons[name] = button
             bar.addWidget(button)
         self._group.buttonClicked.connect(self._view_pressed)
-        bar.addStretch(1)
         self._cursor_button = QPushButton("Cursors", self)
         self._cursor_button.setCheckable(True)
         self._cursor_button.setToolTip("Two cursors: differences, mean, rms and slope between them  (C)")
@@ -116,10 +116,8 @@ class ShotPanel(QWidget):
         self._menu_button.clicked.connect(self.open_menu)
         bar.addWidget(self._menu_button)
         column.addLayout(bar)
-        line = QHBoxLayout()
-        line.addWidget(self._legend, 1)
-        line.addWidget(self.motion.kind)
-        column.addLayout(line)
+        bar.addWidget(self.motion.kind)
+        column.addWidget(self._legend)
         column.addWidget(self._pages, 1)
         for plot in self._plots:
             column.addWidget(CursorReadout(plot, self))
@@ -147,6 +145,8 @@ class ShotPanel(QWidget):
             entries.append(("measured − simulated", thin(c.residual)))
             entries.append(("noise, ±2 standard deviations", (c.band, c.band_edge)))
         self._legend.show_entries(entries)
+        for plot in self._plots:
+            plot.legend = entries
 
     def show_shot(self, shot: Shot | None, recording: Recording | None = None) -> None:
         """Show this shot; None shows what to do to get one."""

@@ -35,8 +35,8 @@ class SignalLine(QFrame):
         self._colours = colours
         self._signs: dict[str, Sign] = {}
         row = QHBoxLayout(self)
-        row.setContentsMargins(10, 3, 10, 3)
-        row.setSpacing(6)
+        row.setContentsMargins(6, 2, 6, 2)
+        row.setSpacing(3)
         self._marks: dict[str, QLabel] = {}
         self._values: dict[str, QLabel] = {}
         for name, title, widest in TILES:
@@ -49,7 +49,7 @@ class SignalLine(QFrame):
             value.setAccessibleName(title)
             for widget in (mark, heading, value):
                 row.addWidget(widget)
-            row.addSpacing(10)
+            row.addSpacing(4)
             self._marks[name], self._values[name] = mark, value
         self._folder = QLabel(self)
         self._folder.setProperty("faint", True)

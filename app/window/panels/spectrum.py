@@ -3,7 +3,7 @@
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QRectF, Qt, Slot
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QSplitter, QVBoxLayout, QWidget
 
 from analysis.recording import Role
 from app.session.spectra import NAMES, Spectra
@@ -29,10 +29,8 @@ class SpectrumPanel(QWidget):
         self._say = QLabel(self)
         self._say.setProperty("faint", True)
         self._legend = Legend(self)
-        line = QHBoxLayout()
-        line.addWidget(self._legend)
-        line.addWidget(self._say, 1)
-        column.addLayout(line)
+        column.addWidget(self._legend)
+        column.addWidget(self._say)
         split = QSplitter(Qt.Orientation.Vertical, self)
         self._spectrum = PlainPlot(
             "Spectrum of the beats", ("power", "dB above 1 V²/Hz"), "frequency (MHz)", FREQUENCY, split
@@ -53,12 +51,14 @@ class SpectrumPanel(QWidget):
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
-        pens = {Role.REFERENCE: under(colours.simulated), Role.MEASUREMENT: thin(colours.measured)}
+        pens = {Role.REFERENCE: under(colours.residual), Role.MEASUREMENT: thin(colours.measured)}
         for role, curve in self._curves.items():
             curve.setPen(pens[role])
         for plot in self.plots:
             plot.dress(colours)
-        self._legend.show_entries([("PD0, at rest", pens[Role.REFERENCE]), ("PD1, moving", pens[Role.MEASUREMENT])])
+        entries = [("PD0, at rest", pens[Role.REFERENCE]), ("PD1, moving", pens[Role.MEASUREMENT])]
+        self._legend.show_entries(entries)
+        self._spectrum.legend = entries
 
     def has_spectra(self) -> bool:
         """Return whether spectra are shown."""

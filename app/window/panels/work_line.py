@@ -23,7 +23,7 @@ class WorkLine(QWidget):
         self.notices = NoticeLine(colours, self)
         self.progress = QProgressBar(self)
         self.progress.setRange(0, 1000)
-        self.progress.setFixedWidth(
+        self.progress.setMaximumWidth(
             self.fontMetrics().horizontalAdvance("fit with the new model: finding a start (+12)")
         )
         self.progress.setAccessibleName("Work under way")

@@ -22,6 +22,8 @@ class CrispCurve(pg.PlotCurveItem):
 
     def paint(self, painter: QPainter, option: object, widget: QWidget | None) -> None:
         """Draw the curve, and on a dense screen its neighbours."""
+        if not _has_room(painter):
+            return
         super().paint(painter, option, widget)
         ratio = painter.device().devicePixelRatioF()
         if ratio < DENSE or self.opts["pen"].widthF() > 1.0:
@@ -58,6 +60,8 @@ class ColumnCurve(CrispCurve):
 
     def paint(self, painter: QPainter, option: object, widget: QWidget | None) -> None:
         """Fill the columns, or draw the line."""
+        if not _has_room(painter):
+            return
         if self._columns is None or len(self._columns[0]) < 2:
             super().paint(painter, option, widget)
             return
@@ -76,3 +80,9 @@ class ColumnCurve(CrispCurve):
         painter.setPen(pg.mkPen(None))
         painter.setBrush(pen.color())
         painter.drawRects(*self._rectangles.drawargs())
+
+
+def _has_room(painter: QPainter) -> bool:
+    """Return whether there is anything to draw on: a plot pressed flat maps all values to one, and Qt dies of that."""
+    scale = painter.worldTransform()
+    return abs(scale.determinant()) > 0.0

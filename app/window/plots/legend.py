@@ -1,15 +1,62 @@
 """The one legend of a panel: a sample of each line style with its name, above the plots and never over the data."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from PySide6.QtCore import QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 
 from app.window.clear_layout import clear_layout
+from app.window.flow_layout import FlowLayout
 from app.window.pens import density
 
 Look = QPen | tuple[str, str]
+
+
+_SAMPLE, _GAP = 26, 6
+
+
+def legend_height(entries: Sequence[tuple[str, Look]], width: int, font: QFont) -> int:
+    """Return how high the entries stand in a picture of this width."""
+    return sum(1 for _ in _rows(entries, width, QFontMetrics(font))) * (QFontMetrics(font).height() + 4)
+
+
+def paint_legend(painter: QPainter, entries: Sequence[tuple[str, Look]], width: int) -> None:
+    """Draw the entries at the top of a picture, in the painter's font and pen."""
+    metrics, words = painter.fontMetrics(), painter.pen()
+    line = metrics.height() + 4
+    for number, row in enumerate(_rows(entries, width, metrics)):
+        middle = number * line + line // 2
+        for x, name, look in row:
+            if isinstance(look, QPen):
+                painter.setPen(_sample_pen(look))
+                painter.drawLine(x, middle, x + _SAMPLE, middle)
+            else:
+                painter.fillRect(x, middle - 4, _SAMPLE, 8, QColor(look[0]))
+            painter.setPen(words)
+            painter.drawText(x + _SAMPLE + _GAP, middle + metrics.ascent() // 2 - 1, name)
+
+
+def _rows(
+    entries: Sequence[tuple[str, Look]], width: int, metrics: QFontMetrics
+) -> Iterator[list[tuple[int, str, Look]]]:
+    row: list[tuple[int, str, Look]] = []
+    x = _GAP
+    for name, look in entries:
+        needed = _SAMPLE + _GAP + metrics.horizontalAdvance(name) + 3 * _GAP
+        if row and x + needed > width:
+            yield row
+            row, x = [], _GAP
+        row.append((x, name, look))
+        x += needed
+    if row:
+        yield row
+
+
+def _sample_pen(look: QPen) -> QPen:
+    pen = QPen(look)
+    pen.setWidthF(max(2.0, pen.widthF() / density()))  # in logical pixels, unlike a plot's
+    return pen
 
 
 class LineSample(QWidget):
@@ -18,10 +65,8 @@ class LineSample(QWidget):
     def __init__(self, look: Look, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._band = None if isinstance(look, QPen) else QColor(look[0])
-        self._pen = QPen(look) if isinstance(look, QPen) else QPen(QColor(look[1]), 1, Qt.PenStyle.DashLine)
-        if self._band is None:  # in logical pixels, unlike a plot's
-            self._pen.setWidthF(max(2.0, self._pen.widthF() / density()))
-        self.setFixedSize(QSize(26, 14))
+        self._pen = _sample_pen(look) if isinstance(look, QPen) else QPen(QColor(look[1]), 1, Qt.PenStyle.DashLine)
+        self.setFixedSize(QSize(_SAMPLE, 14))
 
     def paintEvent(self, _: QPaintEvent) -> None:
         """Draw the sample."""
@@ -41,9 +86,7 @@ class Legend(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._row = QHBoxLayout(self)
-        self._row.setContentsMargins(0, 0, 0, 0)
-        self._row.setSpacing(6)
+        self._row = FlowLayout(self)
         self._entries: list[tuple[str, Look]] = []
 
     def show_entries(self, entries: Sequence[tuple[str, Look]]) -> None:
@@ -53,9 +96,13 @@ class Legend(QWidget):
         self._entries = list(entries)
         clear_layout(self._row)
         for name, look in entries:
-            self._row.addWidget(LineSample(look, self), 0, Qt.AlignmentFlag.AlignVCenter)
-            label = QLabel(name, self)
+            entry = QWidget(self)
+            pair = QHBoxLayout(entry)
+            pair.setContentsMargins(0, 0, 2 * _GAP, 0)
+            pair.setSpacing(_GAP)
+            pair.addWidget(LineSample(look, entry), 0, Qt.AlignmentFlag.AlignVCenter)
+            label = QLabel(name, entry)
             label.setProperty("faint", True)
-            self._row.addWidget(label)
-            self._row.addSpacing(8)
-        self._row.addStretch(1)
+            pair.addWidget(label)
+            self._row.addWidget(entry)
+            entry.show()

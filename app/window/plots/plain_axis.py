@@ -3,7 +3,8 @@
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtGui import QPainter
+from PySide6.QtCore import QTimer, Slot
+from PySide6.QtGui import QFontMetricsF, QPainter
 
 from app.window.pens import straight
 from app.words.wording import local
@@ -15,7 +16,12 @@ class PlainAxis(pg.AxisItem):
     """Draws the grid of the strongest ticks only, in one pen."""
 
     def __init__(self, orientation: str) -> None:
+        self._whole = ""
+        self._later = QTimer()
+        self._later.setSingleShot(True)
         super().__init__(orientation)
+        self._later.setParent(self)
+        self._later.timeout.connect(self._fit_label)
         self._grid_pen = pg.mkPen("#e4e8ed")
 
     def dress(self, line: str, text: str, grid: str) -> None:
@@ -25,6 +31,32 @@ class PlainAxis(pg.AxisItem):
         self.setTextPen(pg.mkPen(text))
         self.setGrid(255)
         self.setZValue(BEHIND)
+
+    def resizeEvent(self, ev: Any = None) -> None:
+        """Fit the label once the event is over: a label that changes while it is drawn ends the process."""
+        super().resizeEvent(ev)
+        self._later.start()
+
+    @Slot()
+    def _fit_label(self) -> None:
+        """Let a label be whole, or its unit alone, or nothing: never cut, never over another."""
+        if not self._whole:
+            return
+        room = self.size().height() if self.orientation == "left" else self.size().width()
+        metrics = QFontMetricsF(self.label.font())
+        unit = self._whole[self._whole.rfind("(") + 1 :].rstrip(")")
+        fitting = (text for text in (self._whole, unit) if metrics.horizontalAdvance(text) + 8 <= room)
+        text = next(fitting, "")
+        if text != self.labelText:
+            self.labelText = text
+            self.label.setHtml(self.labelString())
+            super().resizeEvent(None)
+
+    def setLabel(self, text: str | None = None, *args: Any, **kwargs: Any) -> None:
+        """Set the label; it is shown as far as there is room."""
+        self._whole = text or ""
+        super().setLabel(text, *args, **kwargs)
+        self._later.start()
 
     def generateDrawSpecs(self, p: QPainter) -> Any:
         """Keep the lines of the labelled ticks."""

@@ -8,6 +8,7 @@ from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QHideEvent, QKeyEv
 from PySide6.QtWidgets import QMenu, QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis, Cursors
+from app.window.plots.legend import Look
 from app.window.theme import Colours
 
 Span = tuple[float, float]
@@ -25,6 +26,7 @@ class PlotView(pg.GraphicsLayoutWidget):
     def __init__(self, name: str, axis: CursorAxis = TIME, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.name = name
+        self.legend: list[tuple[str, Look]] = []  # of the panel's lines: a saved picture carries it
         self.setAccessibleName(name)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.ci.layout.setSpacing(2)

@@ -10,34 +10,57 @@ from PySide6.QtGui import QImage, QPainter
 from PySide6.QtSvg import QSvgGenerator
 
 from app.window.plots.curve import SampledCurve
+from app.window.plots.legend import Look, legend_height, paint_legend
+from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 
 
 def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:
-    """Write the plot as it looks, ``scale`` times finer than the screen.  Raises OSError."""
-    image = QImage(view.size() * scale, QImage.Format.Format_RGB32)
-    image.setDevicePixelRatio(scale)
-    image.fill(view.backgroundBrush().color())
-    painter = QPainter(image)
-    view.render(painter, QRectF(0, 0, view.width(), view.height()))  # else it takes the device's pixels for its own
-    painter.end()
-    if not image.save(str(path), "PNG"):  # type: ignore[call-overload]  # its types want bytes, itself takes text
+    """Write the plot as it looks, ``scale`` times finer than the screen, its legend above it.  Raises OSError."""
+    if not picture(view, scale).save(str(path), "PNG"):  # type: ignore[call-overload]  # its types want bytes
         raise OSError(f"{path}: could not be written")
+
+
+def picture(view: pg.GraphicsView, scale: float = 2.0) -> QImage:
+    """Return the plot as ``save_png`` writes it."""
+    size = _whole(view)
+    image = QImage(size * scale, QImage.Format.Format_RGB32)
+    image.setDevicePixelRatio(scale)
+    painter = QPainter(image)
+    _draw(painter, view, size)
+    painter.end()
+    return image
+
+
+def _whole(view: pg.GraphicsView) -> QSize:
+    return QSize(view.width(), view.height() + legend_height(_legend(view), view.width(), view.font()))
+
+
+def _legend(view: pg.GraphicsView) -> list[tuple[str, Look]]:
+    return view.legend if isinstance(view, PlotView) else []
+
+
+def _draw(painter: QPainter, view: pg.GraphicsView, size: QSize) -> None:
+    above = size.height() - view.height()
+    painter.fillRect(QRectF(0, 0, size.width(), size.height()), view.backgroundBrush())
+    painter.setFont(view.font())
+    painter.setPen(view.palette().text().color())
+    paint_legend(painter, _legend(view), size.width())
+    view.render(painter, QRectF(0, above, view.width(), view.height()))  # else it takes the device's pixels for its own
 
 
 def save_svg(view: pg.GraphicsView, path: Path) -> None:
     """Write the plot as lines and text.  Raises OSError."""
     generator = QSvgGenerator()
     generator.setFileName(str(path))
-    size = view.size()
+    size = _whole(view)
     generator.setSize(QSize(size.width(), size.height()))
     generator.setViewBox(QRectF(0, 0, size.width(), size.height()))
     generator.setTitle("Levimass")
     painter = QPainter()
     if not painter.begin(generator):
         raise OSError(f"{path}: could not be written")
-    painter.fillRect(QRectF(0, 0, size.width(), size.height()), view.backgroundBrush())
-    view.render(painter, QRectF(0, 0, size.width(), size.height()))
+    _draw(painter, view, size)
     painter.end()
 
 

@@ -36,8 +36,6 @@ class ModelPresenter(QObject):
         self._shown: tuple[SavedModel | None, Fit | None] = (None, None)
         self._taken: SavedModel | None = None
         self._folder = Path.home()
-        panels.model.save_wanted.connect(self.save_model)
-        panels.model.load_wanted.connect(self.load_model)
 
     def refresh(self) -> None:
         """Say how the shot in front agrees with the model file, where one is in use."""

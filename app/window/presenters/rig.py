@@ -96,7 +96,7 @@ class RigPresenter(QObject):
     def abort(self) -> None:
         """Close an open sheet; else abort."""
         p = self._panels
-        sheets = [sheet for sheet in (p.tour, p.keys, p.settings, p.setup, p.mapping) if sheet.isVisible()]
+        sheets = [sheet for sheet in (p.tour, p.keys, p.about, p.settings, p.setup, p.mapping) if sheet.isVisible()]
         if sheets:
             for sheet in sheets:
                 sheet.close()

@@ -3,8 +3,11 @@
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtCore import QObject, Qt, Signal, Slot
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
+from app.report.pdf import document_of
 from app.session.event import Event, Kind
 from app.session.workbench import Workbench
 from app.window.file_question import Want, ask
@@ -78,6 +81,8 @@ class SessionPresenter(QObject):
                 self._panels.tabs.setCurrentIndex(Layout.SHOT)
         elif event.kind in (Kind.CHANGED, Kind.DIAGNOSED):
             self._selection.show_again()
+        elif event.kind is Kind.PRINT:
+            self._print(event.words)
         elif event.kind is Kind.CUT_OFF:
             self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, list(event.paths)))
         elif event.kind is Kind.MODEL:
@@ -147,11 +152,35 @@ class SessionPresenter(QObject):
     def report_selected(self) -> None:
         """Ask for a file and write the report of the selected shots, or of all."""
         start = self._folder / "report.html"
-        ask(self._panels, "Save the report", Want.NEW_FILE, self._report_asked, start, "HTML (*.html)")
+        ask(self._panels, "Save the report", Want.NEW_FILE, self._report_asked, start, "HTML (*.html);;PDF (*.pdf)")
 
     def _report_asked(self, paths: list[Path]) -> None:
         self._folder = paths[0].parent
         self._workbench.report(self._panels.table.numbers, paths[0])
+
+    @Slot()
+    def print_report(self) -> None:
+        """Make the report of the selected shots, or of all, and ask for a printer."""
+        self._workbench.report_to_print(self._panels.table.numbers)
+        self.said.emit("The report is being made; the printer is asked for next", Tone.NEUTRAL)
+
+    def _print(self, html: str) -> None:
+        printer = QPrinter(QPrinter.PrinterMode.HighResolution)
+        question = QPrintDialog(printer, self._panels)
+        question.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        question.accepted.connect(partial(self._print_on, printer, html))
+        question.open()
+
+    def _print_on(self, printer: QPrinter, html: str) -> None:
+        document_of(html).print_(printer)
+        self.said.emit("The report was sent to the printer", Tone.GOOD)
+
+    @Slot()
+    def copy_shots(self) -> None:
+        """Put the selected lines, or all, on the clipboard as a table: cells parted by tabs, "." in numbers."""
+        text = self._panels.table.as_text()
+        QGuiApplication.clipboard().setText(text)
+        self.said.emit(f"{max(0, text.count(chr(10)) - 1)} lines are on the clipboard", Tone.NEUTRAL)
 
     @Slot(list)
     def _remove_pressed(self, _: list[int]) -> None:
@@ -183,8 +212,8 @@ class SessionPresenter(QObject):
 
     @Slot()
     def undo(self) -> None:
-        """Take back the last note or removal."""
-        what = self._workbench.session.undo()
+        """Take back the last note, removal or change of the model."""
+        what = self._workbench.undo()
         self._show_table()
         self.said.emit(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
 

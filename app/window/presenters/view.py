@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtGui import QGuiApplication
 
 from app.window.file_question import Want, ask
 from app.window.layout import Layout
@@ -135,6 +136,14 @@ class ViewPresenter(QObject):
         if plot is not None and plot.cursors.shown:
             plot.copy_cursors()
             self.said.emit("What lies between the cursors is on the clipboard", Tone.NEUTRAL)
+
+    @Slot()
+    def copy_plot(self) -> None:
+        """Put a picture of the plot in front on the clipboard."""
+        plot = self._plot()
+        if plot is not None:
+            QGuiApplication.clipboard().setImage(save.picture(plot))
+            self.said.emit("The plot is on the clipboard, as a picture", Tone.NEUTRAL)
 
     @Slot()
     def plot_menu(self) -> None:

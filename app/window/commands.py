@@ -1,0 +1,80 @@
+"""Every command in one table: its menu, its words, its keys; menus, shortcuts, tooltips and F1 follow from it."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command: the presenters' method it calls, what it does in a person's words, its keys (first the usual)."""
+
+    menu: str
+    words: str
+    action: str
+    keys: tuple[str, ...] = ()
+    line_before: bool = False  # in its menu
+
+
+MENUS = ("File", "Rig", "Shots", "View", "Model", "Help")
+COMMANDS: tuple[Command, ...] = (
+    Command("File", "Open recordings …", "open_recordings", ("Ctrl+O",)),
+    Command("File", "Export CSV of the selected shots, or of all …", "export_selected", ("Ctrl+E",), True),
+    Command("File", "Report of the selected shots, or of all (HTML, PDF) …", "report_selected", ("Ctrl+T",)),
+    Command("File", "Print the report …", "print_report", ("Ctrl+Shift+P",)),
+    Command("File", "Save the plot (PNG, SVG, CSV) …", "plot_menu", ("Ctrl+P",)),
+    Command("File", "Save shots that are only in memory elsewhere …", "save_elsewhere", ("Ctrl+S",), True),
+    Command("File", "Quit", "close", ("Ctrl+Q",), True),
+    Command("Rig", "ARM: wait for the light switch and record", "arm", ("Space",)),
+    Command("Rig", "Abort; closes a sheet first when one is open", "abort", ("Esc",)),
+    Command("Rig", "Stand in for the light switch while armed", "trigger_now", ("T",)),
+    Command("Rig", "Re-arm by itself, on or off", "toggle_rearm", ("R",)),
+    Command("Rig", "Choose the source", "focus_source", ("S",), True),
+    Command("Rig", "Set-up: devices, permission, signal check", "toggle_setup", ("F3",)),
+    Command("Rig", "Settings", "toggle_settings", ("F2",)),
+    Command("Shots", "Shot before", "previous_shot", ("Ctrl+Up",)),
+    Command("Shots", "Shot after", "next_shot", ("Ctrl+Down",)),
+    Command("Shots", "Write a note on the shot", "edit_note", ("N",), True),
+    Command("Shots", "Re-analyse as copies with the present settings", "reanalyse_selected", ("Ctrl+R",)),
+    Command("Shots", "Copy the selected lines as a table", "copy_shots", ("Ctrl+C",)),
+    Command("Shots", "Take the selected shots off the list", "remove_selected", ("Del",), True),
+    Command("Shots", "Undo the last note, removal or change of the model", "undo", ("Ctrl+Z",)),
+    Command("View", "LIVE", "show_live", ("Ctrl+1",)),
+    Command("View", "SHOT", "show_shot_page", ("Ctrl+2",)),
+    Command("View", "COMPARE", "show_compare", ("Ctrl+3",)),
+    Command("View", "SPECTRUM", "show_spectrum", ("Ctrl+4",)),
+    Command("View", "DIAGNOSIS", "show_diagnosis", ("Ctrl+5",)),
+    Command("View", "BUDGET: where each uncertainty comes from", "show_budget", ("Ctrl+6", "B")),
+    Command("View", "PAPER", "show_paper", ("Ctrl+7",)),
+    Command("View", "Whole shot", "view_whole", ("1",), True),
+    Command("View", "First contact (Fig. 5)", "view_contact", ("2",)),
+    Command("View", "F against deflection (Fig. 6)", "view_deflection", ("3",)),
+    Command("View", "Gap between the bodies (Fig. 7)", "view_gap", ("4",)),
+    Command("View", "Raw signals", "view_raw", ("5",)),
+    Command("View", "Reset the view", "reset_view", ("0",), True),
+    Command("View", "Two cursors", "toggle_cursors", ("C",)),
+    Command("View", "Copy what lies between the cursors", "copy_cursors", ("Ctrl+Shift+C",)),
+    Command("View", "Copy the plot as a picture", "copy_plot", ("Ctrl+Shift+X",)),
+    Command("View", "Hold the curves of LIVE still, or let them run on", "toggle_hold", ("H",)),
+    Command("Model", "Diagnose the selected shots", "diagnose", ("D",)),
+    Command("Model", "Open a model file …", "load_model", ("Ctrl+Shift+O",), True),
+    Command("Model", "Save the model of the selected shots, or of all …", "save_model", ("Ctrl+Shift+S",)),
+    Command("Help", "Keys", "toggle_keys", ("F1",)),
+    Command("Help", "The short tour", "toggle_tour", ("F4",)),
+    Command("Help", "Tutorial and manual", "show_manual"),
+    Command("Help", "Log folder", "show_log", (), True),
+    Command("Help", "About, versions, licences", "toggle_about"),
+)
+
+ON_PLOT = (
+    ("Left, Right", "move along the axis"),
+    ("Up, Down", "closer, farther"),
+    ("Home", "the whole again"),
+    ("Shift+Left, Right", "move cursor A"),
+    ("Ctrl+Left, Right", "move cursor B"),
+)
+
+MOUSE = (
+    ("wheel", "zoom along the axis; over the left one, or with Ctrl, in value"),
+    ("drag", "move along the axis"),
+    ("click on a bounce", "zoom to it"),
+    ("right click", "the plot's own menu"),
+)

@@ -1,0 +1,42 @@
+"""Menus and keys made from the table of commands; Enter presses the button in focus (space is ARM, everywhere)."""
+
+from PySide6.QtCore import QObject, Qt
+from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
+from PySide6.QtWidgets import QAbstractButton, QMainWindow, QToolButton, QWidget
+
+from app.window.commands import COMMANDS, MENUS
+
+
+def bind(window: QMainWindow, presenters: tuple[QObject, ...]) -> dict[str, QAction]:
+    """Make the menus; return each action by its method's name, which the first presenter that has it carries out."""
+    bar = window.menuBar()
+    more = bar.findChild(QToolButton, "qt_menubar_ext_button")  # Qt's own, where the bar is too narrow
+    if more is not None:
+        more.setAccessibleName("More menus")
+        more.setToolTip("More menus")
+    menus = {name: bar.addMenu(f"&{name}") for name in MENUS}
+    actions: dict[str, QAction] = {}
+    for command in COMMANDS:
+        action = QAction(command.words, window)
+        action.setShortcuts([QKeySequence(key) for key in command.keys])
+        action.setShortcutContext(Qt.ShortcutContext.WindowShortcut)
+        action.setAutoRepeat(False)
+        presenter = next(presenter for presenter in presenters if hasattr(presenter, command.action))
+        action.triggered.connect(getattr(presenter, command.action))
+        if command.line_before:
+            menus[command.menu].addSeparator()
+        menus[command.menu].addAction(action)
+        actions[command.action] = action
+    return actions
+
+
+def pressed_by_enter(focused: QWidget | None, event: QKeyEvent) -> bool:
+    """Click the focused button where this is Enter; return whether it was.
+
+    A button passes Enter on to its window, so that one place there serves every button, later ones too.
+    """
+    enter = event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and not event.isAutoRepeat()
+    if enter and isinstance(focused, QAbstractButton) and focused.isEnabled():
+        focused.click()
+        return True
+    return False

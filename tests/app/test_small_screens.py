@@ -1,0 +1,151 @@
+"""No text is cut or lies over another, from the smallest screen to the largest, told by the fonts' own measures."""
+
+from collections.abc import Iterator
+
+import pytest
+from PySide6.QtCore import QRect
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QMainWindow, QStyle, QStyleOptionButton, QWidget
+
+from app.session.session import Session
+from app.session.settings import FIELDS, Settings
+from app.window import menus
+from app.window.layout import Layout
+from app.window.plots.plain_axis import PlainAxis
+from app.window.plots.plot_view import PlotView
+from app.window.theme import Theme, Tone
+from tests.app import synthetic
+
+SMALLEST = (960, 540)
+SIZES = (SMALLEST, (1366, 768 - 30), (1920, 1080 - 30))
+LONG = "2026-03-01_rig-a_paper-plate_run-"
+
+
+class _Nobody:
+    """Carries every command out by doing nothing."""
+
+    def __getattr__(self, name):
+        return lambda: None
+
+
+@pytest.fixture(scope="module")
+def shots():
+    return [synthetic.shot(f"{LONG}{n:03d}", 0.2 + 0.05 * n, n) for n in (1, 2)]
+
+
+@pytest.fixture(scope="module", params=SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
+def window(qapp, request, shots):
+    main = QMainWindow()
+    panels = main.panels = Layout(Theme("light"), main)
+    main.setCentralWidget(panels)
+    menus.bind(main, (_Nobody(),))
+    panels.settings.offer(FIELDS)
+    panels.settings.show_values(Settings().values())
+    panels.controls.offer_sources([("bench", "Simulated bench with a flaw")], "bench")
+    session = Session()
+    entries = [session.add(shot) for shot in shots]
+    for n in range(120):
+        session.add(synthetic.bare_shot(f"shot-{n:04d}"))
+    session.add(shots[0])
+    panels.table.show_session(session)
+    panels.banner.show_state(
+        "ANALYSING", "The recording is saved. You can arm the next shot at any time.", Tone.BUSY, "00:12"
+    )
+    panels.shot.show_shot(shots[0])
+    panels.numbers.show_shot(shots[0], f"Shot 101   {shots[0].name}")
+    panels.model.show_shot(shots[0])
+    panels.model.show_verdict("quadratic drag on the block + a mode inside the block", Tone.WARNING)
+    panels.compare.show_entries(entries)
+    panels.diagnosis.show_diagnosis(synthetic.diagnosis(shots[0]), [shots[0]])
+    panels.budget.show_shot(shots[0])
+    main.resize(*request.param)
+    main.show()
+    QTest.qWait(30)
+    yield main
+    main.close()
+    main.deleteLater()
+
+
+def _cut(widget: QWidget) -> str | None:
+    """Return the text that has no room in a widget, or None; rich text, text that wraps and elided text have it."""
+    metrics = widget.fontMetrics()
+    if isinstance(widget, QAbstractButton):
+        text, option = widget.text(), QStyleOptionButton()
+        option.initFrom(widget)
+        needed = metrics.horizontalAdvance(text.replace("&", ""))
+        room = widget.style().subElementRect(QStyle.SubElement.SE_PushButtonContents, option, widget).width()
+        return text if needed > max(room, widget.width() - 8) else None
+    if isinstance(widget, QLabel) and widget.text() and "<" not in widget.text():
+        if widget.wordWrap():
+            needed_height = widget.heightForWidth(widget.width())
+            return widget.text() if needed_height > widget.height() + metrics.descent() else None
+        longest = max(metrics.horizontalAdvance(line) for line in widget.text().splitlines())
+        return widget.text() if longest > widget.width() + 1 or metrics.height() > widget.height() + 2 else None
+    return None
+
+
+def _shown(window: QMainWindow) -> Iterator[QWidget]:
+    for widget in window.findChildren(QWidget):
+        if widget.isVisible() and isinstance(widget, QLabel | QAbstractButton) and not isinstance(widget, QComboBox):
+            yield widget
+
+
+def _pages(window: QMainWindow) -> Iterator[int]:
+    """Bring one page after the other to the front."""
+    for page in range(window.panels.tabs.count()):
+        window.panels.tabs.setCurrentIndex(page)
+        QTest.qWait(20)
+        yield page
+
+
+def test_the_smallest_screen_holds_the_window(window):
+    smallest = window.minimumSizeHint()
+    assert smallest.width() <= SMALLEST[0] and smallest.height() <= SMALLEST[1], smallest
+
+
+def test_no_words_are_cut(window):
+    for _ in _pages(window):
+        cut = {text for widget in _shown(window) if (text := _cut(widget)) is not None}
+        assert not cut
+
+
+def test_buttons_and_labels_never_lie_over_one_another(window):
+    for _ in _pages(window):
+        there: dict[QWidget, list[tuple[QRect, str]]] = {}
+        for widget in _shown(window):
+            there.setdefault(widget.parentWidget(), []).append((widget.geometry(), getattr(widget, "text", str)()))
+        over = [
+            (one, other)
+            for family in there.values()
+            for n, (place, one) in enumerate(family)
+            for elsewhere, other in family[n + 1 :]
+            if one and other and place.intersects(elsewhere)
+        ]
+        assert not over
+
+
+def test_the_labels_of_axes_are_whole_or_not_there(window):
+    for _ in _pages(window):
+        for plot in window.findChildren(PlotView):
+            for item in plot.scene().items() if plot.isVisible() else ():
+                if isinstance(item, PlainAxis) and item.orientation == "left" and item.label.isVisible():
+                    assert item.label.boundingRect().width() <= item.size().height() + 4 or not item.labelText
+
+
+def test_the_tabs_and_the_number_of_a_shot_above_99_are_whole(window):
+    tabs = window.panels.tabs.tabBar()
+    assert tabs.tabRect(tabs.count() - 1).right() <= tabs.width()
+    table = window.panels.table
+    last = table.model.index(table.model.rowCount() - 1, 0)
+    assert table.fontMetrics().horizontalAdvance("123 (100)") < table.table.columnWidth(0) - 8
+    assert last.data() == "123"
+
+
+def test_apply_is_within_reach_on_every_screen(window):
+    window.panels.settings.open()
+    window.panels.place_sheets()
+    QTest.qWait(20)
+    apply = window.panels.settings._apply
+    assert apply.isVisible() and window.panels.rect().contains(
+        QRect(apply.mapTo(window.panels, apply.rect().topLeft()), apply.size())
+    )

@@ -53,7 +53,7 @@ def write_pdf(html: str, path: Path) -> None:
         document.setPageSize(QSizeF(writer.width(), writer.height()))
         document.print_(writer)
         del writer
-        write_beside(path, beside.read_bytes(), sync=True)
+        write_beside(path, (beside.read_bytes(),), sync=True)
     finally:
         beside.unlink(missing_ok=True)
 

@@ -16,6 +16,7 @@ from analysis.quantity import Quantity
 from app.command_line.cli import main
 from app.report.markup import Markup, tag
 from app.report.page import MOST_DRAWN, report_of
+from app.report.pdf import write_pdf
 from app.report.svg_plot import Line, Plot, draw, thin_out, ticks
 from instrument.recording_file import read_recording, write_recording
 from tests.app.synthetic import diagnosis, shot
@@ -192,3 +193,11 @@ def test_a_report_that_cannot_be_written_is_one_line(tmp_path: Path, capsys: pyt
     assert status == 1 and len(lines) == 1 and "no folder" in lines[0]  # before anything is analysed
     assert main(["--report", "x.html"]) == 2
     assert main(["--replay", "x", "--report", "x.html", "--jobs", "2"]) == 2
+
+
+def test_the_report_as_pdf_has_pages_and_figures(qapp: object, tmp_path: Path) -> None:
+    html = report_of([shot()])
+    write_pdf(html, tmp_path / "report.pdf")
+    written = (tmp_path / "report.pdf").read_bytes()
+    assert written.startswith(b"%PDF") and written.count(b"/Image") >= html.count("<svg")
+    assert [path.name for path in tmp_path.iterdir()] == ["report.pdf"]

@@ -1,6 +1,8 @@
 """About: the program, what it runs on, and under which licences, as text that can be copied."""
 
+from email.message import Message
 from importlib.metadata import PackageNotFoundError, metadata
+from typing import cast
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPlainTextEdit, QPushButton, QVBoxLayout, QWidget
@@ -20,7 +22,7 @@ def licence_words() -> str:
     lines = [program_words(), "Licence: MIT", "", "It stands on:"]
     for name in PARTS:
         try:
-            known = metadata(name)
+            known = cast(Message, metadata(name))  # as importlib's own types leave out most of it
         except PackageNotFoundError:
             continue
         licence = known.get("License-Expression") or known.get("License") or ""

@@ -16,7 +16,7 @@ class PlainAxis(pg.AxisItem):
     """Draws the grid of the strongest ticks only, in one pen."""
 
     def __init__(self, orientation: str) -> None:
-        self._whole = ""
+        self._whole = self._label_shown = ""
         self._later = QTimer()
         self._later.setSingleShot(True)
         super().__init__(orientation)
@@ -47,14 +47,14 @@ class PlainAxis(pg.AxisItem):
         unit = self._whole[self._whole.rfind("(") + 1 :].rstrip(")")
         fitting = (text for text in (self._whole, unit) if metrics.horizontalAdvance(text) + 8 <= room)
         text = next(fitting, "")
-        if text != self.labelText:
-            self.labelText = text
+        if text != self._label_shown:
+            self._label_shown = self.labelText = text
             self.label.setHtml(self.labelString())
             super().resizeEvent(None)
 
     def setLabel(self, text: str | None = None, *args: Any, **kwargs: Any) -> None:
         """Set the label; it is shown as far as there is room."""
-        self._whole = text or ""
+        self._whole = self._label_shown = text or ""
         super().setLabel(text, *args, **kwargs)
         self._later.start()
 

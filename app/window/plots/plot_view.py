@@ -26,7 +26,7 @@ class PlotView(pg.GraphicsLayoutWidget):
     def __init__(self, name: str, axis: CursorAxis = TIME, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.name = name
-        self.legend: list[tuple[str, Look]] = []  # of the panel's lines: a saved picture carries it
+        self.legend: Sequence[tuple[str, Look]] = ()  # of the panel's lines: a saved picture carries it
         self.setAccessibleName(name)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.ci.layout.setSpacing(2)

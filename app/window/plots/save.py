@@ -1,6 +1,7 @@
 """A plot as a file: picture, drawing, or the samples that are in view."""
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,8 +37,8 @@ def _whole(view: pg.GraphicsView) -> QSize:
     return QSize(view.width(), view.height() + legend_height(_legend(view), view.width(), view.font()))
 
 
-def _legend(view: pg.GraphicsView) -> list[tuple[str, Look]]:
-    return view.legend if isinstance(view, PlotView) else []
+def _legend(view: pg.GraphicsView) -> Sequence[tuple[str, Look]]:
+    return view.legend if isinstance(view, PlotView) else ()
 
 
 def _draw(painter: QPainter, view: pg.GraphicsView, size: QSize) -> None:

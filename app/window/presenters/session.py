@@ -169,7 +169,8 @@ class SessionPresenter(QObject):
         question = QPrintDialog(printer, self._panels)
         question.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         question.accepted.connect(partial(self._print_on, printer, html))
-        question.open()
+        question.setModal(False)
+        question.show()
 
     def _print_on(self, printer: QPrinter, html: str) -> None:
         document_of(html).print_(printer)

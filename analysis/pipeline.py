@@ -9,6 +9,7 @@ from analysis.corrected import FLAG, corrected
 from analysis.fitted_shot import fit_again
 from analysis.motion import Motion
 from analysis.reading.read import NoImpact, read_impact
+from analysis.reading.sense import check_collision
 from analysis.recording import Recording, Setup
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
 from analysis.signal.demodulate import demodulate
@@ -93,9 +94,10 @@ def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | 
     started = time.perf_counter()
     if shot.settings.model != "driven":  # a slider under a known force strikes nothing
         try:
+            check_collision(shot.motion)
             impact = read_impact(shot.motion)
             shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
-        except NoImpact as error:
+        except (NoImpact, AnalysisError) as error:
             shot = replace(shot, problem=str(error))
         except LinAlgError:
             shot = replace(shot, problem="the motion is in too many pieces to be read")

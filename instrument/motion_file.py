@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from instrument.checked import Checked
 from instrument.recording_error import RecordingError, one_line
 from instrument.recording_metadata import MASSES_KG
+from instrument.recording_search import TABLES, motion_table
 from instrument.text_file import read_text, read_toml
 
 Floats = NDArray[np.float64]
@@ -42,14 +43,14 @@ class MotionRecord:
 
 
 def read_motion(path: Path | str) -> MotionRecord:
-    """Read a motion record; ``path`` names its .csv or its .toml.  RecordingError: one line, file and cause."""
+    """Read a motion record; ``path`` names its table or its .toml.  RecordingError: one line, file and cause."""
     table = Path(path)
     if table.suffix.lower() == ".toml":
-        table = table.with_suffix(".csv")
+        table = motion_table(table)
     about = table.with_suffix(".toml")
     if table.exists() and not about.exists():
         cause = f"neither {about.name} (of a motion record) nor a mapping (of raw beats) says what it is"
-        raise RecordingError(table, f"{cause}; 'levimass --map {table.name}' shows how to give one")
+        raise RecordingError(table, f"{cause}; 'levimass --map {table.name}' shows how to give either")
     head = Checked(about, read_toml(about))
     model = head.text("model", 1000)
     if model not in MODELS:
@@ -65,9 +66,10 @@ def read_motion(path: Path | str) -> MotionRecord:
 
 def _columns(table: Path) -> dict[str, Floats]:
     text = read_text(table, _LARGEST_CSV_BYTES)
+    parted = TABLES[table.suffix.lower()]
     first, _, body = text.partition("\n")
     try:
-        names = [name.strip() for name in next(csv.reader([first]), [])]
+        names = [name.strip() for name in next(csv.reader([first], delimiter=parted), [])]
     except csv.Error as error:
         raise RecordingError(table, f"header cannot be read ({error})") from None
     wanted = {name: names.index(name) for name in _COLUMNS if name in names}
@@ -82,10 +84,10 @@ def _columns(table: Path) -> dict[str, Floats]:
         raise RecordingError(table, "0 rows, at least 2 are needed")
     try:
         values = np.loadtxt(
-            StringIO(body), delimiter=",", usecols=list(wanted.values()), ndmin=2, dtype=np.float64, comments=None
+            StringIO(body), delimiter=parted, usecols=list(wanted.values()), ndmin=2, dtype=np.float64, comments=None
         )
     except (ValueError, IndexError, OverflowError) as error:
-        raise RecordingError(table, one_line(str(error).split(";")[0], 150)) from None
+        raise RecordingError(table, _bad_cell(body, parted, wanted) or one_line(str(error), 150)) from None
     if values.shape[0] < 2:
         raise RecordingError(table, f"{values.shape[0]} rows, at least 2 are needed")
     columns: dict[str, Floats] = {}
@@ -101,3 +103,19 @@ def _columns(table: Path) -> dict[str, Floats]:
     if back.size:
         raise RecordingError(table, f"time does not rise at row {back[0] + 3}", "time_s")
     return columns
+
+
+def _bad_cell(body: str, parted: str, wanted: Mapping[str, int]) -> str | None:
+    """Return where the first cell stands that is no number; the header is row 1, as a table program counts."""
+    for row, line in enumerate(body.splitlines(), 2):
+        if not line.strip():
+            continue
+        cells = line.split(parted)
+        for name, place in wanted.items():
+            if place >= len(cells):
+                return f"row {row} has {len(cells)} cells, {name} would be number {place + 1}"
+            try:
+                float(cells[place])
+            except ValueError:
+                return f"{name}: row {row}: {one_line(cells[place].strip(), 30)!r} is not a number"
+    return None

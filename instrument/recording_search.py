@@ -6,6 +6,14 @@ from pathlib import Path
 
 from instrument.foreign.remembered import ENDING, OF_FOLDER, is_foreign
 
+TABLES = {".csv": ",", ".tsv": "\t"}  # of motion records, and what parts their cells
+
+
+def motion_table(about: Path) -> Path:
+    """Return the table that a motion record's .toml stands beside."""
+    tables = [about.with_suffix(ending) for ending in TABLES]
+    return next((table for table in tables if table.exists()), tables[0])
+
 
 def recording_stem(path: Path | str) -> Path:
     """Return the common stem of a recording's two files; ``path`` may name either of them or the stem."""
@@ -17,7 +25,7 @@ def recording_stem(path: Path | str) -> Path:
 
 
 def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
-    """Return one path a shot: a ``.sigmf-meta`` for a recording, a ``.csv`` for a motion record.
+    """Return one path a shot: a ``.sigmf-meta`` for a recording, a ``.csv`` or ``.tsv`` for a motion record.
 
     A foreign file counts as a shot where its mapping is remembered (``instrument.foreign.remembered``).
     Paths keep their order; within a folder names are in counting order (shot-2 before shot-10).  A folder that holds
@@ -36,14 +44,14 @@ def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
 
 def is_motion_record(path: Path | str) -> bool:
     """Return whether ``path`` names a motion record rather than a raw recording."""
-    return Path(path).suffix.lower() in (".csv", ".toml") and not is_foreign(path)
+    return Path(path).suffix.lower() in (*TABLES, ".toml") and not is_foreign(path)
 
 
 def _of_file(path: Path) -> Path:
     if path.name.endswith(ENDING):
         return path.with_name(path.name.removesuffix(ENDING))
     if path.suffix.lower() == ".toml":
-        return path.with_suffix(".csv")
+        return motion_table(path)
     stem = recording_stem(path)
     meta, data = (stem.with_name(stem.name + ending) for ending in (".sigmf-meta", ".sigmf-data"))
     if stem != path or (not path.exists() and (meta.exists() or data.exists())):
@@ -82,7 +90,7 @@ def _shots_among(entries: list[Path]) -> list[Path]:
 
 
 def _is_motion_table(entry: Path, names: set[str]) -> bool:
-    return entry.suffix.lower() == ".csv" and entry.stem + ".toml" in names
+    return entry.suffix.lower() in TABLES and entry.stem + ".toml" in names
 
 
 def _counting_order(path: Path) -> tuple[list[tuple[int, int, str]], str]:

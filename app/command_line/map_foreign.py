@@ -110,4 +110,18 @@ def _listing(held: ForeignContents) -> str:
         lines.append("no mapping is remembered; say which channel is which, for example")
         path = shlex.quote(str(held.path))
         lines.append(f"  levimass --map {path} --channel measurement={name} --mass 0.01785 --rest 2.73e6{more}")
+        lines += _positions(held)
     return "\n".join(lines)
+
+
+def _positions(held: ForeignContents) -> list[str]:
+    """Return the way in for someone whose table holds positions, not beats."""
+    if held.format != "csv":
+        return []
+    table = Path(held.path)
+    return [
+        "are these positions, not beats? Then it is a motion record: name its columns time_s and displacement_m (or",
+        f"velocity_m_per_s, force_n), and write {table.with_suffix('.toml').name} beside it, for example",
+        '  model = "contact"        # or "plate" (two bodies), "driven" (a slider under the measured force_n)',
+        "  moving_mass_kg = 0.1",
+    ]

@@ -91,7 +91,7 @@ def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
     """Return what the model left over of each shot, before and after; nothing where one fit served for both."""
     before, after = diagnosis.fit_before.shots, diagnosis.fit_after.shots
     taken = [shot.name for shot in shots if shot.motion is not None and shot.fit is not None]
-    if diagnosis.fit_after is diagnosis.fit_before or len(before) != len(after):
+    if diagnosis.fit_after is diagnosis.fit_before or not before or len(before) != len(after):
         return Markup()
     plots = []
     for number, (one, other) in enumerate(zip(before[:MOST_DRAWN], after[:MOST_DRAWN], strict=True)):

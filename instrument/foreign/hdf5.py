@@ -116,6 +116,10 @@ def _opened(path: Path) -> Any:
     except ImportError:
         raise needs(path, "h5py", "hdf5") from None
     try:
+        with path.open("rb") as file:
+            if file.read(10) == b"MATLAB 5.0":
+                why = "a MATLAB file of version 5 to 7; save it with -v7.3, or write its columns as CSV"
+                raise RecordingError(path, why)
         return h5py.File(path, "r")
     except Exception as error:
         raise _unreadable(path, error) from None

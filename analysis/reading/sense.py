@@ -1,0 +1,38 @@
+"""Whether a motion record can be a collision at all, before its force is looked for."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.motion import Motion
+from analysis.shot import AnalysisError
+
+Floats = NDArray[np.float64]
+CLEAR_SIGMAS = 20.0  # of the displacement's noise: a turn has to stand out by that
+_BLOCKS = 200  # averaged over, so that a turn is one of the motion
+
+
+def check_collision(motion: Motion) -> None:
+    """Raise AnalysisError, saying what to mend, where a record from elsewhere lacks a mass or runs the wrong way."""
+    if motion.wavelength_m is not None:
+        return
+    if not np.isfinite(motion.moving_mass_kg):
+        raise AnalysisError(
+            "moving_mass_kg: not stated; the force of a collision is mass times acceleration (say it in the .toml)"
+        )
+    if _reversed(motion.displacement_m, float(np.nanmedian(motion.displacement_std_m))):
+        raise AnalysisError(
+            "displacement_m: rises towards its turn and falls away from it; it has to fall towards the contact: "
+            "reverse its sign"
+        )
+
+
+def _reversed(displacement_m: Floats, noise_m: float) -> bool:
+    """Return whether the one turn of a displacement, shape (n,), is at its top."""
+    known = displacement_m[np.isfinite(displacement_m)]
+    size = max(1, known.size // _BLOCKS)
+    rough = known[: known.size // size * size].reshape(-1, size).mean(axis=1)
+    top, bottom = int(np.argmax(rough)), int(np.argmin(rough))
+    ends = rough[0], rough[-1]
+    inside = 0 < top < rough.size - 1 and bottom in (0, rough.size - 1)
+    far = rough[top] - max(ends) > max(CLEAR_SIGMAS * noise_m, 0.05 * float(np.ptp(rough)))
+    return bool(inside and far)

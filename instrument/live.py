@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from instrument.folder_lock import disk_free_bytes
 from instrument.live_window import LiveWindow
 from instrument.motion_trigger import MotionTrigger
 from instrument.recording_error import one_line
+from instrument.rest_watch import RestWatch, planned_shot
 from instrument.ring import Overwritten
 from instrument.signal_check import CHECKED_SAMPLES, check_signals
 from instrument.snapshot import ChannelSignal, empty_view
@@ -40,6 +42,7 @@ class LiveWatch:
         self._window = LiveWindow(round(WINDOW_S * OUTPUT_HZ))
         self._stream: Stream | None = None
         self._demodulator: LiveDemodulator | None = None
+        self._rest: RestWatch | None = None
         self._at = 0
         self._gaps_seen = 0
         self._problem: str | None = None
@@ -105,6 +108,7 @@ class LiveWatch:
         self.skipped = 0
         length = max(256, min(_CHUNK, int(0.25 * stream.ring.capacity)))
         self._chunk = np.empty((length, stream.ring.channels), np.int16)
+        self._rest = RestWatch(OUTPUT_HZ, planned_shot(stream.settings))
         measurement = stream.column(Role.MEASUREMENT)
         try:
             if measurement is None:
@@ -151,6 +155,8 @@ class LiveWatch:
         self._problem = chunk.problem
         self._rest_hz = chunk.rest_frequency_hz
         self._window.add(chunk)
+        if self._rest is not None:
+            self._rest.add(chunk)
 
     def _pass_over(self, to: int) -> None:
         passed = max(0, to - self._at)
@@ -172,7 +178,8 @@ class LiveWatch:
         scale = np.array([c.volts_per_count for c in stream.channels], np.float32)
         offset = np.array([c.offset_v for c in stream.channels], np.float32)
         time_s = (first - stream.start + np.arange(length)) / stream.settings.sample_rate_hz
-        self.view = self._window.view(time_s, counts * scale + offset, self._rest_hz, self._problem, self.skipped)
+        view = self._window.view(time_s, counts * scale + offset, self._rest_hz, self._problem, self.skipped)
+        self.view = replace(view, floor=self._rest.floor if self._rest is not None else None)
 
 
 def warm() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Channel, Role
+from analysis.site import SiteFloor
 from instrument.doctor import Check, Grade
 from instrument.signal_check import CHECKED_SAMPLES, check_signals
 from instrument.snapshot import ChannelSignal
@@ -55,6 +56,15 @@ def judge(
             checks.append(_beat(signal, range_v, sample_rate_hz))
     checks += _rest(signals, rest_frequency_hz)
     return tuple(checks)
+
+
+def judge_site(floor: SiteFloor) -> Check:
+    """Return the verdict on the floor of the site: what the next restitution could be known to, and what costs most."""
+    meets = f"meets {floor.criterion}" if floor.criterion else "meets no vibration criterion"
+    line = f"{meets}; the restitution could be known to {floor.cor_std:.1g}"
+    if floor.advice:
+        return Check("site", Grade.WARN, f"{line}. {floor.advice[0]}")
+    return Check("site", Grade.OK, line)
 
 
 def _beat(signal: ChannelSignal, range_v: float, sample_rate_hz: float) -> Check:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.recording import Role
 from analysis.shot import Shot
+from analysis.site import SiteFloor
 from instrument.acquisition import State
 from instrument.digitizer import CaptureSettings
 from instrument.trigger import Level
@@ -62,6 +63,7 @@ class LiveView:
     rest_frequency_hz: float | None = None
     problem: str | None = None  # why nothing can be shown
     skipped: int = 0  # samples passed over for the screen's sake; recordings never miss them
+    floor: SiteFloor | None = None  # of the site, from when the block last was at rest
 
 
 MOST_BINS = 1000

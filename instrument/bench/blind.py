@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from analysis.recording import DEFAULT_WAVELENGTH_AIR_M
 from instrument.bench.effects import Effects, complete, draw, for_shot, force_slots
+from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, Trajectory, collide
 from instrument.bench.noise import Noise
 from instrument.bench.optics import Optics
 from instrument.bench.sight import cyclic_m, lit, seen
+from instrument.bench.site import QUIET, Site
 
 Floats = NDArray[np.float64]
 
@@ -46,6 +48,7 @@ class Truth:
     speeds_m_per_s: tuple[float, ...]
     noise: Noise
     seed: int
+    site: Site = QUIET
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -57,7 +60,7 @@ class Truth:
         return for_shot(self.effects, shot, self.seed)
 
 
-def drawn(names: Sequence[str], seed: int, noise: Noise | None = None, shots: int = 3) -> Truth:
+def drawn(names: Sequence[str], seed: int, noise: Noise | None = None, shots: int = 3, site: Site = QUIET) -> Truth:
     """Draw a rig with the effects called ``names``: bodies near the paper's, speeds a hand would give."""
     random = np.random.default_rng((seed, 0xB))
     paper = Bodies()
@@ -71,7 +74,7 @@ def drawn(names: Sequence[str], seed: int, noise: Noise | None = None, shots: in
     speeds = np.linspace(0.17, 0.41, shots) if shots > 1 else np.array([0.265])
     speeds = speeds + random.uniform(-0.02, 0.02, shots)
     effects = {name: draw(name, random) for name in names}
-    return Truth(bodies, effects, tuple(float(s) for s in speeds), noise or Noise(), seed)
+    return Truth(bodies, effects, tuple(float(s) for s in speeds), noise or Noise(), seed, site)
 
 
 def run(truth: Truth, shot: int, bodies: Bodies | None = None, speed_m_per_s: float | None = None) -> Trajectory:
@@ -87,7 +90,15 @@ def run(truth: Truth, shot: int, bodies: Bodies | None = None, speed_m_per_s: fl
         duration_s=DURATION_S,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
         steps_s=_STEPS_S,
+        frame=_frame(truth, shot),
     )
+
+
+def _frame(truth: Truth, shot: int) -> Frame | None:
+    if not truth.site.moves:
+        return None
+    seed = int(np.random.default_rng((truth.seed, shot, 0x5E)).integers(2**62))
+    return frame_of(truth.site, seed).knocked(0.0, shot)
 
 
 def times_s() -> Floats:

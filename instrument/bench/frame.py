@@ -18,8 +18,9 @@ Floats = NDArray[np.float64]
 LOWEST_HZ, HIGHEST_HZ = 1.0, 250.0
 BAND_HZ = (8.0, 80.0)  # where the criterion curves are level
 PLATE_QUALITY = 200.0  # of the plate's own swing in air: what the frame has made of it when the block comes
-_PER_THIRD_OCTAVE = 12  # sines: far enough from a melody within the tenths of a second of a shot
-_SPACING_S = 2e-5  # of computed times; cubic between: 1e-5 of a sine of 2 kHz
+_PER_THIRD_OCTAVE = 12  # sines where they lie closer than
+_APART_HZ = 0.15  # that they are at most: some seconds of record must not tell one from the next
+_TURN = 0.1  # rad of the fastest sine between computed times; cubic between: 3e-7 of it
 _KNOCKED_WITHIN_S = 0.055  # of the block's being let go
 
 
@@ -58,13 +59,20 @@ class Frame:
     sines: Sines
     struck: tuple[_Struck, ...] = ()
 
+    @property
+    def _spacing_s(self) -> float:
+        """Get the spacing of the times at which motion is computed."""
+        knocks = max((abs(rate) for one in self.struck for rate in one.rate), default=0.0)
+        return _TURN / max(float(self.sines.omega.max(initial=2 * np.pi * HIGHEST_HZ)), knocks)
+
     def motion(self, time_s: Floats) -> tuple[Floats, Floats]:
-        """Return displacement (m) and velocity (m/s) at ascending times, shape (n,).  Cost: 35 ms a second of time."""
+        """Return displacement (m) and velocity (m/s) at ascending times, shape (n,).  Cost: 60 ms a second of time."""
         if not self.sines.omega.size and not self.struck:
             return np.zeros_like(time_s), np.zeros_like(time_s)
-        nodes = int((time_s[-1] - time_s[0]) / _SPACING_S) + 2
-        node_s: Floats = float(time_s[0]) + np.arange(nodes, dtype=np.float64) * _SPACING_S
-        x, v = self.sines.at(float(time_s[0]), _SPACING_S, nodes)
+        spacing_s = self._spacing_s
+        nodes = int((time_s[-1] - time_s[0]) / spacing_s) + 2
+        node_s: Floats = float(time_s[0]) + np.arange(nodes, dtype=np.float64) * spacing_s
+        x, v = self.sines.at(float(time_s[0]), spacing_s, nodes)
         for one in self.struck:
             one.add(node_s, 0, x)
             one.add(node_s, 1, v)
@@ -79,13 +87,14 @@ class Frame:
 
     def pull(self, duration_s: float) -> tuple[float, Floats, Floats]:
         """Return spacing (s), acceleration (m/s2) and its rate (m/s3) at nodes from time zero on."""
-        nodes = int(np.ceil(duration_s / _SPACING_S)) + 2
-        a, jerk = self.sines.pull(0.0, _SPACING_S, nodes)
-        node_s: Floats = np.arange(nodes, dtype=np.float64) * _SPACING_S
+        spacing_s = self._spacing_s
+        nodes = int(np.ceil(duration_s / spacing_s)) + 2
+        a, jerk = self.sines.pull(0.0, spacing_s, nodes)
+        node_s: Floats = np.arange(nodes, dtype=np.float64) * spacing_s
         for one in self.struck:
             one.add(node_s, 2, a)
             one.add(node_s, 3, jerk)
-        return _SPACING_S, a, jerk
+        return spacing_s, a, jerk
 
     def swing(self, omega: float) -> tuple[float, float]:
         """Return displacement and velocity that a plate of resonance ``omega`` has against the frame at time zero."""
@@ -122,12 +131,20 @@ def density_m2_per_hz(site: Site, frequency_hz: Floats) -> Floats:
     return result
 
 
+def _edges_hz(lowest: float, highest: float) -> Floats:
+    """Return the limits between neighbouring sines of the random part."""
+    ratio = 2 ** (1 / (3 * _PER_THIRD_OCTAVE))
+    bend = min(max(_APART_HZ / (ratio - 1), lowest), highest)
+    low = np.geomspace(lowest, bend, max(1, round(np.log(bend / lowest) / np.log(ratio))) + 1)
+    return np.concatenate((low[:-1], np.linspace(bend, highest, max(1, round((highest - bend) / _APART_HZ)) + 1)))
+
+
 def frame_of(site: Site, seed: int) -> Frame:
     """Return the frame of a site; the same seed gives the same motion."""
     random = np.random.default_rng((seed, 0x51))
     known_hz = [frequency for frequency, _ in site.spectrum]
     lowest, highest = min((LOWEST_HZ, *known_hz)), max((HIGHEST_HZ, *known_hz))
-    edges = np.geomspace(lowest, highest, round(_PER_THIRD_OCTAVE * 3 * np.log2(highest / lowest)) + 1)
+    edges = _edges_hz(lowest, highest)
     frequency_hz = random.uniform(edges[:-1], edges[1:])
     rms_m = np.sqrt(density_m2_per_hz(site, frequency_hz) * np.diff(edges))
     amplitude = np.concatenate((rms_m * random.rayleigh(1.0, rms_m.size), [line.amplitude_m for line in site.lines]))

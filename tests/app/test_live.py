@@ -1,12 +1,17 @@
 """LIVE: its value axes stand still while noise runs through them, and go along when the block moves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.recording import Channel, Role
 from analysis.signal.stream import LiveChunk
+from analysis.site import read_site
 from app.window.panels.live import LivePanel
 from app.window.theme import LIGHT
+from instrument.bench.frame import frame_of
+from instrument.bench.site import Site
 from instrument.live_window import LiveWindow
 from instrument.snapshot import LiveView
 
@@ -72,3 +77,17 @@ def test_an_axis_left_wide_by_hand_is_close_again_after_a_reset(panel):
     assert plot.view.viewRange()[1][1] == pytest.approx(2 * before[1])
     plot.free_y()
     assert plot.view.viewRange()[1][1] < 1.2 * before[1]
+
+
+def test_the_floor_of_the_site_is_shown_with_its_lines_and_advice(panel):
+    rate = 2500.0
+    time_s = np.arange(round(2 * rate)) / rate
+    still = frame_of(Site(third_octave_m_per_s=4e-7), 1).motion(time_s)[1]
+    floor = read_site(still + 5e-5 * np.sin(2 * np.pi * 24.9 * time_s), rate)
+    panel.floor.show_floor(None)
+    assert "rest" in panel.floor.summary.text() and not panel.floor.lines.text()
+    (view,) = views(1, range(0), 0.0)
+    panel.show_live(replace(view, floor=floor))
+    assert "u(COR)" in panel.floor.summary.text() and "24.9" in panel.floor.lines.text()
+    assert "costs you a factor" in panel.floor.advice.text()
+    assert panel.floor.plot.columns["rms velocity (m/s)"] is floor.third_octave_m_per_s

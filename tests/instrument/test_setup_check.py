@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from analysis.recording import Channel, Role
-from instrument.setup_check import check_setup
+from analysis.site import read_site
+from instrument.bench.frame import frame_of
+from instrument.bench.site import Site
+from instrument.doctor import Grade
+from instrument.setup_check import check_setup, judge_site
 
 RATE_HZ = 30e6
 BITS = 12
@@ -63,3 +67,13 @@ def test_without_pd0_the_rest_frequency_must_be_given() -> None:
     known = _verdicts((SWITCH, switch), (PD1, _beat(2.73e6, 0.5)), rest_frequency_hz=2.731e6, toggles=3)
     assert known["rest frequency"][0] == "ok"
     assert known["light switch"] == ("ok", "at 0.05 V, toggled 3 times")
+
+
+def test_the_site_is_judged_by_what_it_costs():
+    rate = 2500.0
+    time_s = np.arange(round(2 * rate)) / rate
+    still = frame_of(Site(third_octave_m_per_s=4e-7), 1).motion(time_s)[1]
+    calm = judge_site(read_site(still, rate))
+    assert calm.grade is Grade.OK and "meets VC-G" in calm.line
+    pump = judge_site(read_site(still + 5e-5 * np.sin(2 * np.pi * 24.9 * time_s), rate))
+    assert pump.grade is Grade.WARN and "pump" in pump.line and "24.9 Hz costs you a factor" in pump.line

@@ -5,6 +5,7 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.recording import Channel, Role
+from app.window.panels.site_floor import SiteFloorPanel
 from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.plot_view import PlotView, in_front
@@ -73,6 +74,8 @@ class LivePanel(QWidget):
         for line, plot in enumerate(self.plots, 5):
             grid.addWidget(readout := CursorReadout(plot, self), line, 0, 1, 2)
             self._readouts.append(readout)
+        self.floor = SiteFloorPanel(colours, self)
+        grid.addWidget(self.floor, 7, 0, 1, 2)
         grid.setColumnStretch(0, 1)
         for line in range(4):
             grid.setRowStretch(line, 0)
@@ -127,6 +130,7 @@ class LivePanel(QWidget):
         self._colours = colours
         self.stack.dress(colours)
         self.raw.dress(colours)
+        self.floor.dress(colours)
         for curve in (*self._curves.values(), *self._raw_curves):
             curve.setPen(thin(colours.measured))
 
@@ -143,6 +147,7 @@ class LivePanel(QWidget):
             for curve in self._curves.values():
                 curve.show_points(np.empty(0), np.empty(0))
             return
+        self.floor.show_floor(view.floor)
         time_ms = 1e3 * (view.time_s - view.time_s[-1])
         if self.stack.span != (-WINDOW_MS, 0.0):
             self.stack.plots[0].view.setXRange(-WINDOW_MS, 0.0, padding=0)

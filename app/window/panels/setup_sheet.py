@@ -13,8 +13,8 @@ from instrument.doctor import Check, Grade
 from instrument.found_devices import FoundDevice
 
 TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
-MOST_CHECKS = 5
-TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "Light switch"}
+MOST_CHECKS = 6
+TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "Light switch", "site": "Site"}
 
 
 class SetupSheet(SideSheet):

@@ -15,7 +15,7 @@ from instrument.digitizer import DigitizerError
 from instrument.doctor import Check
 from instrument.found_devices import FoundDevice, found_devices, udev_instructions
 from instrument.network_scope import network_name, network_source
-from instrument.setup_check import judge
+from instrument.setup_check import judge, judge_site
 from instrument.snapshot import Snapshot
 
 JUDGED_EVERY_S = 0.4  # words that change faster cannot be read
@@ -121,7 +121,9 @@ class SetupPresenter(QObject):
             return (), "No samples yet. A source that sends samples only when armed shows its signals after ARM."
         ranges_v = [abs(channel.volts_per_count) * 2.0 ** (bits - 1) for _, channel in seen]
         rest_hz = self._choices.settings.rest_frequency_hz if Role.REFERENCE not in signals else None
-        return judge([signal for signal, _ in seen], ranges_v, rate_hz, line.switch_toggles, rest_hz), ""
+        checks = judge([signal for signal, _ in seen], ranges_v, rate_hz, line.switch_toggles, rest_hz)
+        floor = snapshot.live.floor
+        return (*checks, judge_site(floor)) if floor is not None else checks, ""
 
     @Slot(str)
     def _use(self, source: str) -> None:

@@ -1,0 +1,258 @@
+"""What shakes the path while the block is at rest: its spectrum against the vibration criteria, the lines that machines
+draw, and how well the next shot's restitution could be known.
+
+The criterion curves (Gordon, "Generic criteria for vibration-sensitive equipment", SPIE 1619, 1991) state the rms
+velocity in every third-octave from 8 to 80 Hz.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+CRITERIA_M_PER_S: Mapping[str, float] = {
+    "VC-G": 0.78e-6,
+    "VC-F": 1.56e-6,
+    "VC-E": 3.12e-6,
+    "VC-D": 6.25e-6,
+    "VC-C": 12.5e-6,
+    "VC-B": 25e-6,
+    "VC-A": 50e-6,
+    "ISO operating theatre": 100e-6,
+    "ISO residence": 200e-6,
+    "ISO office": 400e-6,
+    "ISO workshop": 800e-6,
+}
+BAND_HZ = (8.0, 80.0)  # of the criteria
+CENTRES_HZ = 10 ** (np.arange(6, 27) / 10)  # of third-octaves, 4 to 400 Hz
+LEAST_S = 1.0  # of record: a third-octave at 8 Hz then has two bins
+_MOST_LINES = 10
+_LINE = 25.0  # times the power about it: e^-25 by chance in each bin
+_ABOUT = 9  # bins to each side that tell what is about a line
+_MOST_STEPS = 160  # of both flights together, for the covariance
+_HAND_HZ = (7.0, 12.5)  # of a hand's tremor: gone when it lets go, so neither the site's nor the shot's
+_UNSURE = 0.5  # of 1 / span: a flight does not know better where a line lies; speeds of motors wander, too
+_COSTLY = 1.2  # a line that costs less is not worth a word
+
+
+@dataclass(frozen=True, slots=True)
+class MachineLine:
+    """A steady sine; ``cost`` is the factor by which it raises the expected u(COR)."""
+
+    frequency_hz: float
+    amplitude_m: float
+    cause: str
+    cost: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedShot:
+    """The shot that is expected: speed (m/s), restitution, and how long its flights and its contact last (s)."""
+
+    speed_m_per_s: float = 0.265
+    restitution: float = 0.9876
+    before_s: float = 0.01
+    contact_s: float = 0.0287
+    after_s: float = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class SiteFloor:
+    """The floor of the site; arrays of shape (k,) are read-only.
+
+    ``third_octave_m_per_s`` holds the lines; ``density_m2_per_hz`` (one-sided, of displacement, at ``frequency_hz``)
+    does not.  ``criterion`` is the strictest that all bands meet, "" where none is met.
+    """
+
+    seconds: float
+    centre_hz: Floats
+    third_octave_m_per_s: Floats
+    frequency_hz: Floats
+    density_m2_per_hz: Floats
+    lines: tuple[MachineLine, ...]
+    criterion: str
+    cor_std: float
+
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """Get what would help most, a sentence each."""
+        costly = sorted((line for line in self.lines if line.cost >= _COSTLY), key=lambda line: -line.cost)
+        return tuple(
+            f"{line.cause[0].upper()}{line.cause[1:]} at {line.frequency_hz:.1f} Hz costs you a factor "
+            f"{line.cost:.1f} in the uncertainty of the restitution"
+            for line in costly
+        )
+
+
+def read_site(velocity_m_per_s: Floats, sample_rate_hz: float, planned: PlannedShot | None = None) -> SiteFloor | None:
+    """Return the floor that the velocity of a block at rest shows, shape (n,), without gaps.
+
+    None where it is shorter than LEAST_S or holds anything that is no number.  Cost: about 10 ms for four seconds.
+    """
+    n = velocity_m_per_s.size
+    if n < LEAST_S * sample_rate_hz or not np.isfinite(velocity_m_per_s).all():
+        return None
+    time_s = np.arange(n) / sample_rate_hz
+    rest = velocity_m_per_s - np.polyval(np.polyfit(time_s, velocity_m_per_s, 1), time_s)
+    waves: list[tuple[float, float]] = []  # frequency, amplitude of velocity
+    while len(waves) < _MOST_LINES:
+        found = _strongest(rest, sample_rate_hz)
+        if found is None:
+            break
+        frequency, wave = _refined(rest, time_s, found)
+        rest = rest - wave
+        waves.append((frequency, float(np.sqrt(2 * np.mean(wave**2)))))
+    frequency_hz, power = _periodogram(rest, sample_rate_hz)
+    density = _smoothed(power) / (2 * np.pi * frequency_hz) ** 2
+    lines = tuple(
+        MachineLine(frequency, speed / (2 * np.pi * frequency), likely_cause(frequency, 0.3 * sample_rate_hz / n))
+        for frequency, speed in sorted(waves)
+    )
+    bands = _third_octaves(frequency_hz, power, [wave for wave in waves if not _of_hand(wave[0])])
+    for array in (bands, frequency_hz, density):
+        array.flags.writeable = False
+    floor = SiteFloor(n / sample_rate_hz, CENTRES_HZ, bands, frequency_hz, density, lines, _criterion(bands), 0.0)
+    return _with_expectation(floor, planned or PlannedShot())
+
+
+def likely_cause(frequency_hz: float, resolution_hz: float) -> str:
+    """Return what most probably makes a line: mains and its multiples, motors on it, or a word that says little."""
+    near = max(0.05, resolution_hz)
+    for mains in (50.0, 60.0):
+        order = round(frequency_hz / mains)
+        if order >= 1 and abs(frequency_hz - order * mains) < near * (1 + 0.2 * order):
+            if order == 1:
+                return f"the mains ({mains:g} Hz)"
+            return "a transformer or a lamp (twice the mains)" if order == 2 else f"the mains ({order} x {mains:g} Hz)"
+    for mains in (50.0, 60.0):
+        for pairs in (1, 2, 3):  # an induction motor lags its field by up to some 7 %
+            if 0.93 * mains / pairs <= frequency_hz <= mains / pairs + near:
+                return f"a motor or pump ({2 * pairs} poles on {mains:g} Hz)"
+    if _HAND_HZ[0] <= frequency_hz <= _HAND_HZ[1]:
+        return "the hand that holds the block"
+    return "the building or a table on its legs" if frequency_hz < _HAND_HZ[0] else "a fan or a resonance"
+
+
+def expected_cor_std(floor: SiteFloor, planned: PlannedShot, lines: Sequence[MachineLine]) -> float:
+    """Return the least u(COR) of two straight flights on this floor with these lines, of unknown phase and place.
+
+    Generalised least squares with the floor's covariance.  Cost: about 3 ms.
+    """
+    span = planned.before_s + planned.contact_s + planned.after_s
+    step = max(5e-4, (planned.before_s + planned.after_s) / _MOST_STEPS)
+    time_s = np.arange(0.5 * step, span, step)
+    before, after = time_s < planned.before_s, time_s > planned.before_s + planned.contact_s
+    keep = before | after
+    covariance = _covariance(floor, step, time_s.size)
+    index = np.flatnonzero(keep)
+    matrix = covariance[np.abs(index[:, None] - index[None, :])]
+    for line in lines:
+        angle = 2 * np.pi * line.frequency_hz * time_s[keep]
+        wave = np.stack((np.cos(angle), np.sin(angle)))
+        bend = 2 * np.pi * (_UNSURE / span) * (time_s[keep] - 0.5 * span) * wave
+        matrix = matrix + line.amplitude_m**2 / 2 * (wave.T @ wave + bend.T @ bend)
+    columns = (before, before * (time_s - planned.before_s), after, after * (time_s - span + planned.after_s))
+    design = np.stack(columns, axis=1)[keep].astype(np.float64)
+    found = np.linalg.inv(design.T @ np.linalg.solve(matrix, design))
+    ratio = np.array([0.0, planned.restitution, 0.0, 1.0]) / planned.speed_m_per_s
+    return float(np.sqrt(ratio @ found @ ratio))
+
+
+def _with_expectation(floor: SiteFloor, planned: PlannedShot) -> SiteFloor:
+    stay = [line for line in floor.lines if not _of_hand(line.frequency_hz)]
+    whole = expected_cor_std(floor, planned, stay)
+    lines = tuple(
+        replace(line, cost=whole / expected_cor_std(floor, planned, [other for other in stay if other is not line]))
+        for line in floor.lines
+    )
+    return replace(floor, lines=lines, cor_std=whole)
+
+
+def _of_hand(frequency_hz: float) -> bool:
+    return _HAND_HZ[0] <= frequency_hz <= _HAND_HZ[1]
+
+
+def _covariance(floor: SiteFloor, step_s: float, count: int) -> Floats:
+    """Return the covariance of displacement means over steps at lags 0, 1, ... steps, (count,)."""
+    frequency, density = floor.frequency_hz, floor.density_m2_per_hz
+    seen = density * np.sinc(frequency * step_s) ** 2
+    width = float(frequency[1] - frequency[0])
+    lags = step_s * np.arange(count)
+    # the lines about zero frequency are constants, which the flights' own offsets take up
+    covariance = width * (np.cos(2 * np.pi * np.outer(lags, frequency)) @ seen)
+    covariance[0] += 1e-6 * covariance[0]
+    return np.asarray(covariance)
+
+
+def _periodogram(values: Floats, rate_hz: float) -> tuple[Floats, Floats]:
+    """Return frequencies above zero and the one-sided density through a Hann window."""
+    window = np.sin(np.pi * (np.arange(values.size) + 0.5) / values.size) ** 2
+    power = 2 * np.abs(np.fft.rfft(values * window)) ** 2 / (rate_hz * np.sum(window**2))
+    return np.asarray(np.fft.rfftfreq(values.size, 1 / rate_hz), dtype=np.float64)[1:], power[1:]
+
+
+def _smoothed(power: Floats) -> Floats:
+    """Return the density averaged over a tenth of its frequency, so that it is a floor and not its realisation."""
+    total = np.concatenate(([0.0], np.cumsum(power)))
+    index = np.arange(1, power.size + 1)
+    half = np.maximum(1, np.rint(0.1 * index).astype(np.int64))
+    low, high = np.maximum(index - 1 - half, 0), np.minimum(index + half, power.size)
+    return np.asarray((total[high] - total[low]) / (high - low))
+
+
+def _strongest(values: Floats, rate_hz: float) -> float | None:
+    """Return the frequency of the line that stands out most of what is about it, None where none does."""
+    frequency, power = _periodogram(values, rate_hz)
+    padded = np.pad(power, _ABOUT, mode="reflect")
+    sides = np.lib.stride_tricks.sliding_window_view(padded, 2 * _ABOUT + 1)
+    # of each side by itself: where a floor ends as a cliff, its edge is no line
+    about = np.maximum(np.median(sides[:, : _ABOUT - 2], 1), np.median(sides[:, _ABOUT + 3 :], 1)) / math.log(2.0)
+    inside = (frequency > 3.0 * frequency[0]) & (frequency < 0.4 * rate_hz)
+    excess = np.where(inside, power / np.maximum(about, 1e-300), 0.0)
+    best = int(np.argmax(excess))
+    if excess[best] < _LINE or not 0 < best < power.size - 1:
+        return None
+    left, middle, right = np.log(power[best - 1 : best + 2])
+    bend = left - 2 * middle + right
+    shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
+    return float(frequency[best] + shift * frequency[0])
+
+
+def _refined(values: Floats, time_s: Floats, frequency_hz: float) -> tuple[float, Floats]:
+    """Return the frequency (Gauss-Newton) and the sine itself, by least squares through a Hann window."""
+    window = np.sin(np.pi * (np.arange(values.size) + 0.5) / values.size) ** 2
+    middle = time_s - time_s.mean()
+    for _ in range(4):
+        angle = 2 * np.pi * frequency_hz * middle
+        cosine, sine = np.cos(angle), np.sin(angle)
+        (c, s), *_ = np.linalg.lstsq(np.stack((cosine, sine), 1) * window[:, None], values * window, rcond=None)
+        bend = 2 * np.pi * middle * (s * cosine - c * sine)
+        rest = (values - c * cosine - s * sine) * window
+        frequency_hz += float(rest @ (bend * window) / max(float((bend * window) @ (bend * window)), 1e-300))
+    angle = 2 * np.pi * frequency_hz * middle
+    columns = np.stack((np.cos(angle), np.sin(angle)), 1)
+    best, *_ = np.linalg.lstsq(columns * window[:, None], values * window, rcond=None)
+    return frequency_hz, np.asarray(columns @ best)
+
+
+def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[float, float]]) -> Floats:
+    """Return the rms in each third-octave, (k,): the density's, and what each line adds to its band."""
+    width = float(frequency_hz[1] - frequency_hz[0])
+    result = np.zeros(CENTRES_HZ.size)
+    for k, centre in enumerate(CENTRES_HZ):
+        low, high = centre * 10**-0.05, centre * 10**0.05
+        inside = (frequency_hz >= low) & (frequency_hz < high)
+        mean = power[inside].mean() if inside.any() else float(np.interp(centre, frequency_hz, power))
+        result[k] = mean * (high - low) if inside.sum() * width < 2 * (high - low) else mean * inside.sum() * width
+        result[k] += sum(0.5 * speed**2 for frequency, speed in waves if low <= frequency < high)
+    return np.asarray(np.sqrt(result))
+
+
+def _criterion(bands: Floats) -> str:
+    inside = np.abs(np.log(CENTRES_HZ / np.sqrt(BAND_HZ[0] * BAND_HZ[1]))) < 0.51 * np.log(BAND_HZ[1] / BAND_HZ[0])
+    worst = float(bands[inside].max())
+    return next((name for name, level in CRITERIA_M_PER_S.items() if worst <= level), "")

@@ -1,0 +1,95 @@
+"""The floor of the site on the LIVE page: third-octaves against the vibration criteria, the lines, the next u(COR)."""
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from analysis.site import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
+from app.window.pens import thin, under
+from app.window.plots.cursors import CursorAxis
+from app.window.plots.plain_plot import PlainPlot
+from app.window.theme import Colours
+from app.words.wording import local
+
+FREQUENCY = CursorAxis("Hz", "Hz")
+SHOWN = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
+MOST_LINES = 4
+NO_FLOOR = "Floor of the site: let the block rest for a second or two."
+
+
+def line_words(floor: SiteFloor) -> list[str]:
+    """Return the strongest lines, one each, with what probably makes them."""
+    strongest = sorted(floor.lines, key=lambda line: -line.amplitude_m * line.frequency_hz)[:MOST_LINES]
+    return [
+        local(f"{line.frequency_hz:.2f} Hz  {1e9 * line.amplitude_m:.1f} nm  {line.cause}")
+        for line in sorted(strongest, key=lambda line: line.frequency_hz)
+    ]
+
+
+def floor_words(floor: SiteFloor) -> str:
+    """Return what the floor comes to, in one line."""
+    meets = f"meets {floor.criterion}" if floor.criterion else "meets no criterion"
+    return local(f"Floor of the site {meets}. Expected now: u(COR) {floor.cor_std:.1g}")
+
+
+class SiteFloorPanel(QWidget):
+    """A plot of third-octaves beside the words; shows the last floor until there is another."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._shown: SiteFloor | None = None
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        self.plot = PlainPlot(
+            "Floor of the site in third-octaves", ("log velocity", "lg m/s"), "log frequency (lg Hz)", FREQUENCY, self
+        )
+        self.plot.setFixedHeight(150)
+        self._criteria = [self.plot.add_curve(name) for name in SHOWN]
+        self._curve = self.plot.add_curve("floor of the site")
+        for name, curve in zip(SHOWN, self._criteria, strict=True):
+            level = np.log10(CRITERIA_M_PER_S[name])
+            curve.show_points(np.log10(np.array([8.0, 80.0])), np.array([level, level]))
+            label = pg.TextItem(name, anchor=(0.0, 0.5))
+            label.setPos(np.log10(82.0), level)
+            self.plot.plot.addItem(label)
+        row.addWidget(self.plot, 1)
+        words = QVBoxLayout()
+        self.summary = QLabel(NO_FLOOR, self)
+        self.lines = QLabel(self)
+        self.advice = QLabel(self)
+        for label_ in (self.summary, self.lines, self.advice):
+            label_.setWordWrap(True)
+            label_.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+            words.addWidget(label_)
+        words.addStretch(1)
+        row.addLayout(words, 1)
+        self.dress(colours)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self.plot.dress(colours)
+        self._curve.setPen(under(colours.measured))
+        for curve in self._criteria:
+            curve.setPen(thin(colours.simulated))
+
+    def show_floor(self, floor: SiteFloor | None) -> None:
+        """Show a floor; None: none was read yet."""
+        if floor is self._shown:
+            return
+        self._shown = floor
+        if floor is None:
+            self.summary.setText(NO_FLOOR)
+            self.lines.setText("")
+            self.advice.setText("")
+            self._curve.show_points(np.empty(0), np.empty(0))
+            return
+        level = np.log10(np.maximum(floor.third_octave_m_per_s, 1e-12))
+        self._curve.show_points(np.log10(CENTRES_HZ), level)
+        low = min(float(level.min()), np.log10(CRITERIA_M_PER_S[SHOWN[-1]]))
+        high = max(float(level.max()), np.log10(CRITERIA_M_PER_S[SHOWN[0]]))
+        self.plot.show_range((float(np.log10(CENTRES_HZ[0])), float(np.log10(CENTRES_HZ[-1]))), (low - 0.2, high + 0.2))
+        self.plot.columns = {"frequency (Hz)": CENTRES_HZ, "rms velocity (m/s)": floor.third_octave_m_per_s}
+        self.summary.setText(floor_words(floor))
+        self.lines.setText("\n".join(line_words(floor)))
+        self.advice.setText("\n".join(f"{sentence}." for sentence in floor.advice))

@@ -1,0 +1,43 @@
+"""The floor is read from rest alone, and stands while the block moves."""
+
+import numpy as np
+import pytest
+
+from analysis.signal.stream import LiveChunk
+from analysis.site import PlannedShot
+from instrument.digitizer import CaptureSettings
+from instrument.rest_watch import RestWatch, planned_shot
+
+RATE = 10e3
+
+
+def _fed(watch, velocity, blocks=(331, 97, 1000)):
+    at, turn = 0, 0
+    while at < velocity.size:
+        part = velocity[at : at + blocks[turn % len(blocks)]]
+        empty = np.zeros(part.size)
+        watch.add(LiveChunk(empty, empty, part, empty, empty, 1e6, None))
+        at, turn = at + part.size, turn + 1
+    return watch
+
+
+def test_a_rest_of_seconds_shows_the_floor_and_a_push_leaves_the_last_one_standing():
+    time_s = np.arange(round(2 * RATE)) / RATE
+    still = 1e-6 * np.random.default_rng(1).standard_normal(time_s.size) + 9e-6 * np.sin(2 * np.pi * 24.9 * time_s)
+    watch = _fed(RestWatch(RATE, PlannedShot()), still)
+    assert watch.floor.lines[0].frequency_hz == pytest.approx(24.9, abs=0.1)
+    before = watch.floor
+    _fed(watch, np.concatenate((np.full(3000, 0.2), still[:5000])))  # pushed, then not long enough at rest
+    assert watch.floor is before
+    _fed(watch, np.concatenate(([np.nan], still)))
+    assert watch.floor is not before and watch.floor.seconds < 2.0
+
+
+def test_what_never_rests_has_no_floor():
+    assert _fed(RestWatch(RATE, PlannedShot()), np.full(30_000, 0.1)).floor is None
+
+
+def test_the_flights_are_those_of_the_settings():
+    shot = planned_shot(CaptureSettings(10e6, 1_500_000, 60_000))
+    assert shot.before_s == pytest.approx(8.6e-3) and shot.after_s == pytest.approx(0.15 - 8.6e-3 - 28.7e-3)
+    assert planned_shot(CaptureSettings(10e6, 10_000, 0)).after_s > 0

@@ -1,6 +1,7 @@
 """A model fitted to one shot or to several at once, in displacement, with honest uncertainties."""
 
 import contextlib
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,7 +15,7 @@ from analysis.model.effect_starts import effect_starts
 from analysis.model.effects import MOST_AT_ONCE, named
 from analysis.model.least_squares import Infeasible, Minimum, covariance
 from analysis.model.overlay import lay_over
-from analysis.model.parameters import Collision, Floats, Variant
+from analysis.model.parameters import Floats, Variant
 from analysis.model.response import DEFAULT_WAVELENGTH_M, OWN_NAMES, Base, Model, ShotData, respond
 from analysis.model.search import Problem, own_start, search
 from analysis.motion import Motion
@@ -25,6 +26,7 @@ from analysis.side_by_side import side_by_side
 MODELS = ("paper", "clamped", "no_tension", "contact")
 FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part in the fit
 _TRIED_STARTS = 6
+_SAME_PATTERN = 0.03  # of what another pattern of bounces leaves: what missing effects do is smaller, a wrong one more
 _FOLLOWED_STARTS = 3
 _EARLY = 0.3  # of the contact time: the bounces
 _STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
@@ -131,15 +133,18 @@ def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop) -> list[Flo
     )
     problem = Problem.of(Model(base), [coarse])
 
-    def tried(candidate: Collision) -> Minimum | None:
+    def tried(guess: guesses.Guess) -> Minimum | None:
         if stop():
             raise Cancelled
-        begin = np.concatenate([base.shared(candidate), own_start(coarse, problem.model)])
+        begin = np.concatenate([base.shared(guess.collision), own_start(coarse, problem.model)])
         with contextlib.suppress(Infeasible):
             return search(problem, begin, stop, evaluations=18)
         return None
 
-    trials = [trial for trial in side_by_side(tried, ranked[:_TRIED_STARTS]) if trial is not None]
+    first = tried(ranked[0]) if ranked else None
+    if first is not None and _left_m(first, coarse) < _SAME_PATTERN * guesses.usual(ranked):
+        return [first.parameters[: len(base.names)]]
+    trials = [trial for trial in (first, *side_by_side(tried, ranked[1:_TRIED_STARTS])) if trial is not None]
     if not trials:
         raise starts.NoCollision("no trajectory of the base model resembles this contact")
     trials.sort(key=lambda trial: trial.square.chi2)
@@ -151,13 +156,18 @@ def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop) -> list[Flo
     return out
 
 
+def _left_m(found: Minimum, shot: ShotData) -> float:
+    """Return the root mean square of what a minimum leaves of a shot with white noise, in m."""
+    return shot.noise.std_m * math.sqrt(found.square.chi2 / found.square.samples)
+
+
 def _base_minimum(bare: Problem, begins: Sequence[Floats], stop: Stop) -> Minimum:
     """Return the best minimum of the base model; one far above the noise makes the other starts worth trying.
 
     Such a remainder is either an effect's or a wrong pattern of bounces; the first bounces alone tell which.
     """
     best = search(bare, begins[0], stop)
-    if best.square.chi2 < _STRONG * best.square.samples or len(begins) == 1:
+    if best.square.chi2 < _STRONG * best.square.samples:
         return best
     early = _early(bare, best.parameters, stop)
     others = list(begins[1:_FOLLOWED_STARTS])

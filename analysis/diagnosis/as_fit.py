@@ -6,12 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.derivatives import has_tangents, released
-from analysis.diagnosis.free_parameters import FreeParameter
+from analysis.diagnosis.derivatives import has_tangents, solved
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.quick_shot import Run
-from analysis.fit import Fit, ShotFit
-from analysis.model.overlay import lay_over
+from analysis.fit import Fit
+from analysis.model.build_fit import Estimate, Part, Path, build_fit
+from analysis.model.effects.row import Parameter
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 
@@ -35,71 +35,58 @@ def effect_parameters(fitted: Fitted) -> dict[str, dict[str, Quantity]]:
 def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float) -> Fit:
     """Return the fit with overlays and remainders on the motions' own grids."""
     hypothesis, point = fitted.hypothesis, fitted.point
-    data = hypothesis.data
-    count = data.count
-    std = fitted.std
-    parameters = {
-        name: Quantity(float(point.base[i]), float(std[i]), "joint fit") for i, name in enumerate(data.base.names)
-    }
-    places = list(range(count))
-    effects = effect_parameters(fitted)
-    for k, (name, free, of) in enumerate(hypothesis.free_parameters):
-        parameter = _called(free, of)
-        parameters[f"{name}.{parameter}"] = effects[name][parameter]
-        places.append(hypothesis.offset + k)
-    shots = []
-    freedom = sum(int(s.valid.sum()) for s in data.shots) - hypothesis.size
-    chi2 = 0.0
-    for index, (motion, shot, white) in enumerate(zip(motions, data.shots, fitted.whitened(), strict=True)):
-        run = hypothesis.run(index, point)
-        kinds = ("touch", "release")
-        events = tuple((kinds[k % 2], t) for k, t in enumerate(run.changes_s))
-        chi2 += float(white @ white)
-        own = slice(count + 3 * index, count + 3 * index + 3)
-        values, spread = point.own[index], std[own]
-        shots.append(
-            ShotFit(
-                velocity_in_m_per_s=Quantity(float(values[0]), float(spread[0]), "joint fit"),
-                velocity_out_m_per_s=_velocity_out(fitted, index, run),
-                touch_time_s=Quantity(float(values[1]), float(spread[1]), "joint fit"),
-                offset_m=Quantity(float(values[2]), float(spread[2]), "joint fit"),
-                overlay=lay_over(motion, run.displacement_m, run.plate_m, run.gap_m, events),
-                residual_m=np.where(shot.used, motion.displacement_m - run.displacement_m, np.nan),
-                reduced_chi2=float(white @ white) / max(1, white.size - hypothesis.size),
-            )
-        )
-    return Fit(
+    places = {(name, shot): place for place, (name, shot) in enumerate(hypothesis.names)}
+    estimate = Estimate(
         model=model,
-        parameters=parameters,
-        covariance=fitted.covariance[np.ix_(places, places)],
-        shots=tuple(shots),
-        reduced_chi2=chi2 / max(1, freedom),
-        noise_std_m=_of_one_sample(fitted),
-        converged=fitted.converged and bool(np.all(np.isfinite(std))),
         effects=fitted.names,
-        flags=() if fitted.converged else ("fit_not_converged",),
-        seconds=seconds,
+        values=hypothesis.flat(point),
+        covariance=fitted.covariance,
+        shared={name: place for (name, shot), place in places.items() if shot < 0},
+        free=hypothesis.size,
+        converged=fitted.converged,
+        how="joint fit",
+        chosen={f"{name}.{key}": value for name, given in hypothesis.fixed.items() for key, value in given.items()},
     )
+    parts = [
+        Part(
+            motion=motion,
+            own={name: place for (name, of), place in places.items() if of == index},
+            path=_path(fitted, index),
+            used=shot.used,
+            whitened=white,
+        )
+        for index, (motion, shot, white) in enumerate(
+            zip(motions, hypothesis.data.shots, fitted.whitened(), strict=True)
+        )
+    ]
+    return build_fit(estimate, parts, _of_one_sample(fitted), seconds)
 
 
-def _velocity_out(fitted: Fitted, index: int, run: Run) -> Quantity:
-    """Return the block's velocity after its last release, as uncertain as all parameters together leave it."""
-    hypothesis, z = fitted.hypothesis, fitted.z
+def _path(fitted: Fitted, index: int) -> Path:
+    hypothesis, point = fitted.hypothesis, fitted.point
     if has_tangents(hypothesis):
-        out = released(hypothesis, index, z)
-        if out is None:
-            return Quantity(math.nan, math.nan, "the record ends in contact")
-        value, slope = out
-    else:
-        value, slope = _at_release(hypothesis.data.shots[index].time_s, run), np.zeros(z.size)
-        for column in range(z.size):
-            if hypothesis.touches(column, index):
-                step = 0.3 * math.sqrt(fitted.inverse[column, column]) * np.eye(z.size)[column]
-                ahead, behind = (hypothesis.run(index, hypothesis.unpack(z + s * step)) for s in (1, -1))
-                times_s = hypothesis.data.shots[index].time_s
-                change = _at_release(times_s, ahead) - _at_release(times_s, behind)
-                slope[column] = change / (2 * step[column])
-    return Quantity(value, math.sqrt(max(float(slope @ fitted.inverse @ slope), 0.0)), "joint fit")
+        _, response = solved(hypothesis, index, point, derivatives=True, averaged=False)
+        return Path.of(response, float(point.own[index][1]))
+    run = hypothesis.run(index, point)
+    kinds = ("touch", "release")
+    events = tuple((kinds[k % 2], t) for k, t in enumerate(run.changes_s))
+    return Path(run.displacement_m, run.plate_m, run.gap_m, events, _velocity_out(fitted, index, run))
+
+
+def _velocity_out(fitted: Fitted, index: int, run: Run) -> tuple[float, Floats] | None:
+    """Return the velocity after the last release with its derivatives, by differences as wide as the uncertainties."""
+    hypothesis, z = fitted.hypothesis, fitted.z
+    times_s = hypothesis.data.shots[index].time_s
+    if not math.isfinite(value := _at_release(times_s, run)):
+        return None
+    by_search = np.zeros(z.size)
+    for column in range(z.size):
+        if hypothesis.touches(column, index):
+            step = 0.3 * math.sqrt(fitted.inverse[column, column]) * np.eye(z.size)[column]
+            ahead, behind = (hypothesis.run(index, hypothesis.unpack(z + s * step)) for s in (1, -1))
+            by_search[column] = (_at_release(times_s, ahead) - _at_release(times_s, behind)) / (2 * step[column])
+    slope = np.linalg.solve(hypothesis.slope(z).T, by_search)
+    return value, np.asarray(slope[hypothesis.places(index)], dtype=np.float64)
 
 
 def _at_release(times_s: Floats, run: Run) -> float:
@@ -111,7 +98,7 @@ def _at_release(times_s: Floats, run: Run) -> float:
     return float(v[0] + (run.changes_s[-1] - one) * (v[1] - v[0]) / (two - one))
 
 
-def _called(free: FreeParameter, shot: int) -> str:
+def _called(free: Parameter, shot: int) -> str:
     return free.name if shot < 1 else f"{free.name}.{shot + 1}"
 
 

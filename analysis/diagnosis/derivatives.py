@@ -14,7 +14,7 @@ from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.search_vector import SearchVector
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
-from analysis.model.response import OWN_NAMES, Model, Response, ShotData, respond
+from analysis.model.response import Model, Response, ShotData, respond
 from analysis.noise import Noise
 
 Floats = NDArray[np.float64]
@@ -53,32 +53,10 @@ def solved(
 
 def linearised_shot(vector: SearchVector, index: int, z: Floats) -> tuple[Floats, Floats]:
     """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""
-    model, response = solved(vector, index, vector.unpack(z), derivatives=True)
-    return response.displacement_m, _by_search(vector, index, z, model, response.derivatives)
-
-
-def released(vector: SearchVector, index: int, z: Floats) -> tuple[float, Floats] | None:
-    """Return the block's velocity after its last release and its derivatives by ``z``; None where it is in contact."""
-    model, response = solved(vector, index, vector.unpack(z), derivatives=True)
-    if response.velocity_out is None:
-        return None
-    value, slope = response.velocity_out
-    return value, _by_search(vector, index, z, model, slope[None, :])[0]
-
-
-def _by_search(vector: SearchVector, index: int, z: Floats, model: Model, derivatives: Floats) -> Floats:
-    """Return derivatives by ``z``, shape (n, size), of what has ``derivatives`` by one shot's parameters."""
-    data = vector.data
-    by = dict(zip((*model.shared_names, *model.own_names), derivatives.T, strict=True))
-    physical = np.zeros((derivatives.shape[0], vector.size))
-    for place, name in enumerate(data.base.names):
-        physical[:, place] = by[name]
-    for place, name in enumerate(OWN_NAMES):
-        physical[:, data.count + 3 * index + place] = by[name]
-    for k, (name, free, of) in enumerate(vector.free_parameters):
-        if of in (-1, index):
-            physical[:, vector.offset + k] = by[f"{name}.{free.name}"]
-    return np.asarray(physical @ vector.slope(z))
+    _, response = solved(vector, index, vector.unpack(z), derivatives=True)
+    physical = np.zeros((response.displacement_m.size, vector.size))
+    physical[:, vector.places(index)] = response.derivatives
+    return response.displacement_m, physical @ vector.slope(z)
 
 
 def _chosen(vector: SearchVector, values: Values) -> tuple[tuple[str, float], ...]:

@@ -186,11 +186,11 @@ def _linear(
             factor = factor if factor > 1e-9 else 0.0
         elif grows_as != 1.0:
             factor = max(factor, 0.0)
-            start[free.name] = max(start[free.name] * factor ** (1 / grows_as), free.low)
+            start[free.name] = max(start[free.name] * factor ** (1 / grows_as), free.lower)
         else:
-            if free.low >= 0:
+            if free.lower >= 0:
                 factor = max(factor, 0.0)
-            start[free.name] = min(max(start[free.name] * factor, free.low), free.high)
+            start[free.name] = min(max(start[free.name] * factor, free.lower), free.upper)
         gain = 2 * factor * along[k] - factor**2 * power[k]
         direction = factor * rows[:, k]
         unit = begin[free.name]

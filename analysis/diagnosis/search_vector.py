@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.effective_parameters import Point, slope, to_actual, to_effective
 from analysis.diagnosis.first_order import Shot
-from analysis.diagnosis.free_parameters import FreeParameter, TrialEffect
+from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.quick_shot import Optics, Values
 from analysis.diagnosis.samples import Samples
 from analysis.model.coordinates import Coordinates
-from analysis.model.response import Base
+from analysis.model.effects.row import Parameter
+from analysis.model.response import OWN_NAMES, Base
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ class SearchVector:
     fixed: Values = field(default_factory=dict)
 
     @cached_property
-    def free_parameters(self) -> list[tuple[str, FreeParameter, int]]:
+    def free_parameters(self) -> list[tuple[str, Parameter, int]]:
         """Get (effect, free, shot or -1) of every searched effect parameter, in order."""
         out = [(kind.name, free, -1) for kind in self.effects for free in kind.shared]
         for shot in range(len(self.data.shots)):
@@ -61,6 +62,22 @@ class SearchVector:
     def offset(self) -> int:
         """Get where the effects' free parameters begin in the vector."""
         return self.data.count + 3 * len(self.data.shots)
+
+    @cached_property
+    def names(self) -> tuple[tuple[str, int], ...]:
+        """Get (name as a fit has it, shot or -1) of every entry."""
+        shared = [(name, -1) for name in self.data.base.names]
+        own = [(name, shot) for shot in range(len(self.data.shots)) for name in OWN_NAMES]
+        return (*shared, *own, *((f"{name}.{free.name}", shot) for name, free, shot in self.free_parameters))
+
+    def places(self, index: int) -> list[int]:
+        """Return where the parameters that a shot depends on stand: the shared ones, then its own."""
+        return [place for of in (-1, index) for place, (_, shot) in enumerate(self.names) if shot == of]
+
+    def flat(self, point: Point) -> Floats:
+        """Return the parameters of a point in the vector's order, shape (size,)."""
+        free = [point.values[max(shot, 0)][name][free.name] for name, free, shot in self.free_parameters]
+        return np.concatenate([point.base, point.own.ravel(), free])
 
     @property
     def size(self) -> int:

@@ -9,17 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from analysis import noise as noise_model
-from analysis.fit import Fit, ShotFit
+from analysis.fit import Fit
 from analysis.model import guesses, starts
+from analysis.model.build_fit import Estimate, Part, Path, build_fit
 from analysis.model.effect_starts import effect_starts
 from analysis.model.effects import MOST_AT_ONCE, named
 from analysis.model.least_squares import Infeasible, Minimum, covariance
-from analysis.model.overlay import lay_over
 from analysis.model.parameters import Floats, Variant
 from analysis.model.response import DEFAULT_WAVELENGTH_M, OWN_NAMES, Base, Model, ShotData, respond
 from analysis.model.search import Problem, own_start, search
 from analysis.motion import Motion
-from analysis.quantity import Quantity
 from analysis.shot import AnalysisError, Cancelled, Progress, Stop
 from analysis.side_by_side import side_by_side
 
@@ -241,68 +240,43 @@ def _early(bare: Problem, parameters: Floats, stop: Stop) -> Minimum | None:
 
 
 def fit_of(model_name: str, problem: Problem, motions: Sequence[Motion], found: Minimum, seconds: float) -> Fit:
-    """Return a minimum as a Fit: quantities, covariance, overlays and remainders."""
+    """Return a minimum as a Fit."""
     model, count = problem.model, problem.shared
     free = np.ones(found.parameters.size, dtype=np.bool_)
     free[list(found.at_bound)] = False
     freedom = max(1, found.square.samples - int(free.sum()))
-    reduced = found.square.chi2 / freedom
     inverse = covariance(found.square, free)
-    converged = found.converged and inverse is not None
-    if inverse is None:
-        inverse = np.full((found.parameters.size, found.parameters.size), np.nan)
-    # A remainder above the noise must not make the parameters look better known than they are (Birge's ratio).
-    inverse = inverse * max(1.0, reduced)
-    flags = [] if converged else ["fit_not_converged"]
-    flags += [f"{model.shared_names[i]}_at_bound" for i in found.at_bound if i < count]
+    known = np.full((found.parameters.size, found.parameters.size), np.nan) if inverse is None else inverse
+    flags = [f"{model.shared_names[i]}_at_bound" for i in found.at_bound if i < count]
     if not all(shot.noise.trusted for shot in problem.shots):
         flags.append("noise_not_known")
-    std = np.sqrt(np.diag(inverse))
-    quantities = {
-        name: Quantity(float(found.parameters[i]), float(std[i]), "fit") for i, name in enumerate(model.shared_names)
-    }
-    quantities |= {name: Quantity(value, 0.0, "chosen") for name, value in model.chosen}
-    fits = tuple(_shot_fit(problem, index, motion, found, inverse) for index, motion in enumerate(motions))
-    return Fit(
+    estimate = Estimate(
         model=model_name,
-        parameters=quantities,
-        covariance=inverse[:count, :count],
-        shots=fits,
-        reduced_chi2=reduced,
-        noise_std_m=float(np.sqrt(np.mean([shot.noise.std_m**2 for shot in problem.shots]))),
-        converged=converged,
         effects=tuple(effect.name for effect in model.effects),
+        values=found.parameters,
+        # A remainder above the noise must not make the parameters look better known than they are (Birge's ratio).
+        covariance=known * max(1.0, found.square.chi2 / freedom),
+        shared={name: place for place, name in enumerate(model.shared_names)},
+        free=int(free.sum()),
+        converged=found.converged,
+        how="fit",
+        chosen=dict(model.chosen),
         flags=tuple(flags),
-        seconds=seconds,
-        chi2=found.square.chi2,
-        samples=found.square.samples,
-        free_parameters=int(free.sum()),
     )
+    parts = [_part(problem, index, motion, found) for index, motion in enumerate(motions)]
+    noise_std_m = float(np.sqrt(np.mean([shot.noise.std_m**2 for shot in problem.shots])))
+    return build_fit(estimate, parts, noise_std_m, seconds)
 
 
-def _shot_fit(problem: Problem, index: int, motion: Motion, found: Minimum, inverse: Floats) -> ShotFit:
-    model, count, shot = problem.model, problem.shared, problem.shots[index]
-    place = problem.places(index)
-    own, block = found.parameters[place[count:]], inverse[np.ix_(place, place)]
-    response = respond(model, shot, found.parameters[:count], own)
-    touch = float(own[1])
-    events = tuple((e.kind, e.time_s + touch) for e in response.events if e.kind in ("touch", "release"))
-    overlay = lay_over(motion, response.displacement_m, response.plate_displacement_m, response.gap_m, events)
-    rest = shot.displacement_m - response.displacement_m
-    whitened = shot.noise.whiten(np.where(shot.valid, rest, 0.0), shot.valid)
-    std = np.sqrt(np.diag(block))[count:]
-    quantities = [Quantity(float(own[i]), float(std[i]), "fit") for i in range(own.size)]
-    out = Quantity(float("nan"), float("nan"), "the record ends in contact")
-    if response.velocity_out is not None:
-        value, slope = response.velocity_out
-        out = Quantity(value, float(np.sqrt(max(slope @ block @ slope, 0.0))), "fit")
-    return ShotFit(
-        velocity_in_m_per_s=quantities[0],
-        velocity_out_m_per_s=out,
-        touch_time_s=quantities[1],
-        offset_m=quantities[2],
-        overlay=overlay,
-        residual_m=np.where(shot.valid, rest, np.nan),
-        reduced_chi2=float(whitened @ whitened) / max(1, whitened.size - place.size),
-        own_parameters=dict(zip(model.own_names[len(OWN_NAMES) :], quantities[len(OWN_NAMES) :], strict=True)),
+def _part(problem: Problem, index: int, motion: Motion, found: Minimum) -> Part:
+    model, shot, places = problem.model, problem.shots[index], problem.places(index)
+    own = found.parameters[problem.own_slice(index)]
+    response = respond(model, shot, found.parameters[: problem.shared], own)
+    rest = np.where(shot.valid, shot.displacement_m - response.displacement_m, 0.0)
+    return Part(
+        motion=motion,
+        own={name: int(place) for name, place in zip(model.own_names, places[problem.shared :], strict=True)},
+        path=Path.of(response, float(own[1])),
+        used=shot.valid,
+        whitened=shot.noise.whiten(rest, shot.valid),
     )

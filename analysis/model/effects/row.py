@@ -49,6 +49,23 @@ class Parameter:
     fixed: bool = False
     nuisance: bool = False
 
+    def to_search(self, value: float) -> float:
+        """Return the search coordinate of a value: its logarithm, or the value in units of its ``scale``."""
+        return math.log(max(value, 1e-300)) if self.logarithmic else value / (self.scale or 1.0)
+
+    def to_value(self, z: float) -> float:
+        """Return the value at a search coordinate."""
+        return math.exp(min(z, 700.0)) if self.logarithmic else z * (self.scale or 1.0)
+
+    def slope(self, z: float) -> float:
+        """Return d value / d z."""
+        return self.to_value(z) if self.logarithmic else self.scale or 1.0
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Get the bounds in search coordinates."""
+        return self.to_search(self.lower), self.to_search(self.upper)
+
 
 @dataclass(frozen=True, slots=True)
 class Sensed:

@@ -23,7 +23,7 @@ def test_the_diagnosis_tries_what_the_catalogue_holds() -> None:
         for start in kind.starts:
             assert set(start) == {p.name for p in effect.parameters}
             for free in kind.free_parameters:
-                assert free.low <= start[free.name] <= free.high
+                assert free.lower <= start[free.name] <= free.upper
                 assert free.to_value(free.to_search(start[free.name])) == pytest.approx(start[free.name], rel=1e-12)
 
 

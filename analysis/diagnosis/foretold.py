@@ -154,7 +154,7 @@ def _own_fitted(hypothesis: Hypothesis, known: Parameters, start: Floats) -> tup
         values[effect.name] = dict(effect.starts[0])
         for free in effect.free_parameters:
             named = f"{effect.name}.{free.name}"
-            if free.of_shot:
+            if free.own:
                 continue
             if named not in known:
                 raise AnalysisError(f"the model file has no parameter {named}")

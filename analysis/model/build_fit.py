@@ -89,7 +89,7 @@ def build_fit(estimate: Estimate, parts: Sequence[Part], noise_std_m: float, sec
     return Fit(
         model=estimate.model,
         parameters=parameters,
-        covariance=estimate.covariance[np.ix_(places, places)],
+        covariance=np.pad(estimate.covariance[np.ix_(places, places)], (0, len(estimate.chosen))),
         shots=tuple(_shot_fit(estimate, part) for part in parts),
         reduced_chi2=chi2 / max(1, samples - estimate.free),
         noise_std_m=noise_std_m,

@@ -64,7 +64,7 @@ def _python() -> list[Check]:
 
 def _packages() -> list[Check]:
     checks = []
-    for name in ("numpy", "scipy", "numba", "pyusb"):
+    for name in ("numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "pyqtgraph", "pyusb"):
         try:
             checks.append(Check(name, Grade.OK, importlib.metadata.version(name)))
         except importlib.metadata.PackageNotFoundError:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Channel, Gap, Recording, Setup
+from instrument.into_place import into_place
 from instrument.recording_error import RecordingError, RecordingExists
 from instrument.recording_metadata import Metadata, metadata_json, read_metadata
 
@@ -194,7 +195,7 @@ def write_beside(path: Path, content: Iterable[bytes | memoryview], *, sync: boo
                 if sync:
                     file.flush()
                     os.fsync(file.fileno())
-            os.replace(beside, path)
+            into_place(beside, path)
         except BaseException:
             with contextlib.suppress(OSError):
                 beside.unlink()

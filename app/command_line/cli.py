@@ -172,7 +172,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
     if options.doctor:
         from app.command_line.doctor import doctor
 
-        return partial(doctor, source=options.source)
+        return partial(doctor, source=options.source, bundle=options.bundle)
     return partial(window, arguments, site=options.site)
 
 
@@ -200,6 +200,8 @@ def _parser() -> argparse.ArgumentParser:
     mode.add_argument("--map", type=_path, metavar="FILE", help="what a TDMS, HDF5, WAV or CSV file holds, and its use")
     mode.add_argument("--prepare", action="store_true", help="compile everything now, for the first start (--jobs N)")
     mode.add_argument("--doctor", action="store_true", help="check this machine, with --source its signals too")
+    group = parser.add_argument_group("with --doctor")
+    group.add_argument("--bundle", type=_path, metavar="FILE", help="write checks, settings and log for support (ZIP)")
     group = parser.add_argument_group("with --replay")
     group.add_argument("--json", metavar="FILE", type=_name, help="write the result (- for standard output)")
     group.add_argument("--export", type=_path, metavar="DIR", help="write CSV: one motion file a shot, and shots.csv")
@@ -285,6 +287,8 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
             parser.error("--acquire needs --out")
     elif options.out is not None or (options.source is not None and not options.doctor):
         parser.error("--source and --out go with --acquire, --source with --doctor too")
+    if options.bundle is not None and not options.doctor:
+        parser.error("--bundle goes with --doctor")
     if options.simulate is None and (options.effect is not None or options.undeclared):
         parser.error("--effect and --undeclared go with --simulate")
     if options.site is not None:

@@ -3,21 +3,39 @@
 import sys
 from pathlib import Path
 
+from platformdirs import user_log_path
+
+from analysis import kernel_cache
+from app.command_line.bundle import write_bundle
 from app.command_line.display import why_no_window
+from app.command_line.version import installed
+from app.session.log import NAME
+from app.session.prepare import complete
 from instrument.apart.digitizer import open_apart
 from instrument.digitizer import DigitizerError
 from instrument.doctor import Check, Grade, examine
+from instrument.recording_error import RecordingError
 from instrument.signal_trial import try_signals
 
 
-def doctor(folder: Path | None = None, source: str | None = None) -> int:
-    """Print the checks, with a ``source`` those of its signals too; return 1 when one of them failed outright."""
-    checks = [*examine(folder or Path.cwd()), _qt()]
+def doctor(folder: Path | None = None, source: str | None = None, bundle: Path | None = None) -> int:
+    """Print the checks, with a ``source`` those of its signals too; return 1 when one of them failed outright.
+
+    ``bundle`` is where to write what who helps wants to see.
+    """
+    checks = [_program(), *examine(folder or Path.cwd()), _qt(), _kernels(), _log()]
     if source is not None:
         checks += _signals(source)
     for check in checks:
         print(f"{check.grade.value:<5} {check.name}: {check.line}")
     sys.stdout.flush()
+    if bundle is not None:
+        try:
+            write_bundle(bundle, checks)
+        except RecordingError as error:
+            print(f"levimass: {error}", file=sys.stderr)
+            return 1
+        print(f"levimass: written to {bundle}: these checks, versions, settings and log; no recordings")
     return 1 if any(check.grade is Grade.FAIL for check in checks) else 0
 
 
@@ -30,6 +48,22 @@ def _signals(source: str) -> list[Check]:
             digitizer.close()
     except DigitizerError as error:
         return [Check("source", Grade.FAIL, str(error))]
+
+
+def _program() -> Check:
+    return Check("levimass", Grade.OK, f"{installed('levimass')}, in {Path(__file__).resolve().parents[2]}")
+
+
+def _kernels() -> Check:
+    folder = kernel_cache.root()
+    size = sum(file.stat().st_size for file in folder.rglob("*.nb*")) / 1e6
+    if complete():
+        return Check("compiled code", Grade.OK, f"complete, {size:.0f} MB in {folder}")
+    return Check("compiled code", Grade.OK, f"not complete, {size:.0f} MB in {folder}; levimass --prepare makes it so")
+
+
+def _log() -> Check:
+    return Check("log", Grade.OK, str(user_log_path("levimass") / NAME))
 
 
 def _qt() -> Check:

@@ -7,6 +7,7 @@ for another and few kernels are compiled twice; all find their kernels in the ca
 import contextlib
 import multiprocessing
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,7 +18,7 @@ import numpy as np
 
 from analysis import kernel_cache
 from analysis.motion import Motion
-from analysis.shot import AnalysisSettings, Cancelled
+from analysis.shot import AnalysisSettings, Cancelled, Shot
 from app.session.jobs import Asked, Report
 from app.session.load import load_and_analyse
 from instrument.apart.give_way import give_way
@@ -48,10 +49,10 @@ def _bench() -> None:
         simulate(folder, 1, duration_s=0.05)
 
 
-def _fit() -> None:
+def _fit() -> Shot:
     from analysis.pipeline import analyse_motion
 
-    analyse_motion(_bounce(), AnalysisSettings(), name="bounce")
+    return analyse_motion(_bounce(), AnalysisSettings(), name="bounce")
 
 
 def _diagnosis() -> None:
@@ -82,7 +83,7 @@ def _bounce() -> Motion:
     t = np.arange(-2000, 2000) / _RATE_HZ
     inside = _SPEED_M_PER_S * _CONTACT_S / np.pi * np.sin(np.pi * np.clip(t, 0, _CONTACT_S) / _CONTACT_S)
     x = inside + _SPEED_M_PER_S * (np.minimum(t, 0) - 0.95 * np.maximum(t - _CONTACT_S, 0))
-    x += np.random.default_rng(1).normal(0, 1e-9, t.size)
+    x = np.random.default_rng(1).normal(0, 1e-9, t.size) - x  # it comes in against the axis
     return motion_from_displacement(t, x, None, None, moving_mass_kg=_MASS_KG)
 
 
@@ -161,4 +162,8 @@ def _started(piece: _Piece) -> SpawnProcess:
 
 def _compile(piece: int) -> None:
     give_way(5)  # samples and screen come first
-    PIECES[piece].work()
+    try:
+        PIECES[piece].work()
+    except Exception as error:
+        print(f"levimass: {PIECES[piece].name}: {' '.join(str(error).split())}", file=sys.stderr)
+        raise SystemExit(1) from None

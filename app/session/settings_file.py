@@ -7,6 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from app.session.settings import Settings, WrongSettings
+from instrument.into_place import into_place
 from instrument.recording_error import RecordingError, one_line, shown
 from instrument.text_file import read_json
 
@@ -46,8 +47,8 @@ def save(path: Path, settings: Settings) -> str | None:
             file.flush()
             os.fsync(file.fileno())
         with contextlib.suppress(FileNotFoundError):  # the first time, or just moved by another window
-            os.replace(path, _last_good(path))
-        os.replace(beside, path)
+            into_place(path, _last_good(path))
+        into_place(beside, path)
     except OSError as error:
         return f"The settings could not be saved: {error}"
     return None

@@ -5,6 +5,7 @@ import gc
 import os
 import queue
 import signal
+import sys
 import threading
 import time
 import traceback
@@ -22,7 +23,7 @@ Opener = Callable[[], Digitizer]
 
 STARTED, OPENED = -1, 0  # the serial numbers of the answers to being started
 READ_TIMEOUT_S = 0.05
-MOST_BLOCKS = 200  # announced and not taken: what a pipe holds on every system
+MOST_BLOCKS = 200 if sys.platform == "linux" else 50  # announced and not taken: what a pipe holds (Windows: 8 KiB)
 _ENDS_S = 3.0  # a driver that keeps the process longer than this after its parent's end is left behind
 _FULL_S = 0.002
 

@@ -101,3 +101,9 @@ def test_prepare_compiles_once(folder, order, capsys):
     assert main(["--prepare"]) == 0
     assert "already" in capsys.readouterr().out
     assert len(order) == len(prepare.PIECES)
+
+
+def test_the_made_up_bounce_is_one(warm_kernels):
+    shot = prepare._fit()
+    assert shot.problem is None
+    assert shot.fit is not None

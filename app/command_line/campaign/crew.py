@@ -36,6 +36,9 @@ class Crew(Protocol):
         """End the work; what was given and not taken is dropped."""
 
 
+_MOST = 61 if sys.platform == "win32" else 4096  # Windows waits for no more at a time
+
+
 class Processes:
     """Worker processes of this machine.
 
@@ -44,7 +47,7 @@ class Processes:
     """
 
     def __init__(self, count: int) -> None:
-        self._count = count
+        self._count = min(count, _MOST)
         self._pool = self._started()
         self._running: dict[Future[Outcome], Task] = {}
         self._waiting: deque[Task] = deque()

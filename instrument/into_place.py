@@ -1,0 +1,33 @@
+"""A finished file moved to where it belongs, though a virus scanner or a synchronised folder holds the old one."""
+
+import os
+import time
+from pathlib import Path
+
+PATIENCE_S = 2.0
+_LOOK_S = 0.05
+
+
+def into_place(source: Path, target: Path) -> None:
+    """Do as ``os.replace``; where another program holds a file (Windows: PermissionError) try for two seconds.
+
+    Raises OSError, naming ``target``, where it is held on or cannot be: ``source`` is untouched then.
+    """
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            os.replace(source, target)
+            return
+        except PermissionError as error:
+            if time.monotonic() > end or not _may_be_held(target):
+                raise PermissionError(error.errno, _in_words(error), str(target)) from error
+        time.sleep(_LOOK_S)
+
+
+def _may_be_held(target: Path) -> bool:
+    return os.name == "nt" or os.access(target.parent, os.W_OK)  # else nobody holds it: it is not ours to write
+
+
+def _in_words(error: OSError) -> str:
+    held = getattr(error, "winerror", None) in (5, 32)
+    return "held by another program (a virus scanner, a synchronised folder?)" if held else str(error.strerror)

@@ -1,0 +1,60 @@
+"""A file that another program holds for a moment (a virus scanner, a synchronised folder) is replaced all the same."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from instrument import into_place as module
+from instrument.into_place import into_place
+from instrument.recording_error import RecordingError
+from instrument.recording_writer import write_text_beside
+
+
+class Held:
+    """Stands for ``os.replace`` while another program holds the file, ``times`` times."""
+
+    def __init__(self, times: int) -> None:
+        self.asked, self._times, self._replace = 0, times, os.replace
+
+    def __call__(self, source: Path, target: Path) -> None:
+        self.asked += 1
+        if self.asked <= self._times:
+            error = PermissionError(13, "Access is denied", str(source))
+            error.winerror = 32  # type: ignore[attr-defined]
+            raise error
+        self._replace(source, target)
+
+
+def test_it_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held = Held(3)
+    monkeypatch.setattr(os, "replace", held)
+    (tmp_path / "old").write_text("old")
+    write_text_beside(tmp_path / "old", "new", sync=True)
+    assert held.asked == 4
+    assert (tmp_path / "old").read_text() == "new"
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+
+
+def test_who_holds_on_is_told_and_nothing_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(os, "replace", Held(10**9))
+    (tmp_path / "old").write_text("old")
+    (tmp_path / "new").write_text("new")
+    with pytest.raises(PermissionError, match="held by another program") as raised:
+        into_place(tmp_path / "new", tmp_path / "old")
+    assert raised.value.filename == str(tmp_path / "old")
+    assert (tmp_path / "new").read_text() == "new"
+    with pytest.raises(RecordingError, match="held by another program"):
+        write_text_beside(tmp_path / "old", "newer", sync=True)
+    assert (tmp_path / "old").read_text() == "old"
+
+
+def test_where_nobody_holds_it_nobody_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "replace", Held(10**9))
+    monkeypatch.setattr(module, "_may_be_held", lambda target: False)
+    began = time.monotonic()
+    with pytest.raises(PermissionError):
+        into_place(tmp_path / "new", tmp_path / "old")
+    assert time.monotonic() - began < 1.0

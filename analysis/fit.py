@@ -46,7 +46,7 @@ class ShotFit:
 class Fit:
     """A model fitted to one shot or to several at once (shared plate and contact, own start a shot).
 
-    ``parameters`` maps the names of RECORDING.md ("plate_stiffness_n_per_m", ...; effects as "effect.parameter") to
+    ``parameters`` maps the names of the result file ("plate_stiffness_n_per_m", ...; effects as "effect.parameter") to
     quantities, ``covariance`` is over them in that order.  ``converged`` False makes every number a guess: callers
     show the flag, not the number.
     """

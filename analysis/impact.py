@@ -1,4 +1,4 @@
-"""The numbers of PHYSICS.md section 2, read from the motion alone (no model)."""
+"""The numbers of docs/physics.md, "the numbers of a shot", read from the motion alone (no model)."""
 
 from dataclasses import dataclass, field
 

@@ -1,6 +1,6 @@
 """The kinetic COR of the fitted contact: how much relative velocity the first contact alone gives back.
 
-PHYSICS.md section 2: e = -(relative velocity out / in) at the first contact, the plate at rest before it.  The ratios
+docs/physics.md: e = -(relative velocity out / in) at the first contact, the plate at rest before it.  The ratios
 of bounce times depend on how the plate swings between the contacts; this one is the contact's own.
 """
 

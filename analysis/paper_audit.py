@@ -12,7 +12,7 @@ from analysis.plate import Disc
 from analysis.quantity import Quantity
 from analysis.recording import Plate
 
-_VACUUM_M = 632.991354e-9  # of the HP 5518A (PHYSICS.md section 1)
+_VACUUM_M = 632.991354e-9  # of the HP 5518A (docs/physics.md, "from beats to force")
 
 
 @dataclass(frozen=True, slots=True)

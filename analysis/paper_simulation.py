@@ -14,7 +14,7 @@ from analysis.model.parameters import Collision
 
 Floats = NDArray[np.float64]
 
-SMOOTH_HZ = (100.0, 250.0, 500.0)  # PHYSICS.md section 3: low-pass of the smooth pulse
+SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md, "the model": low-pass of the smooth pulse
 SLOPE_S = (6e-3, 28e-3)  # and the span of the slope, for the paper's contact of 28.7 ms
 _GRID_S = 1e-6
 _PEAKS = 3

@@ -1,4 +1,4 @@
-"""Motion records: a shot already demodulated, NAME.csv with NAME.toml beside it (RECORDING.md)."""
+"""Motion records: a shot already demodulated, NAME.csv with NAME.toml beside it (docs/formats.md)."""
 
 import csv
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Recordings on disk: two SigMF files with one stem, as RECORDING.md says.
+"""Recordings on disk: two SigMF files with one stem, as docs/formats.md says.
 
 Read with json rather than the ``sigmf`` package: every refusal must name file and key in one line, foreign metadata
 must not lead outside their folder (``core:dataset``) nor allocate without bound, and a capture has to be readable

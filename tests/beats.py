@@ -14,7 +14,7 @@ def recording_of(rig: Rig, *, rate_hz: float = 10e6, snr_db: float = 35.0, bits:
     random = np.random.default_rng(seed)
     noise_v = 0.7 / np.sqrt(2.0 * 10 ** (snr_db / 10))
     rest = 2.0 * np.pi * REST_HZ * time
-    # the block comes in with v < 0 and a beat above the rest frequency (PHYSICS.md section 1)
+    # the block comes in with v < 0 and a beat above the rest frequency (docs/physics.md, "from beats to force")
     moved = rest - 4.0 * np.pi / WAVELENGTH_M * position_m(rig, time)
     volts = np.empty((time.size, 3))
     volts[:, 0] = 0.7 * np.cos(rest) + random.normal(0.0, noise_v, time.size)

@@ -1,6 +1,7 @@
 """Imports go one way: app -> instrument -> analysis; Qt lives in app alone."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -50,3 +51,14 @@ def test_imports_within_the_application_go_one_way(floor: int) -> None:
         if (bad := {name for name in _modules(source) if ".".join(name.split(".")[:2]) in above})
     }
     assert not wrong
+
+
+def test_what_is_cited_lies_in_the_repository() -> None:
+    cited = re.compile(r"\b(?:docs/)?([A-Za-z][\w-]*\.md)\b")
+    there = {path.name for path in (HOUSE / "docs").glob("*.md")} | {"README.md"}
+    there.add("own-laws.md")  # the page comes with the command that reads such laws
+    missing = set()
+    for folder in ("analysis", "instrument", "app"):
+        for source in (HOUSE / folder).rglob("*.py"):
+            missing |= {(source.name, name) for name in cited.findall(source.read_text(encoding="utf-8"))}
+    assert {(source, name) for source, name in missing if name not in there} == set()

@@ -1,4 +1,4 @@
-"""What a diagnosis says; the form others read is RECORDING.md's."""
+"""What a diagnosis says; the form others read is in docs/formats.md."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field

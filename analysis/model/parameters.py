@@ -28,7 +28,7 @@ class Variant(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """A block meeting a spring plate (PHYSICS.md section 3); time zero is the first touch, right is positive.
+    """A block meeting a spring plate (docs/physics.md, "the model"); time zero is the first touch, right is positive.
 
     ``plate_mass_kg`` infinite locks the plate: the one-body contact of a motion record.
     ``plate_displacement_m`` and ``plate_velocity_m_per_s`` are those of the plate at first touch.

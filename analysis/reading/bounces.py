@@ -185,7 +185,7 @@ def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: floa
 
     The low-passed force would do for its height, but a steep onset on one side pulls its peak there by tens of
     microseconds; a polynomial of degree 7 over this reach leaves less than a microsecond (against the reference
-    solution of PHYSICS.md section 3).  A lower degree is taken where the noise forbids it.
+    solution of docs/physics.md, "the model").  A lower degree is taken where the noise forbids it.
     """
     rise = coarse_s - onset_s
     step = 1.0 / motion.sample_rate_hz

@@ -12,7 +12,7 @@ from analysis.signal.filters import derivative_filters
 
 Floats = NDArray[np.float64]
 
-SMOOTH_HZ = (100.0, 250.0, 500.0)  # PHYSICS.md section 3: the smooth pulse is the force low-passed at 100-500 Hz
+SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md: the smooth pulse is the force low-passed at 100-500 Hz
 SLOPE_SPAN = (0.209, 0.975)  # of the contact: 6 to 28 ms of 28.7, clear of bounces and release
 FREQUENCIES = 8192  # of the transform a noise is weighed with
 SPLIT_NOISE = 0.6  # of a velocity's noise is left in the turning point, a line through 18 samples
@@ -108,7 +108,7 @@ def _width(motion: Motion, touch: Edge, release: Edge, cutoff_hz: float) -> tupl
 def read_impulse_ratio(
     motion: Motion, turnaround_s: float, touch: Edge, release: Edge, drag_n: tuple[float, float]
 ) -> Reading:
-    """Return the impulse of unloading over that of loading, split where v = 0 (PHYSICS.md section 2).
+    """Return the impulse of unloading over that of loading, split where v = 0 (docs/physics.md).
 
     The integrals reach beyond the contact by the force filter's ringing; what the free flights' own forces ``drag_n``
     (before, after) add there is taken off.

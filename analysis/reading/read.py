@@ -146,7 +146,7 @@ def _disturbed(bounces: Bounces) -> bool:
 
 
 def _kinetic(bounces: Bounces) -> KineticCor:
-    """Return T2 / T1 three ways (PHYSICS.md section 2); a bounce that is not there is said, not guessed."""
+    """Return T2 / T1 three ways (docs/physics.md); a bounce that is not there is said, not guessed."""
     contacts = len(bounces.onsets)
     if _disturbed(bounces):
         ringing = NotSeen("the flights between the bounces are not straight: something else moves the block")

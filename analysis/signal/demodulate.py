@@ -31,7 +31,7 @@ def demodulate(
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Motion:
-    """Return the motion of a recording; PHYSICS.md section 1 gives equations and signs.
+    """Return the motion of a recording; docs/physics.md, "from beats to force" gives equations and signs.
 
     Raises AnalysisError, in one line, where the recording holds no motion: no rate, too short, flat, saturated, only
     noise, no rest frequency, a beat that cannot be told from its image; Cancelled when ``cancelled()`` says so.

@@ -18,7 +18,7 @@ OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; return the exit status of RECORDING.md (0 analysed, 1 something failed, 2 wrong usage)."""
+    """Run the command; return the exit status (0 analysed, 1 something failed, 2 wrong usage)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if isinstance(sys.stdout, io.TextIOWrapper):  # "±", or a name that is no text, must not cost a script its result
         sys.stdout.reconfigure(errors="backslashreplace")

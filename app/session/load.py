@@ -15,7 +15,7 @@ from instrument.recording_error import RecordingError, one_line
 from instrument.recording_search import is_motion_record
 
 Cancel = Callable[[], bool]
-BASE_OF_RECORD = {"plate": "paper", "contact": "contact", "driven": "driven"}  # RECORDING.md's names, the model's
+BASE_OF_RECORD = {"plate": "paper", "contact": "contact", "driven": "driven"}  # names in docs/formats.md, the model's
 
 
 def load_and_analyse(

@@ -43,7 +43,7 @@ def _p(low: float, high: float, at: int = -1, **more: float | bool) -> Parameter
     return Parameter(low, high, at, **more)  # type: ignore[arg-type]
 
 
-# as EFFECTS.md names them
+# as docs/catalogue.md names them
 CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
     "coulomb_friction": {"force_n": _p(1e-5, 3e-4, slot.F_COULOMB)},
     "viscous_drag": {"coefficient_n_s_per_m": _p(5e-5, 2e-3, slot.C_VISCOUS)},

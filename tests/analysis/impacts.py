@@ -7,7 +7,7 @@ from analysis.quantity import Quantity
 
 
 def impact_of(**changes: Any) -> Impact:
-    """Return the readings of the reference solution (PHYSICS.md section 3) with small uncertainties."""
+    """Return the readings of the reference solution (docs/physics.md, "the model") with small uncertainties."""
     readings: dict[str, Any] = {
         "touch_time_s": Quantity(0.02, 1e-7),
         "release_time_s": Quantity(0.02 + 28.70771255e-3, 1e-6),

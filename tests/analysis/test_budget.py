@@ -40,7 +40,7 @@ def test_each_source_of_velocity_by_hand() -> None:
     assert contribution(v, "timebase") == pytest.approx(0.265 * 25e-6 / math.sqrt(3), rel=1e-9)
     assert contribution(v, "alignment (cosine)") == pytest.approx(0.265 * 0.5 * 4e-6 / math.sqrt(3), rel=1e-9)
     assert contribution(v, "beat noise, flight in") == pytest.approx(1e-8, rel=1e-9)
-    # PHYSICS.md section 1: the wavelength moves with -0.95 ppm/K of the index, +0.268 ppm/hPa, -0.0085 ppm a percent
+    # docs/physics.md: the wavelength moves with -0.95 ppm/K of the index, +0.268 ppm/hPa, -0.0085 ppm a percent
     assert contribution(v, "air temperature") == pytest.approx(0.265 * 0.95e-6 * 0.2, rel=0.01)
     assert contribution(v, "air pressure") == pytest.approx(0.265 * 0.268e-6, rel=0.01)
     assert contribution(v, "air humidity") == pytest.approx(0.265 * 0.0085e-6 * 5.0, rel=0.03)

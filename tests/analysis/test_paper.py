@@ -1,4 +1,4 @@
-"""The paper reproduced: the tables of PHYSICS.md to their digits, every row computed, what is open said so."""
+"""The paper reproduced: the tables of docs/physics.md to their digits, every row computed, what is open said so."""
 
 import json
 from dataclasses import replace
@@ -25,7 +25,7 @@ def table() -> Reproduction:
 
 
 def test_reference_solution(run: Simulated) -> None:
-    """PHYSICS.md section 3, to the digits given there."""
+    """docs/physics.md, "the model", to the digits given there."""
     assert run.onsets_s == pytest.approx((0.0, 1.56573968e-3, 2.34904083e-3), abs=5e-12)
     assert run.releases_s == pytest.approx((0.45318387e-3, 2.16218652e-3, 28.70771255e-3), abs=5e-12)
     assert run.velocity_out_m_per_s == pytest.approx(0.261702343, abs=5e-10)
@@ -53,7 +53,7 @@ def test_clamped_solution() -> None:
 
 
 def test_the_audit_reaches_the_list(table: Reproduction) -> None:
-    """PHYSICS.md section 4, row by row: error before, what it was traced to, error after."""
+    """docs/physics.md, "the paper against itself", row by row: error before, what it was traced to, error after."""
     thickness = table.of("thickness")
     assert thickness.recomputed == pytest.approx(0.3e-3, rel=1e-3)
     assert "0.277 g" in thickness.traced_to and "2.771 g at 3 mm" in thickness.traced_to

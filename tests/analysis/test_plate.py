@@ -1,4 +1,4 @@
-"""The plate against PHYSICS.md section 4, against numerical integration, and both ways round."""
+"""The plate against docs/physics.md, "the paper against itself", against numerical integration, and both ways round."""
 
 import math
 from dataclasses import fields, replace

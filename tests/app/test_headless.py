@@ -45,7 +45,7 @@ def test_the_doctor_judges_the_signals_of_a_source(capsys: pytest.CaptureFixture
 
 
 def test_no_qt_without_a_window(tmp_path: Path) -> None:
-    """RECORDING.md: the other modes need no screen; Qt is not even imported."""
+    """The other modes need no screen; Qt is not even imported."""
     code = (
         "import sys\n"
         "from app.command_line.cli import main\n"

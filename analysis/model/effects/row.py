@@ -87,7 +87,7 @@ Wave = Callable[[float, Floats], list[dict[str, float]]]  # (frequency in Hz, co
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """A row of the catalogue (EFFECTS.md section 2).
+    """A row of the catalogue (docs/catalogue.md).
 
     ``amplitude`` names the parameter in which the effect is linear near nothing; ``inverse`` says that the effect
     vanishes as that parameter grows.  ``kernel`` is the mechanical function, ``sensor`` the one on the displacement,

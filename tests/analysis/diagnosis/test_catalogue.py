@@ -1,5 +1,8 @@
 """Every effect of the model's catalogue is one that the diagnosis tries, by the same function."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -36,3 +39,11 @@ def test_a_start_of_the_diagnosis_is_the_models_motion(name: str) -> None:
     active = general.Active(effect, tuple(values[p.name] for p in effect.parameters))
     exact = general.solve(PAPER, [active], TIME_S - OWN[1])
     np.testing.assert_allclose(quick.displacement_m, exact.displacement_m, atol=3e-11)
+
+
+def test_the_page_of_the_catalogue_lists_every_effect_with_its_parameters() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "catalogue.md").read_text(encoding="utf-8")
+    rows = {cells[1].strip("` "): cells[3] for line in page.splitlines() if (cells := line.split("|"))[1:2]}
+    for effect in CATALOGUE.values():
+        told = [parameter.name for parameter in effect.parameters if not parameter.nuisance]
+        assert re.findall(r"`(\w+)`", rows[effect.name]) == told

@@ -1,4 +1,4 @@
-"""The exact solver against the reference table of PHYSICS.md section 3, to its digits."""
+"""The exact solver against the reference table of docs/physics.md, "the model", to its digits."""
 
 from dataclasses import replace
 

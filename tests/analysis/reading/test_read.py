@@ -1,4 +1,4 @@
-"""The numbers of a shot against the reference solution of PHYSICS.md section 3."""
+"""The numbers of a shot against the reference solution of docs/physics.md, "the model"."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def impact(motion: Motion) -> Impact:
     return read_impact(motion)
 
 
-# value of PHYSICS.md section 3, and how far the reading may lie from it (the issue's figure where it states one)
+# value of docs/physics.md, and how far the reading may lie from it (the stated figure where there is one)
 TABLE = [
     ("velocity_in_m_per_s", -0.265, 3e-6),
     ("velocity_out_m_per_s", 0.261702343, 3e-6),

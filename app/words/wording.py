@@ -64,15 +64,15 @@ def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
     return local(f"{value:.{decimals}f}({digits})")
 
 
-def how_text(name: str, reading: Reading | None, meaning: str = "") -> str:
-    """Return the hover text: what the number is, how it was read, or why it was not."""
+def how_text(name: str, reading: Reading | None, meaning: str = "", std: str = "± is the standard uncertainty.") -> str:
+    """Return the hover text: what the number is, how it was read, or why it was not; ``std`` says what ± is."""
     lines = [f"<b>{name}</b>"]
     if meaning:
         lines.append(meaning)
     if isinstance(reading, Quantity):
         lines.append(f"Read from: {reading.how}" if reading.how else "")
         if reading.std > 0 and math.isfinite(reading.std):
-            lines.append("± is the standard uncertainty.")
+            lines.append(std)
     elif isinstance(reading, NotSeen):
         lines.append(f"Not seen: {reading.reason}")
     else:

@@ -154,7 +154,7 @@ def diagnosis(of: Shot) -> Diagnosis:
                 ("viscous_drag",),
             ),
         ),
-        candidates=tuple(Candidate(n, 60.0 / (i + 1), 812.0 / (i + 1) ** 2) for i, n in enumerate(names)),
+        candidates=tuple(Candidate(n, 60.0 / (i + 1), -812.0 / (i + 1) ** 2) for i, n in enumerate(names)),
         error_before=before,
         error_after=after,
         error_held_out_before=Errors(70e-9, 41e-6, 3.2e-3, 4000.0),

@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QPushButton
+from PySide6.QtWidgets import QLabel, QPushButton
 
-from analysis.quantity import NotSeen
+from analysis.budget import budget
+from analysis.diagnosis.result import Candidate, Verdict
+from analysis.quantity import NotSeen, Quantity
 from app.session.session import Session
+from app.window.panels.candidates import CandidateBars
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.notice import NoticeLine
@@ -17,7 +20,8 @@ from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_table import NOTE, SessionTable
 from app.window.panels.shot import ShotPanel
 from app.window.plots import save
-from app.window.theme import DARK, LIGHT, Tone
+from app.window.theme import DARK, LIGHT, MARKS, Tone
+from app.words.wording import value_text
 from tests.app import synthetic
 
 
@@ -52,15 +56,25 @@ def test_numbers_state_value_uncertainty_and_how_they_were_read(qtbot, shot):
     panel.resize(panel.minimumWidth(), 700)
     panel.show()
     panel.show_shot(shot)
-    assert panel.text("quasi-static") == "0.9875560(70)"  # a small screen
+    assert panel.text("quasi-static") == "0.9875560(72)"  # a small screen
     panel.resize(600, 700)
-    assert panel.text("quasi-static") == "0.9875560 ± 0.0000070"
+    assert panel.text("quasi-static") == "0.9875560 ± 0.0000072"
     assert panel.text("pulse width") == "19.100 ± 0.040"
     assert panel.text("m_p*") == "0.19840 ± 0.00040"
     assert panel.text("kinetic, flights") == "–"
     assert "shorter than the filter" in panel.hover("kinetic, flights")
     assert "speeds of both flights" in panel.hover("quasi-static")
     assert "agree" in panel.agreement.text()
+    (of,) = [q for q in budget(shot).quantities if q.key == "velocity_in_m_per_s"]
+    assert of.std > 3 * shot.impact.velocity_in_m_per_s.std
+    assert panel.text("velocity in") == value_text(Quantity(of.value, of.std))  # as in the budget
+    assert "combined" in panel.hover("velocity in")
+    panel.noise_only.setChecked(True)
+    assert panel.text("velocity in") == value_text(shot.impact.velocity_in_m_per_s)
+    assert "noise alone" in panel.hover("velocity in")
+    driven = replace(shot, settings=replace(shot.settings, model="driven"))
+    panel.show_shot(driven)
+    assert panel._values["mass"].isVisible() and not panel._values["quasi-static"].isVisible()
 
 
 def test_numbers_of_a_fit_that_did_not_converge_are_not_shown(qtbot, shot):
@@ -234,3 +248,28 @@ def test_a_long_message_widens_nothing_and_is_whole_on_hover(qtbot):
     assert line.minimumSizeHint().width() <= before + line.fontMetrics().horizontalAdvance("M Dismiss M") + 60
     assert line.words == words and words in line._words.toolTip()
     assert "…" in line._words.text()
+
+
+def test_a_diagnosis_without_a_residual_to_draw_leaves_no_other_sets_picture(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    found = synthetic.diagnosis(shot)
+    panel.show_diagnosis(found, [shot])
+    curves = panel.residuals._curves
+    assert len(curves[0].samples) > 0 and shot.name in panel.residuals._heading.text() and shot.name in panel._of.text()
+    slider = replace(found.fit_after, model="driven", shots=())
+    drive = replace(found, fit_before=slider, fit_after=slider, verdict=Verdict.UNEXPLAINED)
+    panel.show_diagnosis(drive, [replace(shot, name="emps")], ("quadratic_drag",))
+    assert [len(curve.samples) for curve in curves] == [0, 0]
+    assert shot.name not in panel.residuals._heading.text() and "emps" in panel._of.text()
+    assert "UNEXPLAINED" in panel._verdict.text() and MARKS[Tone.GOOD] not in panel._verdict.text()
+    assert "χ²/ν is against the noise" in panel._blind.text()
+
+
+def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_worse_bic(qtbot, shot):
+    bars = CandidateBars(LIGHT)
+    qtbot.addWidget(bars)
+    bars.show_candidates((Candidate("tilt", 9.0, 4.0), Candidate("adhesion", 60.0, -80.0)), {"tilt", "adhesion"})
+    words = [label.text() for label in bars.widget().findChildren(QLabel)]
+    names = [text for text in words if "adhesion" in text or "tilt" in text]
+    assert "adhesion" in names[0] and MARKS[Tone.GOOD] in names[0] and MARKS[Tone.GOOD] not in names[1]

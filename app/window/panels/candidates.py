@@ -48,9 +48,10 @@ class CandidateBars(QScrollArea):
         grid.setVerticalSpacing(3)
         grid.setColumnStretch(1, 1)
         most = max((abs(candidate.score) for candidate in candidates), default=1.0) or 1.0
-        ranked = sorted(candidates, key=lambda c: (c.name not in named, -abs(c.score)))
+        ranked = sorted(candidates, key=lambda c: -abs(c.score))  # in the order of their bars
         for line, candidate in enumerate(ranked[:SHOWN_CANDIDATES]):
-            chosen = candidate.name in named
+            pays = candidate.delta_bic is None or candidate.delta_bic < 0.0
+            chosen = candidate.name in named and pays
             mark = f"{MARKS[Tone.GOOD]} " if chosen else ""
             name = QLabel(mark + effect_words(candidate.name), inner)
             name.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)

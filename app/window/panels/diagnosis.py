@@ -19,8 +19,10 @@ from app.window.panels.effect_rows import EffectRows
 from app.window.panels.residuals import Residuals
 from app.window.plots.plot_view import PlotView
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.words.wording import local_words
+from app.words.wording import local_words, short_name
 
+MOST_NAMED = 5  # shots
+NEAR_ONE = 1.5  # a chi2 below this reads as if nothing were left
 TONES = {
     Verdict.ADEQUATE: Tone.GOOD,
     Verdict.EFFECT_FOUND: Tone.WARNING,
@@ -86,6 +88,10 @@ class DiagnosisPanel(QWidget):
         for widget in (self.progress, self.cancel, self.diagnose):
             top.addWidget(widget)
         column.addLayout(top)
+        self._of = QLabel(self)  # which shots it is about
+        self._of.setProperty("faint", True)
+        self._of.setWordWrap(True)
+        column.addWidget(self._of)
         self._sentence = QLabel(self)
         self._sentence.setWordWrap(True)
         self._sentence.setFont(sized(self.font(), 1.2))
@@ -164,6 +170,9 @@ class DiagnosisPanel(QWidget):
         self, diagnosis: Diagnosis | None, shots: list[Shot], model_effects: tuple[str, ...] = ()
     ) -> None:
         """Show a diagnosis over these shots; ``model_effects`` are the effects now in the model."""
+        names = ", ".join(short_name(shot.name) for shot in shots[:MOST_NAMED])
+        more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
+        self._of.setText(f"of {names}{more}" if diagnosis is not None and shots else "")
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
         self.effects.show_effects(diagnosis.effects if diagnosis is not None else (), model_effects)
         self._evidence.setVisible(diagnosis is not None)
@@ -185,13 +194,16 @@ class DiagnosisPanel(QWidget):
         tone = TONES[diagnosis.verdict]
         words = WORDS[diagnosis.verdict]
         if diagnosis.effects and all(effect.name in model_effects for effect in diagnosis.effects):
-            tone, words = Tone.GOOD, f"{words}, IN THE MODEL"
+            found = diagnosis.verdict is Verdict.EFFECT_FOUND
+            tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")
         self._verdict.setText(f"{MARKS[tone]} {words}")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
         self._sentence.setText(local_words(diagnosis.sentence))
         self.bars.show_candidates(diagnosis.candidates, {effect.name for effect in diagnosis.effects})
         blind = list(diagnosis.blind_spots)
         lines = [f"Remainder: {diagnosis.remainder}"] if diagnosis.remainder else []
+        if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:
+            lines.append("χ²/ν is against the noise that this residual shows, what is unexplained included: so near 1")
         lines += [f"What would separate these: {diagnosis.separating_shot}"] if diagnosis.separating_shot else []
         lines += [f"What this data could not show: {'; '.join(blind)}"] if blind else []
         self._blind.setText(local_words("\n".join(lines)))

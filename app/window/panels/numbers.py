@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
+    QCheckBox,
     QGridLayout,
     QHBoxLayout,
     QLabel,
@@ -17,6 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from analysis.budget import budget
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.shot import Shot
 from app.window.theme import MARKS, Colours, Tone, sized
@@ -60,6 +62,7 @@ class Row:
     unit: str = ""
     meaning: str = ""
     headline: bool = False
+    key: str = ""  # of its budget, where there is one
 
 
 GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
@@ -71,20 +74,67 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
                 _impact("cor_quasi_static"),
                 meaning="Speed out over speed in, |v_f / v_i|.",
                 headline=True,
+                key="cor_quasi_static",
             ),
-            Row("impulse ratio", _impact("cor_impulse"), meaning="Impulse while unloading over impulse while loading."),
-            Row("kinetic, peaks", _kinetic("force_peaks"), meaning="T2/T1 of the first bounces between force peaks."),
-            Row("kinetic, onsets", _kinetic("onsets"), meaning="T2/T1 between the onsets of contact."),
-            Row("kinetic, flights", _kinetic("flights"), meaning="Ratio of the first two flight times."),
-            Row("fitted contact", _kinetic("contact"), meaning="Relative velocity out over in at the first contact."),
+            Row(
+                "impulse ratio",
+                _impact("cor_impulse"),
+                meaning="Impulse while unloading over impulse while loading.",
+                key="cor_impulse",
+            ),
+            Row(
+                "kinetic, peaks",
+                _kinetic("force_peaks"),
+                meaning="T2/T1 of the first bounces between force peaks.",
+                key="cor_kinetic.force_peaks",
+            ),
+            Row(
+                "kinetic, onsets",
+                _kinetic("onsets"),
+                meaning="T2/T1 between the onsets of contact.",
+                key="cor_kinetic.onsets",
+            ),
+            Row(
+                "kinetic, flights",
+                _kinetic("flights"),
+                meaning="Ratio of the first two flight times.",
+                key="cor_kinetic.flights",
+            ),
+            Row(
+                "fitted contact",
+                _kinetic("contact"),
+                meaning="Relative velocity out over in at the first contact.",
+                key="cor_kinetic.contact",
+            ),
         ),
     ),
     (
         "MOTION",
         (
-            Row("velocity in", _impact("velocity_in_m_per_s"), 1.0, "m/s", "Free flight just before first touch."),
-            Row("velocity out", _impact("velocity_out_m_per_s"), 1.0, "m/s", "Free flight just after release."),
-            Row("peak force", _impact("force_peak_n"), 1.0, "N", "Largest force of the plate on the block."),
+            Row(
+                "velocity in",
+                _impact("velocity_in_m_per_s"),
+                1.0,
+                "m/s",
+                "Free flight just before first touch.",
+                key="velocity_in_m_per_s",
+            ),
+            Row(
+                "velocity out",
+                _impact("velocity_out_m_per_s"),
+                1.0,
+                "m/s",
+                "Free flight just after release.",
+                key="velocity_out_m_per_s",
+            ),
+            Row(
+                "peak force",
+                _impact("force_peak_n"),
+                1.0,
+                "N",
+                "Largest force of the plate on the block.",
+                key="force_peak_n",
+            ),
             Row("pulse width", _impact("force_fwhm_s"), 1e3, "ms", "Full width at half maximum of the smooth pulse."),
             Row("contact time", _impact("contact_time_s"), 1e3, "ms", "From first touch to last release."),
             Row("deflection", _impact("deflection_max_m"), 1e3, "mm", "How far the plate was pushed in."),
@@ -99,14 +149,37 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
                 1.0,
                 "N/m",
                 "Slope of force against deflection; lies about 3 % below k_p.",
+                key="stiffness_slope_n_per_m",
             ),
-            Row("k_p", _parameter("plate_stiffness_n_per_m"), 1.0, "N/m", "Stiffness of the plate, fitted."),
+            Row(
+                "k_p",
+                _parameter("plate_stiffness_n_per_m"),
+                1.0,
+                "N/m",
+                "Stiffness of the plate, fitted.",
+                key="plate_stiffness_n_per_m",
+            ),
             Row("m_p*", _parameter("plate_mass_kg"), 1e3, "g", "Mass of the plate that moves with its end, fitted."),
             Row("k_N", _parameter("contact_stiffness_n_per_m"), 1.0, "N/m", "Stiffness of the contact, fitted."),
             Row("γ_N", _parameter("contact_damping_n_s_per_m"), 1.0, "N s/m", "Damping of the contact, fitted."),
         ),
     ),
 )
+
+DRIVE = "DRIVE"  # the group of a driven slider, which strikes nothing; the others are a collision's
+GROUPS = (
+    *GROUPS,
+    (
+        DRIVE,
+        (
+            Row("mass", _parameter("moving_mass_kg"), 1.0, "kg", "What the force accelerates, fitted."),
+            Row("viscous drag", _parameter("viscous_coefficient_n_s_per_m"), 1.0, "N s/m", "Force a unit of speed."),
+            Row("offset", _parameter("offset_n"), 1.0, "N", "A constant force: of the drive, or a tilt of the guide."),
+        ),
+    ),
+)
+NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
+COMBINED = "± is the combined standard uncertainty, all sources of the budget together."
 
 
 def _flag_tone(flag: str) -> Tone:
@@ -123,6 +196,8 @@ class NumbersPanel(QScrollArea):
         self._colours = colours
         self._shot: Shot | None = None
         self._title = "No shot"
+        self._combined: dict[str, float] = {}  # combined standard uncertainty by budget key, of the shot shown
+        self._groups: dict[str, list[QWidget]] = {}
         self._values: dict[str, QLabel] = {}
         self._names: dict[str, QLabel] = {}
         inner = QWidget(self)
@@ -139,6 +214,10 @@ class NumbersPanel(QScrollArea):
         top.addWidget(self.title, 1)
         top.addWidget(self.budget)
         column.addLayout(top)
+        self.noise_only = QCheckBox("± from noise alone", inner)
+        self.noise_only.setToolTip("Leave wavelength, air, mass and clock out of the uncertainties  (U)")
+        self.noise_only.toggled.connect(self._uncertainty_chosen)
+        column.addWidget(self.noise_only)
         grid = QGridLayout()
         grid.setHorizontalSpacing(8)
         grid.setVerticalSpacing(0)
@@ -149,6 +228,7 @@ class NumbersPanel(QScrollArea):
             label = QLabel(heading, inner)
             label.setProperty("heading", True)
             grid.addWidget(label, line, 0)
+            self._groups[heading] = [label]
             if heading == "RESTITUTION":
                 self.agreement = QLabel("", inner)
                 self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
@@ -156,7 +236,7 @@ class NumbersPanel(QScrollArea):
             grid.setRowMinimumHeight(line, int(1.4 * self.fontMetrics().height()) if line else 0)
             line += 1
             for row in rows:
-                self._add_row(grid, line, row, inner)
+                self._groups[heading] += self._add_row(grid, line, row, inner)
                 line += 1
         self.flags = QLabel("", inner)
         self.flags.setWordWrap(True)
@@ -171,7 +251,7 @@ class NumbersPanel(QScrollArea):
         self.setAccessibleName("Numbers of the shot")
         self.show_shot(None)
 
-    def _add_row(self, grid: QGridLayout, line: int, row: Row, inner: QWidget) -> None:
+    def _add_row(self, grid: QGridLayout, line: int, row: Row, inner: QWidget) -> list[QWidget]:
         name = QLabel(row.name, inner)
         value = QLabel("–", inner)
         unit = QLabel(row.unit, inner)
@@ -185,6 +265,18 @@ class NumbersPanel(QScrollArea):
         grid.addWidget(value, line, 1)
         grid.addWidget(unit, line, 2)
         self._values[row.name], self._names[row.name] = value, name
+        return [name, value, unit]
+
+    @Slot(bool)
+    def _uncertainty_chosen(self, _: bool) -> None:
+        self.show_shot(self._shot, self._title)
+
+    def _reading(self, row: Row) -> Reading | None:
+        """Return a number with the uncertainty that is asked for."""
+        reading = row.find(self._shot) if self._shot is not None else None
+        if isinstance(reading, Quantity) and row.key in self._combined:
+            return replace(reading, std=self._combined[row.key])
+        return reading
 
     @Slot()
     def _budget(self) -> None:
@@ -209,12 +301,19 @@ class NumbersPanel(QScrollArea):
         self._shot = shot
         self._title = title or (shot.name if shot is not None else "No shot")
         self._fit_title()
+        whole = not self.noise_only.isChecked() and shot is not None and shot.impact is not None
+        self._combined = {q.key: q.std for q in budget(shot).quantities} if whole and shot is not None else {}
+        driven = shot is not None and shot.settings.model == "driven"
+        for group, widgets in self._groups.items():
+            for widget in widgets:
+                widget.setVisible((group == DRIVE) == driven)
         for _, rows in GROUPS:
             for row in rows:
-                reading = row.find(shot) if shot is not None else None
+                reading = self._reading(row)
                 label = self._values[row.name]
                 label.setText(self._fitting(label, reading, row.scale))
-                hover = how_text(row.name, reading, row.meaning)
+                which = COMBINED if row.key in self._combined else NOISE_ONLY
+                hover = how_text(row.name, reading, row.meaning, which)
                 label.setToolTip(hover)
                 self._names[row.name].setToolTip(hover)
                 label.setAccessibleDescription(f"{label.text()} {row.unit}")
@@ -244,8 +343,7 @@ class NumbersPanel(QScrollArea):
         for _, rows in GROUPS:
             for row in rows:
                 label = self._values[row.name]
-                reading = row.find(self._shot) if self._shot is not None else None
-                label.setText(self._fitting(label, reading, row.scale))
+                label.setText(self._fitting(label, self._reading(row), row.scale))
 
     def _show_agreement(self, shot: Shot | None) -> None:
         self.agreement.setText("")

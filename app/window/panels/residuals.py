@@ -50,14 +50,23 @@ class Residuals(QWidget):
     def clear(self) -> None:
         """Show nothing."""
         self._errors.setText("")
-        for curve in self._curves:
+        self._forget()
+
+    def _forget(self) -> None:
+        """Draw nothing: a picture of other shots would pass for these."""
+        for curve, band in zip(self._curves, self._bands, strict=True):
             curve.clear_samples()
+            band.show_band(0.0, 1.0, np.zeros(0))
 
     def show_diagnosis(self, diagnosis: Diagnosis, shots: list[Shot]) -> None:
         """Show the first of these shots that was analysed, and the errors of all."""
         self._errors.setText(_errors_table(diagnosis))
         shown = next((i for i, shot in enumerate(shots) if shot.motion is not None), None)
-        if shown is None:
+        if shown is None or shown >= len(diagnosis.fit_after.shots):
+            self._heading.setText(
+                "RESIDUAL OF FORCE: in the numbers below" if diagnosis.fit_after.model == "driven" else ""
+            )
+            self._forget()
             return
         shot = shots[shown]
         motion = shot.motion

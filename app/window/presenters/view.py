@@ -42,6 +42,11 @@ class ViewPresenter(QObject):
         self._panels.live.hold.toggle()
 
     @Slot()
+    def toggle_noise_only(self) -> None:
+        """Show combined uncertainties beside the numbers, or those from noise alone."""
+        self._panels.numbers.noise_only.toggle()
+
+    @Slot()
     def show_shot_page(self) -> None:
         """Bring SHOT to the front."""
         self._panels.tabs.setCurrentIndex(Layout.SHOT)

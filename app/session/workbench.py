@@ -20,6 +20,7 @@ from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Sa
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.load import unanalysed
 from app.session.model_in_use import load_model, model_words
+from app.session.put_to_test import tested
 from app.session.saver import Saver
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
@@ -225,6 +226,12 @@ class Workbench:
     def load_model(self, path: Path) -> None:
         """Queue the reading of a model file; its effects then are the model's, and every shot is fitted again."""
         self.errands.submit("model file", lambda _, __: Loaded(load_model(path), path), "model")
+
+    def foretell(self, numbers: Sequence[int], path: Path) -> None:
+        """Queue the test of a model file, unchanged, on these entries, or on all when none is named."""
+        entries = self._entries(numbers) or list(self.session.entries)
+        shots = [entry.shot for entry in entries if entry.shot is not None]
+        self._submit_export("model put to the test", partial(tested, path, shots))
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the report of these entries, or of all when none is named, as one HTML or PDF file."""

@@ -81,6 +81,15 @@ class ModelPresenter(QObject):
         """Ask for a model file and use it."""
         ask(self._panels, "Open a model", Want.FILE, self._load_asked, self._folder, KINDS)
 
+    @Slot()
+    def foretell(self) -> None:
+        """Ask for a model file and say what it foretells of the selected shots, or of all; nothing is changed."""
+        ask(self._panels, "Put a model to the test", Want.FILE, self._foretell_asked, self._folder, KINDS)
+
+    def _foretell_asked(self, paths: list[Path]) -> None:
+        self._folder = paths[0].parent
+        self._workbench.foretell(self._panels.table.numbers, paths[0])
+
     def _load_asked(self, paths: list[Path]) -> None:
         self._folder = paths[0].parent
         self._workbench.load_model(paths[0])

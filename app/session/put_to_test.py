@@ -1,0 +1,24 @@
+"""A model file put to the test on the shots of a session."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from analysis.diagnosis.foretold import foretell
+from analysis.shot import AnalysisError, Progress, Shot, Stop
+from app.session.model_in_use import load_model, model_words
+
+
+def tested(path: Path, shots: Sequence[Shot], progress: Progress, cancelled: Stop) -> str:
+    """Return in words how much better the file's model foretells these shots than its base, unchanged.
+
+    Raises RecordingError where the file is no model, AnalysisError where nothing can be foretold, Cancelled.
+    """
+    progress("foretelling", 0.0)
+    model = load_model(path)
+    seen = [(shot.motion, shot) for shot in shots if shot.motion is not None and shot.settings.model == model.base]
+    if not seen:
+        raise AnalysisError(f"none of these shots is of the file's base model, {model.base}")
+    told = foretell([motion for motion, _ in seen], [shot.path or shot.name for _, shot in seen], model, cancelled)
+    partook = sum(shot.took_part for shot in told.shots)
+    warned = f" ({partook} of them took part in the model's fit: no test)" if partook else ""
+    return f"{model_words(model)}: {told.sentence}{warned}"

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit attack bench bench-loop bench-coverage bench-soak bench-streaming screenshots session clean
+.PHONY: run test lint types unit attack bench bench-loop bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -55,6 +55,21 @@ session: $(READY)
 	$(BIN)/python -m tests.app.virtual_screen .session/dark dark
 	$(BIN)/python -m tests.app.virtual_screen .session/dense light 2
 
+# the oldest versions that pyproject.toml allows, in an environment of their own (Python 3.11: newer ones have no such)
+LOWEST_TESTS = tests/test_house.py tests/analysis/test_kernel_cache.py tests/analysis/signal \
+	tests/instrument/test_recording_file.py tests/app/test_settings.py tests/app/test_cli.py tests/app/test_pyramid.py
+test-lowest:
+	$(PYTHON) -m venv .venv-lowest
+	$(PYTHON) packaging/lowest.py > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python -m pip install --quiet --requirement .venv-lowest/lowest.txt
+	.venv-lowest/bin/python -m pip install --quiet --no-deps --editable .
+	QT_QPA_PLATFORM=offscreen .venv-lowest/bin/python -m pytest $(LOWEST_TESTS)
+
+# one folder in dist/ that needs no Python
+app: $(READY)
+	$(BIN)/python -m pip install --quiet 'pyinstaller>=6.10'
+	$(BIN)/python -m PyInstaller --noconfirm --log-level WARN packaging/levimass.spec
+
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "levimass needs Python 3.11 or newer; $(PYTHON) is older (make PYTHON=/path/to/python3.11 ...)"; exit 1; }
 	@$(PYTHON) -m venv $(VENV) || { echo "this Python cannot make virtual environments; on Debian: apt install python3-venv"; exit 1; }
@@ -63,4 +78,4 @@ $(READY): pyproject.toml
 	@touch $@
 
 clean:
-	rm -rf $(VENV)
+	rm -rf $(VENV) .venv-lowest

@@ -12,15 +12,20 @@ from instrument.recording_error import RecordingError
 LOCK_NAME = ".levimass.lock"
 
 
+class FolderHeld(RecordingError):
+    """Another process holds the folder."""
+
+
 class FolderLock:
     """Holds a folder for this process; a second process is refused, in words, and nothing is left to clean up.
 
     The lock is the operating system's (``flock``, on Windows ``locking``), so a killed process releases it.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, name: str = LOCK_NAME) -> None:
         self.folder = folder
-        path = folder / LOCK_NAME
+        self._name = name
+        path = folder / name
         try:
             file: IO[str] = open(path, "a+", encoding="utf-8")  # noqa: SIM115 - held until release
         except FileNotFoundError:
@@ -34,7 +39,7 @@ class FolderLock:
             owner = file.read(20).strip()
             file.close()
             by = f" (process {owner})" if owner.isdecimal() else ""
-            raise RecordingError(folder, f"another Levimass is recording into this folder{by}") from None
+            raise FolderHeld(folder, f"another Levimass is recording into this folder{by}") from None
         with contextlib.suppress(OSError):  # a full disk still lets a shot be kept in memory
             file.truncate(0)
             file.write(str(os.getpid()))
@@ -44,7 +49,7 @@ class FolderLock:
     def valid(self) -> bool:
         """Return whether the folder is still the one that was locked: it may have been removed meanwhile."""
         try:
-            here, held = os.stat(self.folder / LOCK_NAME), os.fstat(self._file.fileno())
+            here, held = os.stat(self.folder / self._name), os.fstat(self._file.fileno())
         except (OSError, ValueError):
             return False
         return (here.st_ino, here.st_dev) == (held.st_ino, held.st_dev)

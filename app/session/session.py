@@ -55,6 +55,9 @@ class Session:
         self.problem: str | None = None  # why the session could not be saved or read, in one line
         self.revision = 0
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
+        self.give_free: Callable[[], None] = lambda: (
+            None
+        )  # the file, for another window; once nothing is saved any more
 
     @property
     def entries(self) -> tuple[Entry, ...]:

@@ -68,7 +68,9 @@ class Workbench:
         ended = self.jobs.close() & self.errands.close()
         if self._apart is not None:
             self._apart.close()
-        return ended & (self._saver is None or self._saver.close())
+        ended &= self._saver is None or self._saver.close()
+        self.session.give_free()
+        return ended
 
     # what is asked for ------------------------------------------------------------------------------------------
 

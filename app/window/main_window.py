@@ -13,10 +13,11 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from analysis.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.log import ProgramLog, note
+from app.session.own_session import own_session
 from app.session.prepare import run_once
 from app.session.rig import Open, Rig
 from app.session.saver import Saver
-from app.session.session import Entry, Session
+from app.session.session import Entry
 from app.session.warm import Kernels
 from app.session.workbench import Workbench
 from app.window import menus
@@ -220,7 +221,7 @@ def open_window(
     def opened(source: str) -> Digitizer:
         return open_apart(at_site(source, site or choices.settings.site))
 
-    session = Session.reopen(folder / "session.json")
+    session = own_session(folder)
 
     def analysis() -> AnalysisSettings:
         settings = choices.analysis()

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from analysis.shot import AnalysisSettings
+from app.session.own_session import own_session
 from app.session.session import Session
 from tests.app import synthetic
 
@@ -91,3 +92,20 @@ def test_undo_brings_back_notes_and_removed_shots_and_keeps_later_ones():
     session.undo()
     assert session.entry(1).note == ""
     assert session.undo() is None
+
+
+def test_a_second_window_keeps_a_session_of_its_own(tmp_path):
+    """Both wrote one file, and the last to save dropped the other's shots and notes."""
+    first, second = own_session(tmp_path / "new"), own_session(tmp_path / "new")
+    assert first.problem is None and second.problem and "session-2.json" in second.problem
+    first.add(_saved("shot-1", "/data/1.sigmf-meta"))
+    second.add(_saved("shot-2", "/data/2.sigmf-meta"))
+    second.set_note(1, "seen")
+    first.give_free()
+    again = own_session(tmp_path / "new")
+    assert [entry.name for entry in again.entries] == ["shot-1"] and again.problem is None
+    second.give_free()
+    third = own_session(tmp_path / "new")
+    assert [(entry.name, entry.note) for entry in third.entries] == [("shot-2", "seen")]
+    again.give_free()
+    third.give_free()

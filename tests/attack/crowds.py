@@ -50,7 +50,7 @@ def folders(folder: Path, random_: random.Random) -> Iterator[Attempt]:
 
 
 def sessions(folder: Path, random_: random.Random) -> Iterator[Attempt]:
-    """Two windows that write one session file at once: whichever wins, the file is whole."""
+    """Two programs that write one session file at once, as two versions may: whichever wins, the file is whole."""
     number = 0
     while True:
         number += 1

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from analysis.doubts import FIT_DOUBTS, doubts_of_fit
 from analysis.drive.fit import fit_driven
 from analysis.fit import Fit
 from analysis.kinetic_contact import fitted_contact_cor
@@ -21,9 +22,10 @@ def with_fit(shot: Shot, fit: Fit | None) -> Shot:
     The fit's flags, the contact's COR and the effects in the settings are the new fit's; nothing of the old one stays.
     """
     read = (*(shot.motion.flags if shot.motion else ()), *(shot.impact.flags if shot.impact else ()))
-    gone = {FAILED, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
+    gone = {FAILED, *FIT_DOUBTS, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
     kept = (flag for flag in shot.flags if flag not in gone)
-    flags = tuple(dict.fromkeys((*kept, *(flags_of(fit) if fit else (FAILED,)))))
+    doubts = doubts_of_fit(shot.impact, fit) if fit and shot.impact else ()
+    flags = tuple(dict.fromkeys((*kept, *(flags_of(fit) if fit else (FAILED,)), *doubts)))
     effects = fit.effects if fit else shot.settings.effects
     settings = replace(shot.settings, effects=effects)
     impact = shot.impact

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from analysis.disturbance import Disturbance
 from analysis.quantity import NotSeen, Reading
 
 
@@ -40,3 +41,4 @@ class Impact:
     bounce_peaks_s: tuple[float, ...] = ()
     bounce_releases_s: tuple[float, ...] = ()
     flags: tuple[str, ...] = ()
+    disturbance: Disturbance | None = None

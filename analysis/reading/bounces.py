@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.motion import Motion
-from analysis.reading.edges import Edge, edge_of_flight, edges_of_short_flight
+from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
 from analysis.reading.flights import Flight, fit_flight
 
 Floats = NDArray[np.float64]
@@ -132,8 +132,8 @@ def _flight_edges(motion: Motion, first: int, last: int, std_m: float) -> tuple[
             return None
         line = replace(line, noise_std_m=std_m)
         reach = trim + EDGE_REACH_SAMPLES
-        release = edge_of_flight(motion, line, until=line.first - reach)
-        onset = edge_of_flight(motion, line, until=line.last + reach)
+        release = edge_of_line(motion, line, until=line.first - reach)
+        onset = edge_of_line(motion, line, until=line.last + reach)
         return None if release is None or onset is None else (release, onset)
     low, high = max(first - EDGE_SAMPLES, 0), min(last + EDGE_SAMPLES + 1, motion.time_s.size)
     time = motion.time_s[low:high]

@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from analysis.motion import Motion
-from analysis.noise import Noise
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.reading.edges import Edge
+from analysis.reading.flights import Flight
+from analysis.reading.floor import Floor
 from analysis.signal.filters import derivative_filters
 
 Floats = NDArray[np.float64]
@@ -16,6 +17,9 @@ SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md: the smooth pulse is the fo
 SLOPE_SPAN = (0.209, 0.975)  # of the contact: 6 to 28 ms of 28.7, clear of bounces and release
 FREQUENCIES = 8192  # of the transform a noise is weighed with
 SPLIT_NOISE = 0.6  # of a velocity's noise is left in the turning point, a line through 18 samples
+SWAY_S = 1e-4  # spacing of the samples in which a swaying floor is followed
+_TRAPEZOID = 1e-5  # of an impulse: what a sum over samples may be off
+NEAR_S = 0.3e-3  # of flight before the touch that tells where it happened
 TOP_FRACTION = 0.04  # of the contact time, to each side of the top, that a parabola follows
 
 
@@ -32,7 +36,7 @@ def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
     return out
 
 
-def read_peak(motion: Motion, touch: Edge, release: Edge, noise: Noise) -> Reading:
+def read_peak(motion: Motion, touch: Edge, release: Edge, noise: Floor) -> Reading:
     """Return the peak force in N: the top of the pulse, past the bounces, by a local parabola."""
     span = release.time_s - touch.time_s
     index = np.flatnonzero(
@@ -55,7 +59,7 @@ def read_peak(motion: Motion, touch: Edge, release: Edge, noise: Noise) -> Readi
     return Quantity(value, _with_mass(motion, value, _force_std(motion, weights, noise)), how)
 
 
-def _force_std(motion: Motion, weights: Floats, noise: Noise) -> float:
+def _force_std(motion: Motion, weights: Floats, noise: Floor) -> float:
     """Return the std in N of a weighted sum of neighbouring forces, through the filters they share.
 
     The force's noise rises with f^2 in amplitude, so a smooth weighting quiets it far more than independent samples.
@@ -67,9 +71,9 @@ def _force_std(motion: Motion, weights: Floats, noise: Noise) -> float:
     return motion.moving_mass_kg * float(np.sqrt(np.trapezoid(density, frequency_hz)))
 
 
-def read_fwhm(motion: Motion, touch: Edge, release: Edge) -> Reading:
+def read_fwhm(motion: Motion, touch: Edge, release: Edge, noise: Floor) -> Reading:
     """Return the full width at half maximum in s of the smooth pulse; its uncertainty carries the choice of cut-off."""
-    widths = [w for w in (_width(motion, touch, release, cutoff) for cutoff in SMOOTH_HZ) if w is not None]
+    widths = [w for w in (_width(motion, touch, release, cutoff, noise) for cutoff in SMOOTH_HZ) if w is not None]
     if not widths:
         return NotSeen("the record leaves no room to smooth the pulse")
     chosen = widths[len(widths) // 2]
@@ -78,7 +82,9 @@ def read_fwhm(motion: Motion, touch: Edge, release: Edge) -> Reading:
     return Quantity(chosen[0], float(np.hypot(chosen[1], choice)), how)
 
 
-def _width(motion: Motion, touch: Edge, release: Edge, cutoff_hz: float) -> tuple[float, float, float] | None:
+def _width(
+    motion: Motion, touch: Edge, release: Edge, cutoff_hz: float, noise: Floor
+) -> tuple[float, float, float] | None:
     force = smooth_force(motion, cutoff_hz)
     if force is None:
         return None
@@ -99,14 +105,15 @@ def _width(motion: Motion, touch: Edge, release: Edge, cutoff_hz: float) -> tupl
     up, down = force[left + 1] - force[left], force[right] - force[right - 1]
     begin = time[left] + (half - force[left]) / up / motion.sample_rate_hz
     finish = time[right - 1] + (half - force[right - 1]) / down / motion.sample_rate_hz
-    # force noise through the smoothing: its spectrum rises with f^4, so cutting B to b leaves (b/B)^2.5 of its std
-    std = float(np.nanmedian(motion.force_std_n)) * min(1.0, (cutoff_hz / motion.bandwidth_hz)) ** 2.5
+    f = np.geomspace(0.5, motion.bandwidth_hz, 400)
+    density = noise.psd(f) * (2 * np.pi * f) ** 4 / (1.0 + (f / cutoff_hz) ** 4) ** 2  # Butterworth, both ways
+    std = motion.moving_mass_kg * float(np.sqrt(np.trapezoid(density, f)))
     slopes = np.array([up, down]) * motion.sample_rate_hz
     return float(finish - begin), float(np.hypot(*(std / slopes))), cutoff_hz
 
 
 def read_impulse_ratio(
-    motion: Motion, turnaround_s: float, touch: Edge, release: Edge, drag_n: tuple[float, float]
+    motion: Motion, turnaround_s: float, touch: Edge, release: Edge, drag_n: tuple[float, float], noise: Floor
 ) -> Reading:
     """Return the impulse of unloading over that of loading, split where v = 0 (docs/physics.md).
 
@@ -122,14 +129,39 @@ def read_impulse_ratio(
     if not (np.isfinite(loading) and np.isfinite(unloading)) or loading <= 0.0:
         return NotSeen("the force is interrupted within the contact")
     # an integral of the force is a difference of velocities: the noise of both ends, and of the split they share
-    ends = float(np.nanmedian(motion.velocity_std_m_per_s)) * motion.moving_mass_kg / loading
+    velocity_std = np.hypot(np.nanmedian(motion.velocity_std_m_per_s), noise.velocity_rms_m_per_s(motion.bandwidth_hz))
+    ends = float(velocity_std) * motion.moving_mass_kg / loading
     split = SPLIT_NOISE * ends
     ratio = unloading / loading
     std = float(np.sqrt(ends**2 * (1.0 + ratio**2) + split**2 * (1.0 + ratio) ** 2))
     return Quantity(ratio, std, "∫F over unloading / ∫F over loading, split where v = 0")
 
 
-def read_slope(motion: Motion, touch: Edge, release: Edge, touch_position_m: float) -> Reading:
+def read_momentum(
+    motion: Motion,
+    touch: Edge,
+    release: Edge,
+    drag_n: tuple[float, float],
+    velocities: tuple[Quantity, Quantity],
+    noise: Floor,
+) -> tuple[Quantity, Quantity] | None:
+    """Return the impulse of the whole pulse and m (v_out - v_in), in N s; None where the force is interrupted."""
+    margin = 6.0 / motion.bandwidth_hz
+    begin, finish = touch.time_s - margin, release.time_s + margin
+    if begin < motion.time_s[0] or finish > motion.time_s[-1]:
+        return None
+    mass = motion.moving_mass_kg
+    impulse = _integral(motion.time_s, motion.force_n, begin, finish) - margin * (drag_n[0] + drag_n[1])
+    if not np.isfinite(impulse):
+        return None
+    ends = np.hypot(np.nanmedian(motion.velocity_std_m_per_s), noise.velocity_rms_m_per_s(motion.bandwidth_hz))
+    grid = _TRAPEZOID * abs(impulse)
+    into, out = velocities
+    change = Quantity(mass * (out.value - into.value), mass * float(np.hypot(into.std, out.std)))
+    return Quantity(impulse, float(np.hypot(mass * np.sqrt(2.0) * ends, grid))), change
+
+
+def read_slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: Floor) -> Reading:
     """Return dF/dy in N/m over the smooth part of the contact (Fig. 6, Eq. 11).
 
     It lies below k_p by the plate's inertia and the contact spring in series.
@@ -139,7 +171,7 @@ def read_slope(motion: Motion, touch: Edge, release: Edge, touch_position_m: flo
     index = np.flatnonzero((motion.time_s >= low) & (motion.time_s <= high) & np.isfinite(motion.force_n))
     if index.size < 8:
         return NotSeen("too few samples inside the contact")
-    deflection = touch_position_m - motion.displacement_m[index]
+    deflection = flight.position_m(np.array([touch.time_s]))[0] - motion.displacement_m[index]
     force = motion.force_n[index]
     centred = deflection - deflection.mean()
     slope = float(centred @ force / (centred @ centred))
@@ -149,12 +181,33 @@ def read_slope(motion: Motion, touch: Edge, release: Edge, touch_position_m: flo
     covariance = np.fft.irfft(spectrum)[: residual.size]
     length = max(1, int(np.argmax(covariance < 0.0))) if (covariance < 0.0).any() else residual.size
     std = float(np.sqrt(residual @ residual / residual.size / (centred @ centred) * length))
+    std = float(np.hypot(std, _slope_sway(motion, motion.time_s[index], centred, slope, noise)))
     how = f"least squares of F on deflection, {(low - touch.time_s) * 1e3:.1f} to {(high - touch.time_s) * 1e3:.1f} ms"
     return Quantity(slope, _with_mass(motion, slope, std), how + " after touch")
 
 
-def read_deflection(motion: Motion, turnaround_s: float, touch: Edge, speed: float, touch_position_m: float) -> Reading:
-    """Return the largest distance in m that the block goes beyond its first touch."""
+def _slope_sway(motion: Motion, time_s: Floats, centred_m: Floats, slope: float, noise: Floor) -> float:
+    """Return the std in N/m of the slope from a floor that sways by s: m s'' stands in F, s in the deflection."""
+    every = max(1, round(SWAY_S * motion.sample_rate_hz))
+    time, weight = time_s[::every] - time_s[0], centred_m[::every] / float(centred_m[::every] @ centred_m[::every])
+    f = np.geomspace(0.5, 0.25 / SWAY_S, 120)
+    seen = np.abs(np.exp(-2j * np.pi * f[:, None] * time) @ weight) ** 2
+    sways = noise.psd(f) - 2.0 * noise.white_std_m**2 / noise.sample_rate_hz
+    density = sways * seen * (slope - motion.moving_mass_kg * (2 * np.pi * f) ** 2) ** 2
+    return float(np.sqrt(np.trapezoid(density, f)))
+
+
+def read_deflection(motion: Motion, turnaround_s: float, touch: Edge, velocity: float, noise: Floor) -> Reading:
+    """Return the largest distance in m that the block goes beyond its first touch.
+
+    Where the block was at the touch is read from the flight's last moments, not from its whole line: the floor moves
+    both that place and the turning point, and only by how much it moved between them is the distance wrong.
+    """
+    near = (motion.time_s < touch.time_s) & (motion.time_s > touch.time_s - NEAR_S - 4.0 / motion.sample_rate_hz)
+    near &= motion.valid
+    if near.sum() < 2:
+        return NotSeen("the moment before the touch is missing from the record")
+    touch_position = float(np.mean(motion.displacement_m[near] - velocity * (motion.time_s[near] - touch.time_s)))
     index = np.flatnonzero(np.abs(motion.time_s - turnaround_s) <= max(2e-4, 2.5 / motion.sample_rate_hz))
     index = index[motion.valid[index]]
     if index.size < 4:
@@ -164,8 +217,9 @@ def read_deflection(motion: Motion, turnaround_s: float, touch: Edge, speed: flo
         np.vander(tau, 3, increasing=True), motion.displacement_m[index], rcond=None
     )
     lowest = bottom - slope**2 / (4 * curve) if curve > 0 else bottom
-    std = float(np.hypot(touch.std_s * speed, np.nanmedian(motion.displacement_std_m)))
-    return Quantity(float(touch_position_m - lowest), std, "from the first touch to the turning point")
+    sway = noise.difference_std_m(turnaround_s - touch.time_s)
+    std = float(np.hypot(touch.std_s * abs(velocity), np.hypot(noise.white_std_m, sway)))
+    return Quantity(float(touch_position - lowest), std, "from the first touch to the turning point")
 
 
 def find_turnaround(motion: Motion, touch: Edge, release: Edge) -> float | None:

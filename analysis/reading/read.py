@@ -1,18 +1,24 @@
 """From motion to the numbers of one impact; what cannot be read says why."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
+from analysis.disturbance import Disturbance
+from analysis.doubts import doubts_of_reading
 from analysis.impact import Impact, KineticCor
 from analysis.motion import Motion
-from analysis.noise import Noise, estimate
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.reading import pulse
 from analysis.reading.bounces import Bounces, find_bounces
 from analysis.reading.edges import Edge, edge_of_flight
-from analysis.reading.flights import ContactSpan, Flight, find_contact, fit_flight
+from analysis.reading.flights import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
+from analysis.reading.locate import Span, find_collision
+from analysis.reading.quiet import Quiet, read_flights, without_lines
 
-RELEASE_GUARD = 0.04  # of the contact, kept clear before the outgoing flight is first fitted
 EDGE_REACH = 0.4  # of the contact, into which its force is followed from its edge at most
+VIBRATION_M = 1e-9  # rms of lines and floor: above what a quiet laboratory's table does
 AGREEMENT_SIGMAS = 3.0  # quasi-static COR and impulse ratio must agree within this
 
 
@@ -22,38 +28,40 @@ class NoImpact(Exception):
 
 def read_impact(motion: Motion) -> Impact:
     """Read one collision.  Raises NoImpact where the record shows none."""
-    span = find_contact(motion)
+    span = find_collision(motion)
     if span is None:
         raise NoImpact("no impact: the force never rises above its noise")
-    flight_in, touch = _side(motion, span, incoming=True)
-    flight_out, release = _side(motion, span, incoming=False)
-    if flight_in is None or touch is None:
+    touch, release = _edges(motion, span)
+    quiet = _flights(motion, span, touch, release)
+    if quiet is not None and quiet.lines:  # edges are read anew without the lines, and the flights up to them
+        touch, release = _edges(without_lines(motion, quiet.lines), span)
+        quiet = _flights(motion, span, touch, release)
+    if quiet is None:
         raise NoImpact("no free flight before the contact: the record starts too late")
-    noise = _learn_noise(motion, flight_in, flight_out)
-    flight_in = _weighed(motion, flight_in, flight_in.last + 1, noise)
+    motion = without_lines(motion, quiet.lines)
+    flight_in, flight_out, noise = quiet.incoming, quiet.outgoing, quiet.floor
     v_in = _velocity(flight_in, touch, "before the touch")
     if v_in.value >= 0.0:
         raise NoImpact("the block does not move towards the plate before the contact")
     if flight_out is None or release is None:
-        return _unfinished(motion, touch, v_in)
+        return _unfinished(touch, v_in, "no_release", "the record ends within the contact")
     turnaround = pulse.find_turnaround(motion, touch, release)
     if turnaround is None:
-        return _unfinished(motion, touch, v_in, "the block does not turn round")
-    flight_out = _weighed(motion, flight_out, flight_out.first - 1, noise)
+        return _unfinished(touch, v_in, "no_turn", "the block does not turn round")
     v_out = _velocity(flight_out, release, "after the release")
-    quasi_static = _ratio(v_out, v_in, "|v_out / v_in| of the two free flights")
+    quasi_static = _ratio(v_out, v_in, quiet.velocity_covariance, "|v_out / v_in| of the two free flights")
     drag = (
         motion.moving_mass_kg * flight_in.acceleration_m_per_s2,
         motion.moving_mass_kg * flight_out.acceleration_m_per_s2,
     )
-    impulse = pulse.read_impulse_ratio(motion, turnaround, touch, release, drag)
+    impulse = pulse.read_impulse_ratio(motion, turnaround, touch, release, drag, noise)
     bounces = find_bounces(motion, touch, release, flight_in)
-    touch_position = float(flight_in.position_m(np.array([touch.time_s]))[0])
-    peak = pulse.read_peak(motion, touch, release, noise)
-    flags = ["bounces_disturbed"] if _disturbed(bounces) else []
+    flags = _flags(span, quiet, motion)
+    if _disturbed(bounces):
+        flags.append("bounces_disturbed")
     if not _agree(quasi_static, impulse):
         flags.append("impulse_disagrees")
-    return Impact(
+    impact = Impact(
         touch_time_s=Quantity(touch.time_s, touch.std_s, "where the displacement leaves the incoming flight"),
         release_time_s=Quantity(release.time_s, release.std_s, "where the displacement joins the outgoing flight"),
         turnaround_time_s=Quantity(turnaround, 1.0 / motion.sample_rate_hz / np.sqrt(12.0), "where v = 0"),
@@ -62,57 +70,86 @@ def read_impact(motion: Motion) -> Impact:
         cor_quasi_static=quasi_static,
         cor_impulse=impulse,
         cor_kinetic=_kinetic(bounces),
-        force_peak_n=peak,
-        force_fwhm_s=pulse.read_fwhm(motion, touch, release),
+        force_peak_n=pulse.read_peak(motion, touch, release, noise),
+        force_fwhm_s=pulse.read_fwhm(motion, touch, release, noise),
         contact_time_s=Quantity(
             release.time_s - touch.time_s, float(np.hypot(touch.std_s, release.std_s)), "first touch to last release"
         ),
-        deflection_max_m=pulse.read_deflection(motion, turnaround, touch, abs(v_in.value), touch_position),
-        stiffness_slope_n_per_m=pulse.read_slope(motion, touch, release, touch_position),
+        deflection_max_m=pulse.read_deflection(motion, turnaround, touch, v_in.value, noise),
+        stiffness_slope_n_per_m=pulse.read_slope(motion, touch, release, flight_in, noise),
         bounce_onsets_s=tuple(e.time_s for e in bounces.onsets),
         bounce_peaks_s=tuple(e.time_s for e in bounces.peaks),
         bounce_releases_s=tuple(e.time_s for e in bounces.releases),
-        flags=tuple(flags),
     )
+    momentum = pulse.read_momentum(motion, touch, release, drag, (v_in, v_out), noise)
+    flags += doubts_of_reading(impact, momentum)
+    return replace(impact, flags=tuple(flags), disturbance=_disturbance(quiet, motion, impact))
 
 
-def _side(motion: Motion, span: ContactSpan, *, incoming: bool) -> tuple[Flight | None, Edge | None]:
-    """Return the flight on one side of the contact and the contact's edge there, refined twice."""
-    guard = max(3, round(1.0 / motion.bandwidth_hz * motion.sample_rate_hz))
-    if not incoming:  # the force fades out: it drops below its threshold well before the release
-        guard += round(RELEASE_GUARD * (span.last - span.first))
+def _edges(motion: Motion, span: Span) -> tuple[Edge, Edge | None]:
+    """Return touch and release, by the force's threshold where the displacement does not show them clearly."""
     reach = round(EDGE_REACH * (span.last - span.first))
-    until = span.first + reach if incoming else span.last - reach
-    edge_sample = span.first if incoming else span.last
-    edge: Edge | None = None
-    flight: Flight | None = None
-    for _ in range(2):  # the second time with the edge known, the flight is fitted right up to it
-        if incoming:
-            flight = fit_flight(motion, 0, edge_sample - guard, nearest=edge_sample)
-        else:
-            flight = fit_flight(motion, edge_sample + guard, motion.time_s.size - 1, nearest=edge_sample)
-        if flight is None:
-            return None, None
-        edge = edge_of_flight(motion, flight, until=until) or _coarse(motion, edge_sample)
-        edge_sample = int(np.searchsorted(motion.time_s, edge.time_s))
-        guard = max(3, round(1.0 / motion.bandwidth_hz * motion.sample_rate_hz))
-    return flight, edge
+    depth = float(np.ptp(motion.displacement_m[span.first : span.turn + 1][motion.valid[span.first : span.turn + 1]]))
+    flight = (span.flight_first, max(span.first - 1, span.flight_first))
+    touch = edge_of_flight(motion, flight, span.first, until=span.first + reach, depth_m=depth)
+    touch = touch or _coarse(motion, span.first)
+    if not span.finished:
+        return touch, None
+    flight = (min(span.last + 1, span.flight_last), span.flight_last)
+    release = edge_of_flight(motion, flight, span.last, until=span.last - reach, depth_m=depth)
+    return touch, release or _coarse(motion, span.last)
 
 
-def _learn_noise(motion: Motion, flight_in: Flight, flight_out: Flight | None) -> Noise:
-    """Return the noise that the flights themselves show."""
-    incoming, outgoing = (
-        motion.displacement_m[f.first : f.last + 1] if f is not None else np.empty(0) for f in (flight_in, flight_out)
+def _flights(motion: Motion, span: Span, touch: Edge, release: Edge | None) -> Quiet | None:
+    """Read the flights up to the edges, as far as nothing else happens and no farther than drifts allow."""
+    longest = max(round(LONGEST_FLIGHT_S * motion.sample_rate_hz), FEWEST_SAMPLES)
+    guard = 1 + round(2.0 * touch.std_s * motion.sample_rate_hz)
+    last = int(np.searchsorted(motion.time_s, touch.time_s)) - guard
+    into = (max(span.flight_first, last - longest), last)
+    if into[1] - into[0] < 3:
+        return None
+    out = None
+    if release is not None:
+        guard = 1 + round(2.0 * release.std_s * motion.sample_rate_hz)
+        first = int(np.searchsorted(motion.time_s, release.time_s)) + guard
+        out = (first, min(span.flight_last, first + longest))
+        out = out if out[1] - out[0] >= 3 else None
+    return read_flights(motion, into, out)
+
+
+def _flags(span: Span, quiet: Quiet, motion: Motion) -> list[str]:
+    """Return what the flights say of the place and of the hand."""
+    flags = []
+    longest = LONGEST_FLIGHT_S * motion.sample_rate_hz
+    short_before = span.disturbed_before and span.first - span.flight_first < longest
+    if short_before or (span.disturbed_after and span.flight_last - span.last < longest):
+        flags.append("flight_cut")
+    if quiet.lines or quiet.floor.rms_m > VIBRATION_M:
+        flags.append("vibration")
+    if quiet.knocks_s or quiet.knocks_kept:
+        flags.append("knock")
+    return flags
+
+
+def _disturbance(quiet: Quiet, motion: Motion, impact: Impact) -> Disturbance:
+    """Return what moved the path, and which part of each number's variance is its doing."""
+    return Disturbance(
+        lines=quiet.lines,
+        floor_rms_m=quiet.floor.rms_m,
+        floor_rms_m_per_s=quiet.floor.velocity_rms_m_per_s(motion.bandwidth_hz),
+        knocks_s=quiet.knocks_s,
+        shares=_shares(quiet, impact),
     )
-    interval_s = 1.0 / motion.sample_rate_hz
-    return estimate(incoming[np.isfinite(incoming)], outgoing[np.isfinite(outgoing)], interval_s)
 
 
-def _weighed(motion: Motion, flight: Flight, nearest: int, noise: Noise) -> Flight:
-    """Return the flight fitted again, weighed by its noise where that is known."""
-    if not noise.trusted:
-        return flight
-    return fit_flight(motion, flight.first, flight.last, nearest=nearest, noise=noise) or flight
+def _shares(quiet: Quiet, impact: Impact) -> Mapping[str, float]:
+    shares = {}
+    plain = {"velocity_in_m_per_s": quiet.plain[0], "velocity_out_m_per_s": quiet.plain[1]}
+    for name, std in plain.items():
+        reading = getattr(impact, name)
+        if isinstance(reading, Quantity) and reading.std > 0.0:
+            shares[name] = float(np.clip(1.0 - (std / reading.std) ** 2, 0.0, 1.0))
+    return shares
 
 
 def _coarse(motion: Motion, sample: int) -> Edge:
@@ -127,9 +164,11 @@ def _velocity(flight: Flight, edge: Edge, where: str) -> Quantity:
     return Quantity(value, std, f"{order} through {samples} samples of free flight, at the instant just {where}")
 
 
-def _ratio(out: Quantity, into: Quantity, how: str) -> Quantity:
+def _ratio(out: Quantity, into: Quantity, covariance: float, how: str) -> Quantity:
     value = abs(out.value / into.value)
-    return Quantity(value, value * float(np.hypot(out.std / out.value, into.std / into.value)), how)
+    square = (out.std / out.value) ** 2 + (into.std / into.value) ** 2
+    square -= 2.0 * covariance / (out.value * into.value)
+    return Quantity(value, value * float(np.sqrt(max(square, 0.0))), how)
 
 
 def _agree(one: Quantity, other: Reading) -> bool:
@@ -175,7 +214,7 @@ def _intervals(a: Edge, b: Edge, c: Edge, d: Edge, how: str) -> Quantity:
     return Quantity(ratio, float(np.linalg.norm(parts)), how)
 
 
-def _unfinished(motion: Motion, touch: Edge, v_in: Quantity, why: str = "the record ends within the contact") -> Impact:
+def _unfinished(touch: Edge, v_in: Quantity, flag: str, why: str) -> Impact:
     unseen = NotSeen(why)
     return Impact(
         touch_time_s=Quantity(touch.time_s, touch.std_s, "where the displacement leaves the incoming flight"),
@@ -191,5 +230,5 @@ def _unfinished(motion: Motion, touch: Edge, v_in: Quantity, why: str = "the rec
         contact_time_s=unseen,
         deflection_max_m=unseen,
         stiffness_slope_n_per_m=unseen,
-        flags=("no_release",),
+        flags=(flag,),
     )

@@ -1,0 +1,90 @@
+"""Sanity that is always on: numbers that cannot be, or that contradict one another, are flagged as such.
+
+``CONCERNS`` tells which numbers a flag is about, by their names in Impact (``cor_kinetic`` stands for its four) and in
+the fit's parameters, so that the flag can be shown at the number.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from analysis.fit import Fit
+from analysis.impact import Impact
+from analysis.quantity import Quantity, Reading
+
+MOMENTUM_SIGMAS = 5.0
+FIT_SIGMAS = 5.0
+FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one")
+CHI2_FAR = 2.0  # times one, or this part of it
+_VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
+_PULSE = ("force_peak_n", "force_fwhm_s", "cor_impulse", "stiffness_slope_n_per_m")
+_FITTED = (
+    "plate_stiffness_n_per_m",
+    "plate_mass_kg",
+    "contact_stiffness_n_per_m",
+    "contact_damping_n_s_per_m",
+    "cor_kinetic.contact",
+)
+
+CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "restitution_above_one": ("cor_quasi_static", "cor_impulse"),
+        "no_turn": ("velocity_out_m_per_s", "cor_quasi_static", "deflection_max_m"),
+        "no_release": ("velocity_out_m_per_s", "cor_quasi_static", "contact_time_s"),
+        "momentum_disagrees": ("force_peak_n", "velocity_in_m_per_s", "velocity_out_m_per_s"),
+        "impulse_disagrees": ("cor_quasi_static", "cor_impulse"),
+        "bounces_disturbed": ("cor_kinetic.force_peaks", "cor_kinetic.onsets", "cor_kinetic.flights"),
+        "flight_cut": _VELOCITIES,
+        "vibration": (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
+        "knock": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
+        "samples_lost": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
+        "loss_unplaced": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
+        "rate_doubtful": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
+        "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
+        "chi2_far_from_one": _FITTED,
+        "fit_not_converged": _FITTED,
+    }
+)
+
+
+def concerning(name: str, flags: tuple[str, ...]) -> tuple[str, ...]:
+    """Return those of a shot's flags that are about one number."""
+    return tuple(flag for flag in flags if name in CONCERNS.get(flag, ()))
+
+
+def doubts_of_reading(impact: Impact, momentum: tuple[Quantity, Quantity] | None) -> tuple[str, ...]:
+    """Return the flags of readings that cannot be.
+
+    ``momentum`` are the impulse of the whole force pulse and m (v_out - v_in), both in N s, where both were read.
+    """
+    flags = []
+    ratios: tuple[Reading, ...] = (impact.cor_quasi_static, impact.cor_impulse)
+    if any(isinstance(ratio, Quantity) and ratio.value > 1.0 for ratio in ratios):
+        flags.append("restitution_above_one")
+    if momentum is not None and _apart(*momentum) > MOMENTUM_SIGMAS:
+        flags.append("momentum_disagrees")
+    return tuple(flags)
+
+
+def doubts_of_fit(impact: Impact, fit: Fit) -> tuple[str, ...]:
+    """Return the flags of a shot whose fit contradicts its readings, or does not describe it at all."""
+    if not fit.converged or len(fit.shots) != 1:
+        return ()
+    flags = []
+    own = fit.shots[0]
+    pairs = (
+        (impact.velocity_in_m_per_s, own.velocity_in_m_per_s),
+        (impact.velocity_out_m_per_s, own.velocity_out_m_per_s),
+    )
+    if any(isinstance(read, Quantity) and _apart(read, fitted) > FIT_SIGMAS for read, fitted in pairs):
+        flags.append(FIT_DOUBTS[0])
+    if np.isfinite(fit.reduced_chi2) and not 1.0 / CHI2_FAR <= fit.reduced_chi2 <= CHI2_FAR:
+        flags.append(FIT_DOUBTS[1])
+    return tuple(flags)
+
+
+def _apart(one: Quantity, other: Quantity) -> float:
+    """Return how far two quantities lie apart in their joint standard uncertainty; 0 where none is known."""
+    spread = float(np.hypot(one.std, other.std))
+    return abs(one.value - other.value) / spread if np.isfinite(spread) and spread > 0.0 else 0.0

@@ -1,0 +1,225 @@
+"""Where the first collision lies: from the turn outwards, on a motion so smooth that no vibration reverses it.
+
+The block flies at centimetres a second, a building shakes by a tenth of a millimetre a second at worst: the turn is
+where the displacement has a minimum that it has come down to, and rises from, by far more than anything but the block
+can move.  The contact's own length follows from how long the velocity takes to turn; a force smoothed over a tenth of
+it shows where the contact begins and ends, and where something else pushes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.motion import Motion
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+TRAVEL_FRACTION = 0.02  # of the record's whole path: a turn is one with as much way down to it and up from it
+TRAVEL_SIGMAS = 30.0  # ... and as many times the noise of a sample
+SPEED_QUANTILE = 0.85  # of the speeds on one side of the turn: that of the flight, however long the contact
+SLOWED = 0.7  # of the flight's speed: between here and there ...
+SLOWED_SHARE = 0.494  # ... lies this part of a half-sine contact
+SLOWER = 0.9  # of the usual speed, at the end of a record that ends in the contact
+SMOOTHED_SHARE = 0.1  # of the contact, over which the force is smoothed at least
+SMOOTHED_MOST = 0.4
+FORCE_FRACTION = 0.03  # of the peak: a force that counts
+FORCE_SIGMAS = 6.0
+FREE_SHARE = 0.1  # of the contact, that the force must stay small for, until the block counts as free
+FEWEST_SAMPLES = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Sample indices of one collision: touch and release lie close by ``first`` and ``last``.
+
+    The flights go on between ``flight_first`` and ``first``, and between ``last`` and ``flight_last``;
+    ``disturbed_before`` and ``disturbed_after`` say that something pushes beyond them.  ``finished`` False: the record
+    ends in the contact.
+    """
+
+    first: int
+    turn: int
+    last: int
+    flight_first: int
+    flight_last: int
+    disturbed_before: bool
+    disturbed_after: bool
+    finished: bool
+
+
+def find_collision(motion: Motion) -> Span | None:
+    """Return the first collision after the trigger, or the record's first where none follows it; None without any.
+
+    Cost: a few passes over the motion.
+    """
+    x = _filled(motion)
+    if x is None:
+        return None
+    turns = _turns(motion, x)
+    if not turns:
+        return None
+    trigger = -np.inf if motion.trigger_time_s is None else motion.trigger_time_s
+    after = [turn for turn in turns if motion.time_s[turn.at] >= trigger]
+    return _span(motion, x, (after or turns)[0])
+
+
+@dataclass(frozen=True, slots=True)
+class _Turn:
+    begin: int  # the highest point before, from where it comes down
+    at: int
+    end: int  # the highest point after, or the record's end
+    rises: bool
+
+
+def _filled(motion: Motion) -> Floats | None:
+    """Return the displacement, holes joined by straight lines, ends by the nearest value; None where hardly any is."""
+    good = motion.valid & np.isfinite(motion.displacement_m)
+    if good.sum() < FEWEST_SAMPLES:
+        return None
+    if good.all():
+        return motion.displacement_m
+    index = np.arange(good.size)
+    return np.interp(index, index[good], motion.displacement_m[good])
+
+
+def _turns(motion: Motion, x: Floats) -> list[_Turn]:
+    """Return the minima that stand out by the least travel on the way down, in order; the last may not rise again."""
+    noise = float(np.nanmedian(motion.displacement_std_m))
+    least = max(TRAVEL_FRACTION * float(np.ptp(x)), TRAVEL_SIGMAS * noise)
+    # at most two thousand points: a turn of the path is no matter of single samples
+    step = max(1, x.size // 2000)
+    coarse = x[::step]
+    turns: list[_Turn] = []
+    high, low, falling = 0, 0, False
+    for k in range(coarse.size):
+        if falling:
+            if coarse[k] < coarse[low]:
+                low = k
+            elif coarse[k] > coarse[low] + least:
+                turns.append(_exact(x, high, low, k, step))
+                falling, high = False, k
+        elif coarse[k] > coarse[high]:
+            high = k
+        elif coarse[k] < coarse[high] - least:
+            if turns:
+                turns[-1] = _Turn(turns[-1].begin, turns[-1].at, high * step, True)
+            falling, low = True, k
+    if falling and _slows(coarse[high:]):
+        turns.append(_exact(x, high, low, coarse.size - 1, step, rises=False))
+    elif turns:
+        turns[-1] = _Turn(turns[-1].begin, turns[-1].at, x.size - 1, True)
+    return turns
+
+
+def _slows(x: Floats) -> bool:
+    """Tell whether a way down ends slower than it was: a record that ends in the contact, not in flight."""
+    reach = max(1, x.size // 20)
+    return x.size > 2 * reach and x[-1 - reach] - x[-1] < SLOWER * np.median(x[:-reach] - x[reach:])
+
+
+def _exact(x: Floats, high: int, low: int, end: int, step: int, *, rises: bool = True) -> _Turn:
+    first = max(0, (low - 1) * step)
+    at = first + int(x[first : (low + 1) * step + 1].argmin())
+    return _Turn(high * step, at, min(end * step, x.size - 1), rises)
+
+
+def _span(motion: Motion, x: Floats, turn: _Turn) -> Span | None:
+    lengths = _contact_samples(motion, x, turn)
+    if lengths is None:
+        return None
+    contact, slope = lengths
+    width = _width(motion, contact, slope)
+    force = _smooth_acceleration(x, width)
+    peak = float(force[max(0, turn.at - round(contact)) : turn.at + round(contact) + 1].max())
+    if peak <= 0.0:
+        return None
+    away = np.ones(x.size, dtype=np.bool_)
+    away[max(0, turn.at - round(1.2 * contact)) : turn.at + round(1.2 * contact) + 1] = False
+    quiet = float(1.4826 * np.median(np.abs(force[away]))) if away.sum() >= 16 else 0.0
+    pushed = np.abs(force) > max(FORCE_FRACTION * peak, min(FORCE_SIGMAS * quiet, 0.3 * peak))
+    run = max(2, round(FREE_SHARE * contact))
+    before, after = pushed[turn.at :: -1], pushed[turn.at :]
+    into, out = _first_run(~before, run), _first_run(~after, run)
+    first = 0 if into is None else turn.at - into
+    last = x.size - 1 if out is None else turn.at + out
+    earlier = None if into is None else _first_run(before[into:], max(2, width // 2))
+    later = None if out is None else _first_run(after[out:], max(2, width // 2))
+    return Span(
+        first=_sharper(motion, first, 1, width),
+        turn=turn.at,
+        last=_sharper(motion, last, -1, width),
+        flight_first=0 if earlier is None else min(first, first - earlier + 2 * width),
+        flight_last=x.size - 1 if later is None else max(last, last + later - 2 * width),
+        disturbed_before=earlier is not None,
+        disturbed_after=later is not None,
+        finished=turn.rises and out is not None,
+    )
+
+
+def _contact_samples(motion: Motion, x: Floats, turn: _Turn) -> tuple[float, float] | None:
+    """Return how many samples a half-sine's contact would last, and the flight's speed in m a sample; both rough."""
+    reach = max(1, min(round(1e-3 * motion.sample_rate_hz), (turn.at - turn.begin) // 4, (turn.end - turn.at) // 4))
+    into = np.diff(x[turn.begin : turn.at + 1 : reach]) / -reach
+    out = np.diff(x[turn.at : turn.end + 1 : reach]) / reach
+    if into.size == 0:
+        return None
+    speed = float(np.quantile(into, SPEED_QUANTILE))
+    quick = np.flatnonzero(into > SLOWED * speed)
+    loading = (into.size - 1 - float(quick[-1])) * reach
+    unloading = loading
+    if out.size and float(np.quantile(out, SPEED_QUANTILE)) > 0.0:
+        unloading = float(np.flatnonzero(out > SLOWED * np.quantile(out, SPEED_QUANTILE))[0]) * reach
+    return max(4.0, (loading + unloading) / SLOWED_SHARE), speed
+
+
+def _width(motion: Motion, contact: float, speed: float) -> int:
+    """Return over how many samples the acceleration is taken: few, but enough for the noise."""
+    noise = float(np.nanmedian(motion.displacement_std_m))
+    peak = np.pi * speed / contact  # of a half-sine that turns the speed round, m a sample^2
+    width = 1
+    for share in np.geomspace(SMOOTHED_SHARE, SMOOTHED_MOST, 6):
+        width = max(1, round(share * contact))
+        if 2.5 * noise / width**2 / np.sqrt(max(1, width // 2)) < 0.2 * FORCE_FRACTION * peak:
+            break
+    return width
+
+
+def _smooth_acceleration(x: Floats, width: int) -> Floats:
+    """Return the second difference over ``width`` of box means half as wide, (n,); at the ends the nearest value."""
+    box = max(1, width // 2) | 1
+    total = np.cumsum(np.concatenate([[0.0], np.pad(x - x[0], box // 2, mode="reflect", reflect_type="odd")]))
+    mean = (total[box:] - total[:-box]) / box
+    out = np.zeros(x.size)
+    if x.size > 2 * width:
+        out[width:-width] = (mean[2 * width :] - 2.0 * mean[width:-width] + mean[: -2 * width]) / width**2
+        out[:width], out[-width:] = out[width], out[-width - 1]
+    return out
+
+
+def _first_run(mask: Mask, length: int) -> int | None:
+    """Return the first index from which ``length`` samples in a row are True, or None."""
+    count = np.cumsum(np.concatenate([[0], ~mask]))
+    clear = np.flatnonzero(count[length:] == count[:-length])
+    return int(clear[0]) if clear.size else None
+
+
+def _sharper(motion: Motion, sample: int, inwards: int, width: int) -> int:
+    """Return the sample near ``sample`` at which the force at full bandwidth rises clear of its noise."""
+    low, high = (sample - width // 2, sample + 2 * width) if inwards > 0 else (sample - 2 * width, sample + width // 2)
+    low, high = max(low, 0), min(high, motion.force_n.size - 1)
+    force = motion.force_n[low : high + 1][::inwards]
+    flight = motion.force_n[max(sample - 4 * width, 0) : max(sample - width, 0)]
+    if inwards < 0:
+        flight = motion.force_n[sample + width : sample + 4 * width]
+    stated = float(np.nanmedian(motion.force_std_n))
+    flight = np.abs(flight[np.isfinite(flight)])
+    std = max(stated, 1.4826 * float(np.median(flight))) if flight.size > 8 else stated
+    with np.errstate(invalid="ignore"):
+        peak = float(np.nanmax(np.abs(force), initial=0.0))
+        above = np.abs(force) > max(FORCE_SIGMAS * std, FORCE_FRACTION * peak)
+    start = _first_run(above, 2)
+    if start is None or peak < 2.0 * FORCE_SIGMAS * std:
+        return min(max(sample + inwards * width // 2, 0), motion.force_n.size - 1)
+    return low + start - 1 if inwards > 0 else high - start + 1

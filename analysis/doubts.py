@@ -11,8 +11,9 @@ import numpy as np
 
 from analysis.fit import Fit
 from analysis.impact import Impact
-from analysis.quantity import Quantity, Reading
+from analysis.quantity import Quantity
 
+ABOVE_SIGMAS = 2.0
 MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
 FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one")
@@ -29,7 +30,7 @@ _FITTED = (
 
 CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "restitution_above_one": ("cor_quasi_static", "cor_impulse"),
+        "restitution_above_one": ("cor_quasi_static",),
         "no_turn": ("velocity_out_m_per_s", "cor_quasi_static", "deflection_max_m"),
         "no_release": ("velocity_out_m_per_s", "cor_quasi_static", "contact_time_s"),
         "momentum_disagrees": ("force_peak_n", "velocity_in_m_per_s", "velocity_out_m_per_s"),
@@ -59,8 +60,8 @@ def doubts_of_reading(impact: Impact, momentum: tuple[Quantity, Quantity] | None
     ``momentum`` are the impulse of the whole force pulse and m (v_out - v_in), both in N s, where both were read.
     """
     flags = []
-    ratios: tuple[Reading, ...] = (impact.cor_quasi_static, impact.cor_impulse)
-    if any(isinstance(ratio, Quantity) and ratio.value > 1.0 for ratio in ratios):
+    ratio = impact.cor_quasi_static
+    if isinstance(ratio, Quantity) and ratio.value - ABOVE_SIGMAS * ratio.std > 1.0:
         flags.append("restitution_above_one")
     if momentum is not None and _apart(*momentum) > MOMENTUM_SIGMAS:
         flags.append("momentum_disagrees")

@@ -18,8 +18,9 @@ SHAPED_SIGMAS = 200.0  # a departure whose shape is known to a per cent: followe
 SHAPED_DEPTH = 3e-5  # ... of the way to the turn: a contact as stiff as its plate is soft has not rebounded yet
 LONGEST_REACH_S = 1.0e-3  # of flight before the edge, for the line the force departs from
 SLOW_RECORD_SAMPLES = 64  # ... or so many samples of a record at a few hundred Hz
-BEND = 2  # degree of the line through the last millisecond of flight: a floor that sways bends it
-GUARD = 1.5  # of the force filter's reach, kept clear of the line
+BEND = 2  # degree of the line through the last millisecond of flight, where a floor bends it
+PLAINER = 1.1  # log of three: what one number less is worth
+PLAIN = 9.0  # of chi^2 that a bent line must gain
 TRIALS = 64  # of the instant, and as many again where it is likely
 LIKELY = 25.0  # of chi^2
 FLIGHT_TRIALS = 28  # a side, for the two edges of a short flight together
@@ -33,7 +34,9 @@ class Edge:
     std_s: float
 
 
-def edge_of_flight(motion: Motion, flight: tuple[int, int], coarse: int, *, until: int, depth_m: float) -> Edge | None:
+def edge_of_flight(
+    motion: Motion, flight: tuple[int, int], coarse: int, *, until: int, depth_m: float, guard_s: float
+) -> Edge | None:
     """Return the contact's edge beside a flight (first, last sample), which lies about sample ``coarse``.
 
     The line that the displacement leaves is drawn through the last millisecond of flight before ``coarse`` alone, so
@@ -41,14 +44,15 @@ def edge_of_flight(motion: Motion, flight: tuple[int, int], coarse: int, *, unti
     of ``(a/2) u^2 + (b/6) u^3`` (times 1/m); the edge is the instant that leaves the least squares over the samples up
     to a departure of SHAPED_SIGMAS, or SHAPED_DEPTH of the whole ``depth_m``.  The force grows away from the edge
     (b >= 0), and a contact begins with a push (a >= 0; a release may end in tension): without that a flight could be
-    mistaken for a contact of no force.  Nothing beyond ``until`` is looked at.  None without a clear departure.
+    mistaken for a contact of no force.  The
+    line ends ``guard_s`` before ``coarse``.  Nothing beyond ``until`` is looked at.  None without a clear departure.
     """
     step = 1.0 / motion.sample_rate_hz
     into = until > coarse
     sign = 1 if into else -1
     until = min(max(until, 0), motion.time_s.size - 1)
     free = max(round(LONGEST_REACH_S / step), min(SLOW_RECORD_SAMPLES, flight[1] - flight[0]))
-    guard = min(free // 3, max(2, round(GUARD / motion.bandwidth_hz / step)))
+    guard = max(2, round(guard_s / step))
     inner = max(coarse - free - guard, flight[0]) if into else min(coarse + free + guard, flight[1])
     window = np.arange(inner, until + sign, sign)
     window = window[motion.valid[window] & np.isfinite(motion.displacement_m[window])]
@@ -57,24 +61,31 @@ def edge_of_flight(motion: Motion, flight: tuple[int, int], coarse: int, *, unti
     if straight.sum() < 8:
         return None
     x = motion.displacement_m[window]
-    departure = x - x[0] - np.polyval(np.polyfit(u[straight], x[straight] - x[0], BEND), u)
+    bend = _bend_of(u[straight], x[straight] - x[0])
+    departure = x - x[0] - np.polyval(np.polyfit(u[straight], x[straight] - x[0], bend), u)
     rest = departure[straight]
-    std = max(
-        float(np.sqrt(rest @ rest / (rest.size - BEND - 1))), float(np.nanmedian(motion.displacement_std_m)), 1e-15
-    )
+    std = float(np.sqrt(rest @ rest / (rest.size - bend - 1)))
+    std = max(std, float(np.nanmedian(motion.displacement_std_m)), 1e-15)
+    omega = abs(float(np.polyfit(u[straight], x[straight] - x[0], 1)[0])) / max(depth_m, 1e-12)  # of a half-sine
     most = SHAPED_SIGMAS * std
     if into:
         most = max(2.0 * CLEAR_SIGMAS * std, min(most, SHAPED_DEPTH * depth_m))
-    edge = _edge_in(motion, window, departure, (std, most), sign, BEND)
+    edge = _edge_in(motion, window, departure, (std, most, omega), sign, bend)
     if edge is None:
         return None
     # the series is only a series, and the line only a line: what a shorter one and a more bent one say instead
     others = (
-        _edge_in(motion, window, departure, (std, most / 3.0), sign, BEND),
-        _edge_in(motion, window, departure, (std, most), sign, BEND + 1),
+        _edge_in(motion, window, departure, (std, most / 3.0, omega), sign, bend),
+        _edge_in(motion, window, departure, (std, most, omega), sign, bend + 1),
     )
     apart = max((abs(edge.time_s - other.time_s) for other in others if other is not None), default=0.0)
     return Edge(edge.time_s, float(np.hypot(edge.std_s, apart)))
+
+
+def _bend_of(u_s: Floats, x_m: Floats) -> int:
+    """Return the degree of the line through some flight: bent only where the floor plainly bends it."""
+    straight, bent = (float(np.sum((x_m - np.polyval(np.polyfit(u_s, x_m, k), u_s)) ** 2)) for k in (1, BEND))
+    return BEND if straight - bent > PLAIN * bent / (u_s.size - BEND - 1) else 1
 
 
 def edge_of_line(motion: Motion, line: Flight, *, until: int) -> Edge | None:
@@ -85,30 +96,39 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int) -> Edge | None:
     window = window[motion.valid[window] & np.isfinite(motion.displacement_m[window])]
     departure = motion.displacement_m[window] - line.position_m(motion.time_s[window])
     std = max(line.noise_std_m, 1e-15)
-    return _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std), sign, 1)
+    return _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std, 0.0), sign, 0)
 
 
 def _edge_in(
-    motion: Motion, window: Ints, departure_m: Floats, levels_m: tuple[float, float], sign: int, bend: int
+    motion: Motion, window: Ints, departure_m: Floats, levels: tuple[float, float, float], sign: int, bend: int
 ) -> Edge | None:
     """Return the edge that a departure (n,) from flight shows, going outwards from it in the sense of ``sign``.
 
-    ``levels_m`` are its noise and the departure up to which its shape is followed.
+    ``levels`` are its noise and the departure up to which its shape is followed, in m, and the angular frequency of the
+    spring that the force then turns to; ``bend`` is the degree of the line that the window alone decides, 0 where the
+    line was known from elsewhere.
     """
-    std_m, shaped_m = levels_m
+    std_m, shaped_m, omega = levels
     step = 1.0 / motion.sample_rate_hz
     clear = _first_run(np.abs(departure_m) > CLEAR_SIGMAS * std_m)
     if clear is None:
         return None
     shaped = _first_run(np.abs(departure_m) > shaped_m) or departure_m.size - 1
     shaped = min(max(shaped, clear + 6), departure_m.size - 1)
-    reach = 1.5 * (shaped - clear) + 3
-    start = max(0, int(clear - 2.0 * reach - 24)) if bend < BEND else 0
-    latest = max(0.5, shaped - clear - 4.0) if bend >= BEND else 0.5  # what was clear may have been the floor
+    # a departure that grows with the cube of the time has begun so long before it was clear
+    growth = np.cbrt(max(abs(float(departure_m[shaped])), shaped_m) / (CLEAR_SIGMAS * std_m))
+    reach = 1.5 * (shaped - clear) * max(1.0, 1.0 / max(growth - 1.0, 0.1)) + 3 if bend else 1.5 * (shaped - clear) + 3
+    start = max(0, int(clear - 2.0 * reach - 24)) if bend == 0 else 0
+    latest = max(0.5, shaped - clear - 4.0) if bend else 0.5  # what was clear may have been the floor
     anchor = float(motion.time_s[window[clear]])
     beyond = sign * (motion.time_s[window[start : shaped + 1]] - anchor)
     found = _least_squares_edge(
-        beyond, departure_m[start : shaped + 1], std_m, (-reach * step, latest * step), bend, tension=sign < 0
+        beyond,
+        departure_m[start : shaped + 1],
+        std_m,
+        (-reach * step, latest * step),
+        (max(bend, 1), omega),
+        tension=sign < 0,
     )
     return None if found is None else Edge(anchor + sign * found.time_s, found.std_s)
 
@@ -120,8 +140,15 @@ def _first_run(mask: NDArray[np.bool_]) -> int | None:
 
 
 def _least_squares_edge(
-    u_s: Floats, departure_m: Floats, std_m: float, within_s: tuple[float, float], bend: int, *, tension: bool
+    u_s: Floats,
+    departure_m: Floats,
+    std_m: float,
+    within_s: tuple[float, float],
+    shape: tuple[int, float],
+    *,
+    tension: bool,
 ) -> Edge | None:
+    bend, omega = shape
     trials = np.linspace(*within_s, TRIALS)
     # vibration of the building bends the flight's continuation: let the line before the edge be its own
     line, _ = np.linalg.qr(np.vander(u_s / np.abs(u_s).max(), bend + 1))
@@ -129,15 +156,18 @@ def _least_squares_edge(
     scaled = scaled - line @ (line.T @ scaled)
     found: Edge | None = None
     for narrowing in range(2):
-        terms = _force_terms(u_s[:, None] - trials)
+        terms = _force_terms(u_s[:, None] - trials, omega)
         flat = terms.reshape(u_s.size, -1)
         flat = flat - line @ (line.T @ flat)
-        cost = np.empty(trials.size)
-        _costs_of_one(flat.T @ flat, flat.T @ scaled, float(scaled @ scaled), tension, cost)
+        costs = np.empty((trials.size, 2))
+        _costs_of_one(flat.T @ flat, flat.T @ scaled, float(scaled @ scaled), tension, costs)
+        least = max(1.0, float(costs.min()) / max(u_s.size - bend - 4, 1))
+        # a step or none: where the record cannot tell, the instant spans both; the plainer one is the likelier before
+        cost = -2.0 * least * np.logaddexp(*(np.array([[0.0], [PLAINER]]) - 0.5 * costs.T / least))
         best = int(cost.argmin())
         if best == 0 and narrowing == 0:
             return None
-        spread = max(1.0, float(np.sqrt(cost[best] / max(u_s.size - bend - 4, 1))))  # the series is only a series
+        spread = float(np.sqrt(least))  # the series is only a series
         likely = np.flatnonzero(cost < cost[best] + LIKELY * spread**2)
         found = _weighed(trials, cost, spread)
         ends = np.clip([likely[0] - 1, likely[-1] + 1], 0, trials.size - 1)
@@ -179,22 +209,29 @@ def edges_of_short_flight(
     return Edge(first.time_s + zero, first.std_s), Edge(second.time_s + zero, second.std_s)
 
 
-def _force_terms(u_s: Floats) -> Floats:
-    """Return the departures of a step and of a slope of force at u = 0, scaled to 1: (n, k) gives (n, k, 2)."""
+def _force_terms(u_s: Floats, omega: float = 0.0) -> Floats:
+    """Return the departures of a step and of a slope of force at u = 0, scaled to about 1: (n, k) gives (n, k, 2).
+
+    With ``omega`` they bend as a spring's do: 2 (1 - cos) and 6 (x - sin x), to the fourth order.
+    """
     u = np.maximum(u_s, 0.0)
+    square = (omega * u) ** 2
     u = u / np.maximum(u.max(axis=0), 1e-300)
-    return np.stack([u**2, u**3], axis=-1)
+    step = u**2 * (1.0 - square / 12.0 + square**2 / 360.0)
+    return np.stack([step, u**3 * (1.0 - square / 20.0 + square**2 / 840.0)], axis=-1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _costs_of_one(gram: Floats, across: Floats, whole: float, tension: bool, cost: Floats) -> None:
-    """Write what a step and a slope of force leave of the squares at every trial, the columns 2 k and 2 k + 1.
+    """Write what a step with a slope of force, and a slope alone, leave of the squares at every trial, (trials, 2).
 
-    About 0.2 us a trial."""
+    Columns 2 k and 2 k + 1 are trial k's step and slope.  About 0.2 us a trial.
+    """
     index, free = np.empty(2, np.int64), np.array([tension, False])
-    for k in range(cost.size):
+    for k in range(cost.shape[0]):
         index[0], index[1] = 2 * k, 2 * k + 1
-        cost[k] = whole - _explained(gram, across, index, free)
+        cost[k, 0] = whole - _explained(gram, across, index, free)
+        cost[k, 1] = whole - _explained(gram, across, index[1:], free[1:])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

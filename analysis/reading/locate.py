@@ -222,4 +222,4 @@ def _sharper(motion: Motion, sample: int, inwards: int, width: int) -> int:
     start = _first_run(above, 2)
     if start is None or peak < 2.0 * FORCE_SIGMAS * std:
         return min(max(sample + inwards * width // 2, 0), motion.force_n.size - 1)
-    return low + start - 1 if inwards > 0 else high - start + 1
+    return max(low + start - 1, 0) if inwards > 0 else min(high - start + 1, motion.force_n.size - 1)

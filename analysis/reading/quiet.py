@@ -27,6 +27,7 @@ FEWEST_FOR_LINES = 24  # of both flights
 MOST_LINES = 8
 LINE_WORTH = 16.0  # of log-likelihood that a line's three numbers must bring, floors weighed anew
 LOWEST_LINES = 0.5  # of a period, at least, that the flights with the contact between them must hold ... of the shorter
+STEADY = 30.0  # of chi^2 that an amplitude of its own in each flight may bring
 REFINEMENTS = 3
 
 
@@ -235,9 +236,26 @@ def _with_one_more(
         tried, weighed = [*waves, found], above
         for _ in range(2):
             tried, weighed = _refined(bins, tried, scaled, polynomials, weighed)
-        if likelihood(weighed, scaled, _design(bins, tried, polynomials)) - before > LINE_WORTH:
+        worth = likelihood(weighed, scaled, _design(bins, tried, polynomials)) - before
+        if worth > LINE_WORTH and _is_steady(bins, tried, scaled, polynomials, weighed):
             return tried, weighed
     return None
+
+
+def _is_steady(bins: _Bins, waves: list[_Wave], scaled: Floats, polynomials: Floats, weighing: Weighing) -> bool:
+    """Tell whether the last wave runs through both flights alike, and stands apart from the others.
+
+    What rings in one flight alone was struck by the impact: it is the block's or the plate's, and not to be taken off.
+    """
+    *others, last = waves
+    if any(abs(last.frequency_hz - wave.frequency_hz) < 0.7 * bins.resolution_hz for wave in others):
+        return False
+    if bins.into.all():
+        return True
+    design = _design(bins, waves, polynomials)
+    apart = np.where(bins.into, 1.0, 0.0)[:, None] * _columns(bins, last)[:, :2]
+    without, within = likelihood(weighing, scaled, design), likelihood(weighing, scaled, np.hstack([design, apart]))
+    return 2.0 * (within - without) < STEADY
 
 
 def _design(bins: _Bins, waves: list[_Wave], polynomials: Floats) -> Floats:

@@ -17,6 +17,9 @@ from analysis.reading.flights import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
 from analysis.reading.locate import Span, find_collision
 from analysis.reading.quiet import Quiet, read_flights, without_lines
 
+GUARD = 1.5  # of the force filter's reach, kept clear of the line that an edge leaves
+RELEASE_GUARD = 0.05  # of the contact
+RELEASE_CLEAR = 0.015  # ... and once the release is known
 EDGE_REACH = 0.4  # of the contact, into which its force is followed from its edge at most
 VIBRATION_M = 1e-9  # rms of lines and floor: above what a quiet laboratory's table does
 AGREEMENT_SIGMAS = 3.0  # quasi-static COR and impulse ratio must agree within this
@@ -89,14 +92,31 @@ def read_impact(motion: Motion) -> Impact:
 def _edges(motion: Motion, span: Span) -> tuple[Edge, Edge | None]:
     """Return touch and release, by the force's threshold where the displacement does not show them clearly."""
     reach = round(EDGE_REACH * (span.last - span.first))
-    depth = float(np.ptp(motion.displacement_m[span.first : span.turn + 1][motion.valid[span.first : span.turn + 1]]))
+    way = motion.displacement_m[min(span.first, span.turn) : span.turn + 1]
+    if not np.isfinite(way).any():
+        return _coarse(motion, span.first), None
+    lasts = max(float(motion.time_s[span.last] - motion.time_s[span.first]), 1.0 / motion.sample_rate_hz)
+    depth = float(np.nanmax(way) - np.nanmin(way))
     flight = (span.flight_first, max(span.first - 1, span.flight_first))
-    touch = edge_of_flight(motion, flight, span.first, until=span.first + reach, depth_m=depth)
+    guard = GUARD / motion.bandwidth_hz
+    touch = edge_of_flight(
+        motion, flight, span.first, until=span.first + reach, depth_m=depth, guard_s=min(guard, 0.1 * lasts)
+    )
     touch = touch or _coarse(motion, span.first)
     if not span.finished:
         return touch, None
     flight = (min(span.last + 1, span.flight_last), span.flight_last)
-    release = edge_of_flight(motion, flight, span.last, until=span.last - reach, depth_m=depth)
+    # the force fades out and is lost in its noise well before the release: the second time its place is known
+    release: Edge | None = None
+    sample, guard = span.last, max(guard, RELEASE_GUARD * lasts)
+    for _ in range(2):
+        found = edge_of_flight(motion, flight, sample, until=span.last - reach, depth_m=depth, guard_s=guard)
+        if found is None:
+            break
+        moved = 0.0 if release is None else abs(found.time_s - release.time_s)
+        release = Edge(found.time_s, float(np.hypot(found.std_s, moved)))
+        guard = max(2.0 * found.std_s, RELEASE_CLEAR * lasts)
+        sample = min(int(np.searchsorted(motion.time_s, found.time_s)), flight[1])
     return touch, release or _coarse(motion, span.last)
 
 
@@ -110,7 +130,7 @@ def _flights(motion: Motion, span: Span, touch: Edge, release: Edge | None) -> Q
         return None
     out = None
     if release is not None:
-        guard = 1 + round(2.0 * release.std_s * motion.sample_rate_hz)
+        guard = 1 + min(round(2.0 * release.std_s * motion.sample_rate_hz), (span.flight_last - span.last) // 4)
         first = int(np.searchsorted(motion.time_s, release.time_s)) + guard
         out = (first, min(span.flight_last, first + longest))
         out = out if out[1] - out[0] >= 3 else None
@@ -124,7 +144,7 @@ def _flags(span: Span, quiet: Quiet, motion: Motion) -> list[str]:
     short_before = span.disturbed_before and span.first - span.flight_first < longest
     if short_before or (span.disturbed_after and span.flight_last - span.last < longest):
         flags.append("flight_cut")
-    if quiet.lines or quiet.floor.rms_m > VIBRATION_M:
+    if quiet.lines or quiet.floor.rms_m > max(VIBRATION_M, quiet.floor.white_std_m):
         flags.append("vibration")
     if quiet.knocks_s or quiet.knocks_kept:
         flags.append("knock")

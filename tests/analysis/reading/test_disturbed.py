@@ -1,0 +1,117 @@
+"""Readings of a shot in a laboratory: right within what they state, or flagged with what is wrong."""
+
+import numpy as np
+import pytest
+
+from analysis.impact import Impact
+from analysis.quantity import Quantity
+from analysis.reading.locate import find_collision
+from analysis.reading.read import read_impact
+from tests.analysis.collision import Rig, motion_from, motion_of, position_m
+from tests.analysis.disturbance import Disturbance, Knock, Line, disturbed_motion
+
+RIG = Rig(speed_m_per_s=0.16, touch_s=0.012003)
+COR = 0.261702343 / 0.265
+TRUE = {
+    "velocity_in_m_per_s": -0.16,
+    "velocity_out_m_per_s": 0.16 * COR,
+    "cor_quasi_static": COR,
+    "force_peak_n": 0.511915 * 0.16 / 0.265,
+    "contact_time_s": 28.70771255e-3,
+    "deflection_max_m": 2.388512e-3 * 0.16 / 0.265,
+}
+
+
+def pulls(impact: Impact) -> dict[str, float]:
+    """Return how far each reading lies from the truth, in its own standard uncertainties."""
+    found = {}
+    for name, value in TRUE.items():
+        reading = getattr(impact, name)
+        assert isinstance(reading, Quantity), (name, reading)
+        found[name] = (reading.value - value) / reading.std
+    return found
+
+
+def all_right(impact: Impact) -> bool:
+    return all(abs(pull) < 5.0 for pull in pulls(impact).values())
+
+
+@pytest.mark.parametrize("phase", [0.0, 1.1, 2.2, 4.0])
+def test_a_fan_of_600_hz_and_10_nm_is_found_and_taken_off(phase: float) -> None:
+    impact = read_impact(disturbed_motion(RIG, Disturbance(lines=(Line(600.0, 1e-8, phase),))))
+    assert all_right(impact), pulls(impact)
+    assert "vibration" in impact.flags
+    assert impact.disturbance is not None
+    (line,) = impact.disturbance.lines
+    assert line.frequency_hz.value == pytest.approx(600.0, abs=0.05)
+    assert line.amplitude_m.value == pytest.approx(1e-8, rel=0.01)
+    # what is known of the line costs next to nothing: the uncertainty is that of a quiet table, to a half
+    assert impact.cor_quasi_static.std < 1.5 * read_impact(motion_of(RIG)).cor_quasi_static.std  # type: ignore[union-attr]
+
+
+def test_several_machines_at_once() -> None:
+    lines = (Line(153.2, 5.3e-8, 0.4), Line(297.8, 3.3e-8, 2.0), Line(118.8, 1.2e-8, 5.0))
+    impact = read_impact(disturbed_motion(RIG, Disturbance(lines=lines)))
+    assert all_right(impact), pulls(impact)
+    assert impact.disturbance is not None
+    found = sorted(line.frequency_hz.value for line in impact.disturbance.lines)
+    assert found == pytest.approx([118.8, 153.2, 297.8], abs=0.1)
+
+
+@pytest.mark.parametrize("criterion", ["VC-A", "VC-C", "VC-E"])
+def test_a_buildings_floor_stands_in_the_uncertainties(criterion: str) -> None:
+    for seed in (1, 2):
+        impact = read_impact(disturbed_motion(RIG, Disturbance(criterion=criterion, seed=seed)))
+        assert all_right(impact), (seed, pulls(impact))
+        assert "vibration" in impact.flags
+        assert impact.disturbance is not None
+        assert impact.disturbance.shares["velocity_in_m_per_s"] > 0.9
+
+
+def test_a_knock_in_the_approach_is_left_out() -> None:
+    impact = read_impact(disturbed_motion(RIG, Disturbance(knocks=(Knock(5e-3, 5e-8),))))
+    assert "knock" in impact.flags
+    assert all_right(impact), pulls(impact)
+
+
+def test_a_quiet_table_is_not_called_a_shaking_one() -> None:
+    for seed in range(4):
+        assert read_impact(motion_of(RIG, seed)).flags == ()
+
+
+def test_what_rings_after_the_impact_alone_is_not_taken_off_the_contact() -> None:
+    time = np.arange(0.0, RIG.duration_s, 1.0 / RIG.rate_hz)
+    after = np.maximum(time - RIG.touch_s - 28.7e-3, 0.0)
+    x = position_m(RIG, time) + 2e-8 * np.sin(2 * np.pi * 700.0 * after)
+    x += np.random.default_rng(1).normal(0.0, RIG.noise_m, time.size)
+    impact = read_impact(motion_from(time, x, RIG))
+    assert impact.disturbance is not None
+    assert impact.disturbance.lines == ()
+    assert abs(pulls(impact)["force_peak_n"]) < 5.0
+
+
+def test_a_hand_that_catches_the_block_ends_the_reading() -> None:
+    time = np.arange(0.0, 0.09, 1.0 / RIG.rate_hz)
+    caught_s = 0.060
+    x = position_m(RIG, time)
+    late = time > caught_s
+    speed = 0.16 * COR
+    x[late] = x[~late][-1] + speed * 2e-3 * -np.expm1(-(time[late] - caught_s) / 2e-3)
+    x += np.random.default_rng(1).normal(0.0, RIG.noise_m, time.size)
+    impact = read_impact(motion_from(time, x, RIG))
+    assert "flight_cut" in impact.flags
+    assert all_right(impact), pulls(impact)
+
+
+def test_the_first_collision_after_the_trigger_is_read() -> None:
+    """Two impacts in one record, the block thrown back by a hand between them."""
+    once = Rig(speed_m_per_s=0.16, touch_s=0.012003, duration_s=0.08)
+    time = np.arange(0.0, once.duration_s, 1.0 / once.rate_hz)
+    first = position_m(once, time)
+    x = np.concatenate([first, first[::-1][1:], first[1:]])
+    x += np.random.default_rng(1).normal(0.0, once.noise_m, x.size)
+    motion = motion_from(np.arange(x.size) / once.rate_hz, x, once)
+    span = find_collision(motion)
+    assert span is not None
+    assert motion.time_s[span.turn] == pytest.approx(0.012003 + 14.3e-3, abs=1e-3)
+    assert all_right(read_impact(motion))

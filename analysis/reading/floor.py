@@ -104,6 +104,12 @@ class Floor:
         lag = np.array([lag_s])
         return float(np.sqrt(sum(w * 2 * v * (1 - shape.covariance(lag)[0]) for w, shape, v in self.parts)))
 
+    def bend_std_m(self, lag_s: float) -> float:
+        """Return the std of the floor's third difference: what a parabola through it misses one step beyond."""
+        lags, weights = np.asarray(lag_s * np.arange(4), np.float64), np.array([20.0, -30.0, 12.0, -2.0])
+        squares = (w * v * float(weights @ s.covariance(lags)) for w, s, v in self.parts if s.kind != "white")
+        return float(np.sqrt(max(sum(squares), 0.0)))
+
     def psd(self, frequency_hz: Floats) -> Floats:
         """Return the one-sided density of white noise and floor in m^2/Hz."""
         white = 2.0 * self.white_std_m**2 / self.sample_rate_hz

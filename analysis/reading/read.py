@@ -19,6 +19,7 @@ from analysis.reading.quiet import Quiet, read_flights, without_lines
 
 GUARD = 1.5  # of the force filter's reach, kept clear of the line that an edge leaves
 RELEASE_GUARD = 0.05  # of the contact
+SWAY_SHARE = 0.025  # ... beyond the line, over which a floor is not followed
 RELEASE_CLEAR = 0.015  # ... and once the release is known
 EDGE_REACH = 0.4  # of the contact, into which its force is followed from its edge at most
 VIBRATION_M = 1e-9  # rms of lines and floor: above what a quiet laboratory's table does
@@ -46,6 +47,8 @@ def read_impact(motion: Motion) -> Impact:
     v_in = _velocity(flight_in, touch, "before the touch")
     if v_in.value >= 0.0:
         raise NoImpact("the block does not move towards the plate before the contact")
+    if release is not None and _shakes(quiet):
+        release = _swayed(release, span, quiet, v_in.value, motion)
     if flight_out is None or release is None:
         return _unfinished(touch, v_in, "no_release", "the record ends within the contact")
     turnaround = pulse.find_turnaround(motion, touch, release)
@@ -144,11 +147,27 @@ def _flags(span: Span, quiet: Quiet, motion: Motion) -> list[str]:
     short_before = span.disturbed_before and span.first - span.flight_first < longest
     if short_before or (span.disturbed_after and span.flight_last - span.last < longest):
         flags.append("flight_cut")
-    if quiet.lines or quiet.floor.rms_m > max(VIBRATION_M, quiet.floor.white_std_m):
+    if _shakes(quiet):
         flags.append("vibration")
     if quiet.knocks_s or quiet.knocks_kept:
         flags.append("knock")
     return flags
+
+
+def _shakes(quiet: Quiet) -> bool:
+    return bool(quiet.lines) or quiet.floor.rms_m > max(VIBRATION_M, quiet.floor.white_std_m)
+
+
+def _swayed(release: Edge, span: Span, quiet: Quiet, velocity_in: float, motion: Motion) -> Edge:
+    """Return the release with what a floor costs that sways more than the line beside it follows.
+
+    A force that fades out like a half-sine's leaves the flight with the cube of the time, v omega^2 u^3 / 6: it is
+    lost as long as that stays below what the floor does beyond the line.
+    """
+    lasts = max(float(motion.time_s[span.last] - motion.time_s[span.first]), 1.0 / motion.sample_rate_hz)
+    omega = np.pi / lasts
+    lost = float(np.cbrt(6.0 * quiet.floor.bend_std_m(SWAY_SHARE * lasts) / (abs(velocity_in) * omega**2)))
+    return Edge(release.time_s, float(np.hypot(release.std_s, 0.5 * lost)))
 
 
 def _disturbance(quiet: Quiet, motion: Motion, impact: Impact) -> Disturbance:

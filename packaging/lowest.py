@@ -15,7 +15,8 @@ def main() -> None:
     for extra in _NEEDED_FOR_TESTS:
         wanted += project["optional-dependencies"][extra]
     for requirement in wanted:
-        if found := re.match(r"([\w.-]+)\s*>=([\d.]+)", requirement):
+        found = re.match(r"([\w.-]+)\s*>=([\d.]+)", requirement)
+        if found and ";" not in requirement:  # what other systems need is not for this one
             print(f"{found[1]}=={found[2]}")
 
 

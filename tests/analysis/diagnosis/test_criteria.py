@@ -46,10 +46,10 @@ def test_an_effect_of_a_longer_catalogue_pays_more(tried: int) -> None:
 
 
 # Where an effect's name may stand: its row and what is said of it in words.  Beyond: a plate's motion is a state at the
-# touch, which the integrators take by name, and a driven slider has a short catalogue of its own.
+# touch, which the integrators take by name, and a driven slider has a catalogue and words of its own.
 ROWS = {f"analysis/model/effects/{name}.py" for name in ("on_block", "on_plate", "in_contact", "on_sensor")}
 WORDS = {"analysis/diagnosis/words.py"}
-ALLOWED = ROWS | WORDS | {"analysis/model/driven.py", "analysis/diagnosis/driven.py"}
+ALLOWED = ROWS | WORDS | {"analysis/drive/catalogue.py", "analysis/diagnosis/driven_words.py"}
 
 
 def test_no_effect_is_named_outside_its_row_and_its_words() -> None:

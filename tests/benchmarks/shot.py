@@ -1,0 +1,73 @@
+"""Measure a shot's numbers and the diagnosis of three against scipy's analytic signal of the same counts.
+
+``python -m tests.benchmarks.shot``.  5 M samples a channel of the simulated bench, 30 MS/s; every round takes all in
+turns, the best of the rounds is printed, and what is compared are ratios within the run.
+"""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from analysis.kernel_cache import keep_true
+
+ROUNDS = 5
+SAMPLES, RATE_HZ = 5_000_000, 30e6
+STEPS = ("load", "demodulate", "impact", "fit")
+
+
+def main() -> int:
+    """Print what each step takes over what the analytic signal of both channels takes; return 1 where one is missed."""
+    keep_true()
+    from app.session.load import load_and_analyse
+    from instrument.bench.simulate import simulate
+    from instrument.open_recording import open_recording
+    from tests.benchmarks.peers import analytic_signal
+
+    best = dict.fromkeys((*STEPS, "all", "hilbert"), float("inf"))
+    with tempfile.TemporaryDirectory() as folder:
+        (path,) = simulate(Path(folder), 1, sample_rate_hz=RATE_HZ, duration_s=SAMPLES / RATE_HZ)
+        counts = open_recording(path).counts
+        for _ in range(ROUNDS):
+            shot = load_and_analyse(path)
+            if shot.fit is None or not shot.fit.converged:
+                print(f"the bench's own shot was not fitted: {shot.problem or shot.flags}", file=sys.stderr)
+                return 1
+            for step in STEPS:
+                best[step] = min(best[step], shot.seconds[step])
+            best["all"] = min(best["all"], sum(shot.seconds.values()))
+            began = time.perf_counter()
+            for channel in (0, 1):
+                analytic_signal(counts[:, channel], RATE_HZ)
+            best["hilbert"] = min(best["hilbert"], time.perf_counter() - began)
+    for step in (*STEPS, "all"):
+        print(f"  {step:<12} {1e3 * best[step]:9.1f} ms   {best[step] / best['hilbert']:8.4f} of hilbert, two channels")
+    share = best["all"] / best["hilbert"]
+    print(f"  whole shot over hilbert {share:.3f} (target <= 0.125) {'ok' if share <= 0.125 else 'MISSED'}")
+    return _diagnosis(best["hilbert"])
+
+
+def _diagnosis(hilbert_s: float) -> int:
+    from analysis.diagnosis import diagnose
+    from tests.analysis.diagnosis.shots import shots
+
+    cases = {
+        "one effect": ({"coulomb_friction": {"force_n": 2e-6}}, 0.8),
+        "unexplained": ({"magnet": {"force_n": -3e-3, "range_m": 7e-4}}, 3.0),
+    }
+    for name, (effects, target_s) in cases.items():
+        motions = shots(effects)
+        took = []
+        for _ in range(3):
+            began = time.perf_counter()
+            verdict = diagnose(motions).verdict
+            took.append(time.perf_counter() - began)
+        print(
+            f"  diagnosis of three shots, {name} ({verdict.value}): {sorted(took)[1]:.2f} s, "
+            f"{sorted(took)[1] / hilbert_s:.2f} of hilbert (target on calm cores {target_s:g} s)"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -2,7 +2,7 @@
 
 import numpy as np
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.recording import Channel, Role
 from app.window.panels.site_floor import SiteFloorPanel
@@ -38,7 +38,15 @@ class LivePanel(QWidget):
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
-        grid = QGridLayout(self)
+        around = QVBoxLayout(self)
+        around.setContentsMargins(0, 0, 0, 0)
+        scroll = QScrollArea(self)  # on a low screen the floor is reached by scrolling
+        scroll.setWidgetResizable(True)
+        scroll.setAccessibleName("Live")
+        inner = QWidget(scroll)
+        scroll.setWidget(inner)
+        around.addWidget(scroll)
+        grid = QGridLayout(inner)
         grid.setContentsMargins(6, 4, 6, 4)
         grid.setHorizontalSpacing(8)
         self.stack = TimeStack("Beat frequency, velocity and force, live", colours, self)

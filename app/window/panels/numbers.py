@@ -227,7 +227,7 @@ class NumbersPanel(QScrollArea):
         for heading, rows in GROUPS:
             label = QLabel(heading, inner)
             label.setProperty("heading", True)
-            grid.addWidget(label, line, 0)
+            grid.addWidget(label, line, 0, 1, 1 if heading == "RESTITUTION" else 3)
             self._groups[heading] = [label]
             if heading == "RESTITUTION":
                 self.agreement = QLabel("", inner)

@@ -6,24 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from analysis.doubts import concerning
 from tests.benchmarks.coverage_shots import CONDITIONS, SITES
 
 BEGIN, END = "<!-- coverage: begin -->", "<!-- coverage: end -->"
 K_95 = 1.96
 FAR = 5.0  # standard uncertainties: the worst that an instrument can do without a word
-# what may be said of a number that is far off; that the site shakes ("vibration", "wander") is no excuse, since its
-# uncertainty claims to hold that
-ALWAYS = (
-    "restitution_above_one",
-    "contact_without_turn",
-    "impulse",
-    "contradict",
-    "disagree",
-    "chi2",
-    "fit_not_converged",
-    "not_known",
-)
-RIGHT = {"knock": ("knock",), "losses": ("samples_lost", "gap"), "low light": ("weak", "noisy"), "8 bits": ()}
+# that the site shakes is no excuse, since a number's uncertainty claims to hold that
+NO_EXCUSE = ("vibration",)
 
 Outcome = dict[str, Any]
 Read = tuple[float, float, float]
@@ -56,17 +46,17 @@ def faults(outcomes: Sequence[Outcome]) -> list[str]:
     found = []
     for outcome in outcomes:
         for name, read in outcome["read"].items():
-            if read is not None and _off(read) > FAR and not excused(outcome):
+            if read is not None and _off(read) > FAR and not excused(outcome, name):
                 where = f"{outcome['index']:5d} {outcome['site']} {outcome['condition']:9s}"
                 words = f"{name:32s} {read[0]:.6g} ± {read[1]:.2g}, true {read[2]:.6g}; flags {outcome['flags']}"
                 found.append((_off(read), f"{_off(read):8.1f} sigma  {where} {words}"))
     return [line for _, line in sorted(found, reverse=True)]
 
 
-def excused(outcome: Outcome) -> bool:
-    """Return whether a flag tells that a number of this shot cannot be trusted, and why."""
-    wanted = (*ALWAYS, *RIGHT.get(outcome["condition"], ()))
-    return any(part in flag for flag in outcome["flags"] for part in wanted)
+def excused(outcome: Outcome, name: str) -> bool:
+    """Return whether a flag that is about this number tells that it cannot be trusted."""
+    said = concerning(name.removeprefix("fit."), tuple(outcome["flags"]))
+    return any(flag not in NO_EXCUSE for flag in said)
 
 
 def _off(read: Read | list[float]) -> float:
@@ -89,7 +79,7 @@ def _far(outcomes: Sequence[Outcome], name: str, condition: str) -> str:
     if not at:
         return "–"
     far = [outcome for outcome in at if _off(outcome["read"][name]) > FAR]
-    unsaid = [outcome for outcome in far if not excused(outcome)]
+    unsaid = [outcome for outcome in far if not excused(outcome, name)]
     return f"{100 * len(far) / len(at):.1f} %, {100 * len(unsaid) / len(at):.1f} %"
 
 

@@ -48,8 +48,13 @@ def _outcome(index, value, std, true, flags=()):
 
 
 def test_tables_count_what_is_off_and_what_is_said_of_it(tmp_path):
-    said = [_outcome(14, 9.0, 1.0, 1.0, ["knock"]), _outcome(14, 9.0, 1.0, 1.0, ["wander"]), _outcome(0, 1.0, 1.0, 1.5)]
-    assert [excused(outcome) for outcome in said] == [True, False, False]
+    said = [
+        _outcome(14, 9.0, 1.0, 1.0, ["knock"]),
+        _outcome(14, 9.0, 1.0, 1.0, ["vibration"]),
+        _outcome(0, 1.0, 1.0, 1.5),
+    ]
+    assert [excused(outcome, "velocity_in_m_per_s") for outcome in said] == [True, False, False]
+    assert not excused(said[0], "fit.plate_mass_kg")  # of which nothing was said
     assert len(faults(said)) == 1 and "8.0 sigma" in faults(said)[0]
     text = tables(said, 1)
     assert "100.0 %, 50.0 %" in text and "33 % (3)" in text and "2.00, 0 %" in text

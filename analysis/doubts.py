@@ -39,8 +39,6 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "flight_cut": _VELOCITIES,
         "vibration": (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
         "knock": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
-        "samples_lost": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
-        "loss_unplaced": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
         "rate_doubtful": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
         "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
         "chi2_far_from_one": _FITTED,

@@ -21,6 +21,7 @@ from analysis.signal.wander import wander
 Floats = NDArray[np.float64]
 HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat it bends the phase by as much
 _UNSTEADY_SIGMA = 3.0
+_RATE_DOUBT = 0.01  # of a stated rest frequency, by which PD0 may differ
 _WORTH_ANOTHER = 0.8  # of the samples missed so far: a wider band must do this well to be preferred
 _REST_REACH = 2000
 
@@ -209,6 +210,11 @@ def _rest(
     rest: Rest = smooth(own_time, np.where(track.hole, np.nan, phase), std, track.oscillator_hz)
     if rest.degree > 1:
         flags.append("rest_drift")
+    stated = recording.setup.rest_frequency_hz
+    if stated and abs(rest.frequency_hz.value / stated - 1.0) > _RATE_DOUBT:
+        flags.append(
+            "rate_doubtful"
+        )  # a laser's rest beat is known better: the sample rate is not what it is said to be
     if rest.unsteady_cycles > _UNSTEADY_SIGMA * std:
         flags.append("rest_unsteady")
     delayed = track.oscillator_hz * (time_s - _delay_s(track))

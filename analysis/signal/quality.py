@@ -21,6 +21,7 @@ MEANINGS = {
     "rest_unsteady": "the rest frequency was not smooth: take PD0 off sample by sample (instantaneous)",
     "wander": "the optical path drifted by itself; contained in the uncertainties of velocity and force",
     "out_of_band": "the beat left the band it was read through: frequencies beyond it are not to be trusted",
+    "rate_doubtful": "PD0 contradicts the stated rest frequency by over 1 %: rate and all speeds may be wrong",
     "uneven_time": "the record's times were uneven and were interpolated to an even grid",
 }
 

@@ -1,5 +1,6 @@
 """NI-SCOPE cards (the paper's PCI-5105) through NI's ``niscope`` package, an optional extra, imported when asked."""
 
+import contextlib
 import importlib
 import math
 import queue
@@ -170,7 +171,8 @@ class NiscopeCard(Digitizer):
         self.stop()
         session, self._session = self._session, None
         if session is not None:
-            session.close()
+            with contextlib.suppress(Exception):  # what cannot even close must not cost the shot that was taken
+                session.close()
 
     def _open(self) -> Any:
         try:

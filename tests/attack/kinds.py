@@ -9,6 +9,7 @@ import numpy as np
 
 from analysis.recording import Channel, Gap, Recording, Role, Setup
 from instrument.bench.simulate import simulate
+from instrument.live import warm
 from tests.attack.crowds import folders, kills, sessions
 from tests.attack.devices import clocks, ni_cards, usb_devices
 from tests.attack.foreign import foreign
@@ -52,6 +53,11 @@ def kernels(folder: Path) -> None:
     assert analysed(simulate(folder, 1)[0]) == SURVIVED
 
 
+def live(folder: Path) -> None:
+    """Load the kernels that a capture looks at its signals with."""
+    warm()
+
+
 @dataclass(frozen=True, slots=True)
 class Kind:
     """An attack, the number of its attempts at length, and what runs before they are measured."""
@@ -68,10 +74,10 @@ KINDS = {
     "texts": Kind(texts, 3000),
     "travelling": Kind(travelling, 100, kernels),
     "foreign": Kind(foreign, 1500),
-    "scopes": Kind(scopes, 400),
-    "usb": Kind(usb_devices, 80),
-    "ni": Kind(ni_cards, 96),
-    "clocks": Kind(clocks, 20),
+    "scopes": Kind(scopes, 400, live),
+    "usb": Kind(usb_devices, 80, live),
+    "ni": Kind(ni_cards, 96, live),
+    "clocks": Kind(clocks, 20, live),
     "folders": Kind(folders, 2, kernels),
     "sessions": Kind(sessions, 20),
     "kills": Kind(kills, 30),

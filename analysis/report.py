@@ -13,6 +13,7 @@ from analysis.diagnosis.foretold import to_result as foretold_result
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.result import to_result as diagnosis_result
 from analysis.fit import Fit
+from analysis.laws.own import called
 from analysis.quantity import to_json
 from analysis.series import series
 from analysis.series import to_result as series_result
@@ -87,7 +88,9 @@ def fit_result(fit: Fit | None) -> dict[str, Any] | None:
     """Return the fit's entry; a fit that did not converge gives no numbers."""
     if fit is None:
         return None
-    parameters = {name: to_json(quantity) if fit.converged else None for name, quantity in fit.parameters.items()}
+    parameters = {
+        called(name): to_json(quantity) if fit.converged else None for name, quantity in fit.parameters.items()
+    }
     return {
         "model": fit.model,
         "parameters": parameters,

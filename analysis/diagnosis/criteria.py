@@ -56,6 +56,11 @@ class Criteria:
     )
     rough_correlation: float = _is(0.15, "1", "autocorrelation of what is no noise at all", _SIMULATED)
     rough_ratio: float = _is(2.5, "ratio", "of power in the loudest phase to the quietest, the same", _SIMULATED)
+    law_fall: float = _is(
+        28.0, "BIC", "fall for a law to be learned from the shots", "as an effect beside ten thousand"
+    )
+    form_excluded: float = _is(10.0, "BIC", "behind the best form: the shots exclude a form so far off", _KASS)
+    form_meets: float = _is(12.0, "BIC", "behind the free curve: a form so far off is not the law", _KASS)
     drawn_far: float = _is(1e6, "chi^2 a sample", "of a base fit that did not even arrive", _SIMULATED)
 
     def fall(self, tried: int, *, wandering: bool = False) -> float:

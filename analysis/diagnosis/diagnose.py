@@ -20,10 +20,11 @@ from analysis.diagnosis.full_rate import seen_finely
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
+from analysis.diagnosis.law_learning import learn_law
 from analysis.diagnosis.profile import with_profile_std
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
-from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
+from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.samples import together
 from analysis.fit import Fit
 from analysis.model.fitting import base_named, fit_shots
@@ -38,12 +39,14 @@ def diagnose(
     fit: Fit | None = None,
     model: str = "paper",
     accepted: Sequence[str] = (),
+    laws: Sequence[str] = (),
     hold_out: int | None = None,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Diagnosis:
     """Diagnose ``motions`` (one or several shots of one rig) against the base ``model`` with ``accepted`` effects.
 
+    ``laws`` are the keys of a person's own (``laws.own``), asked like the catalogue's effects.
     ``fit`` is a joint base fit of these motions, where there is one already; ``hold_out`` the index of the shot that
     is foretold from the others (default: the slowest, a middle one and the fastest in turn, of two the slower).
     Everything is judged in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there
@@ -56,7 +59,7 @@ def diagnose(
         raise ValueError("no shot to diagnose")
     if model == "driven":
         return diagnose_driven(motions, accepted, progress, cancelled)
-    catalogue = trial_effects()
+    catalogue = trial_effects([*laws, *(name for name in accepted if "{" in name)])
     tell("fitting the base model", 0.0)
     data = JointData(together(motions), base_named(model))
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop)
@@ -88,14 +91,20 @@ def diagnose(
         told = (told[0], retold) if retold is not None else None
     after = sure if effects else before
     left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(best, trail, rest)
-    if after is before and best is not before:
-        told = (told[0], told[0]) if told else None
+    learned: tuple[LearnedLaw, ...] = ()
+    if verdict is Verdict.UNEXPLAINED and not effects:
+        held = choose(data) if hold_out is None else held
+        partly = _in_part(before, best, found, held, tell, stop)
+        if partly is not None:
+            after, verdict, effects, learned, told, left = partly
+        else:
+            told = (told[0], told[0]) if told and best is not before else told
     tell("errors before and after", 0.9)
     error_before, error_after = (_errors(motions, f, after.floor) for f in (before, after))
     fall = error_after.displacement_rms_m / error_before.displacement_rms_m
     diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=words.verdict(verdict, effects, left, fall),
+        sentence=words.verdict(verdict, effects, left, fall, learned),
         effects=tuple(effects),
         candidates=_candidates(best, trail),
         error_before=error_before,
@@ -108,9 +117,36 @@ def diagnose(
         blind_spots=_blind(at, catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
         separating_shot=_separating(effects, data),
         seconds=time.perf_counter() - began,
+        laws=learned,
     )
     tell("diagnosed", 1.0)
     return diagnosis
+
+
+_Part = tuple[Fitted, Verdict, list[FoundEffect], tuple[LearnedLaw, ...], tuple[Prediction, Prediction] | None, str]
+
+
+def _in_part(
+    before: Fitted, best: Fitted, found: list[FoundEffect], held: tuple[int, ...], tell: Progress, stop: Stop
+) -> _Part | None:
+    """Return what explains something though no effect was named: a learned law, or the effects that came nearest.
+
+    None where nothing lowers the held-out error.
+    """
+    tell("learning a law", 0.8)
+    learned = learn_law(before, held, tell, stop)
+    first = predict(before, held, best.floor, stop) if held else None
+    told = predict(best, held, best.floor, stop) if held and best is not before else None
+    helps = told is not None and first is not None and told.beats(first) and best.converged
+    if learned is not None and (learned.explains or not helps or learned.fitted.bic < best.bic):
+        base = predict(before, held, learned.fitted.floor, stop)
+        pair = (base, learned.foretold) if base is not None and learned.foretold is not None else None
+        verdict = Verdict.LAW_LEARNED if learned.explains else Verdict.PARTLY_EXPLAINED
+        return learned.fitted, verdict, [], (learned.law,), pair, learned.rest.text
+    if not helps or first is None or told is None:
+        return None
+    rest = judge(best, projector(best))
+    return best, Verdict.PARTLY_EXPLAINED, found, (), (first, told), rest.text
 
 
 def _found(

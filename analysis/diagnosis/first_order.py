@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from analysis.diagnosis.base_path import INPUTS, BasePath, base_path
 from analysis.diagnosis.forms import SEEN, ask, coefficients, hidden_steps, state_coefficients
 from analysis.diagnosis.quick_shot import Optics, Values, seen, situation
-from analysis.model.effects import CATALOGUE, kernel
+from analysis.model.effects import kernel, named
 from analysis.model.effects.kernel import address
 from analysis.model.effects.row import Acts, Effect
 from analysis.model.parameters import Collision
@@ -78,7 +78,7 @@ def responses(shot: Shot, path: BasePath, effect: Effect, starts: Sequence[Mappi
     x[:], v[:] = path.told[0, 0, kernel.X], path.told[0, 0, kernel.V]
     at = path.sample >= 0
     x[path.sample[at]], v[path.sample[at]] = path.told[at, 2, kernel.X], path.told[at, 2, kernel.V]
-    rows = [CATALOGUE[name] for name in shot.values]
+    rows = [named(name) for name in shot.values]
     if all(row.sensor is None for row in rows):
         return change
     remembers = any(row.remembers for row in rows)

@@ -1,10 +1,10 @@
 """The free parameters of an effect: their size, their sign, and where it starts; all from the catalogue."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from analysis.model.effects import CATALOGUE
+from analysis.model.effects import CATALOGUE, named
 from analysis.model.effects.row import Effect, Parameter
 
 
@@ -49,6 +49,7 @@ def trial_effect(row: Effect) -> TrialEffect:
     )
 
 
-def trial_effects() -> Sequence[TrialEffect]:
-    """Return the catalogue as it is searched."""
-    return tuple(trial_effect(row) for row in CATALOGUE.values())
+def trial_effects(laws: Iterable[str] = ()) -> Sequence[TrialEffect]:
+    """Return the catalogue as it is searched, and beside it the ``laws`` of these keys (``laws.own``)."""
+    rows = (*CATALOGUE.values(), *(named(key) for key in dict.fromkeys(laws)))
+    return tuple(trial_effect(row) for row in rows)

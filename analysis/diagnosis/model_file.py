@@ -16,6 +16,7 @@ from analysis.diagnosis.free_parameters import trial_effects
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive.catalogue import LAWS
 from analysis.fit import Fit
+from analysis.laws.own import LawError, from_key
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError
 
@@ -96,7 +97,11 @@ def from_text(text: str) -> SavedModel:
     if base not in BASES:
         raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
     effects = _strings(data, "effects")
-    known = set(LAWS) if base == "driven" else {kind.name for kind in trial_effects()}
+    try:
+        own = {key for key in effects if "{" in key and from_key(key).key == key}
+    except LawError as error:
+        raise ModelFileError(f"effects: {error}") from None
+    known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()}
     if unknown := [name for name in effects if name not in known]:
         raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
     parameters, base_parameters = _read_quantities(data, "parameters"), _read_quantities(data, "base_parameters")

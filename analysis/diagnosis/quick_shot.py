@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis import quick
-from analysis.model.effects import CATALOGUE, sensors
+from analysis.model.effects import named, sensors
 from analysis.model.effects.row import Sensed
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision
@@ -98,7 +98,7 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
         collision = Collision(mass_kg, float(own[0]), k_p, m_p, k_n, gamma_n, y_0, u_0)
     except ValueError as why:
         raise Infeasible(str(why)) from why
-    rows = [CATALOGUE[name] for name in values]
+    rows = [named(name) for name in values]
     active = [
         Active(row, tuple(values[row.name][p.name] for p in row.parameters)) for row in rows if row.kernel is not None
     ]

@@ -5,8 +5,14 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from analysis.fit import Fit
+from analysis.laws.own import called
 from analysis.quantity import Quantity, to_json
+
+Floats = NDArray[np.float64]
 
 
 class Verdict(StrEnum):
@@ -14,6 +20,7 @@ class Verdict(StrEnum):
 
     ADEQUATE = "adequate"  # nothing is missing that this data could show
     EFFECT_FOUND = "effect_found"  # the effects account for the remainder down to the noise
+    LAW_LEARNED = "law_learned"  # a law off the catalogue, learned from the shots, does (with the effects beside it)
     PARTLY_EXPLAINED = "partly_explained"  # the effects foretell better, a significant remainder stays and is described
     UNEXPLAINED = "unexplained"  # nothing foretells better, a significant remainder stays
 
@@ -37,6 +44,68 @@ class FoundEffect:
     evidence: Mapping[str, float]
     indistinguishable_from: tuple[str, ...] = ()
     sentence: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class OtherForm:
+    """A closed form that the shots cannot exclude; ``delta_bic`` behind the best."""
+
+    where: str
+    argument: str
+    form: str
+    formula: str
+    delta_bic: float
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedLaw:
+    """A law off the catalogue as the shots show it (docs/closed-loop.md).
+
+    ``name`` is the key under which the model holds it.  ``form`` and ``formula`` are None where no closed form meets
+    the curve; ``nearest_form`` is what the model holds then.  The curve, arrays of shape (n,), is the free one with its
+    standard uncertainty; ``parameters`` are (quantity, unit) by name.
+    """
+
+    name: str
+    where: str
+    argument: str
+    form: str | None
+    formula: str | None
+    nearest_form: str
+    parameters: Mapping[str, tuple[Quantity, str]]
+    other_forms: tuple[OtherForm, ...]
+    same_by_gauge: tuple[str, ...]
+    curve_argument: Floats
+    curve_unit: str
+    curve_force_n: Floats
+    curve_std_n: Floats
+    visited: tuple[float, float]
+    not_observable: tuple[str, ...]
+    evidence: Mapping[str, float]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the law as the result file has it."""
+        return {
+            "where": self.where,
+            "argument": self.argument,
+            "form": self.form,
+            "formula": self.formula,
+            "nearest_form": self.nearest_form,
+            "parameters": {
+                name: {"value": q.value, "std": q.std, "unit": unit} for name, (q, unit) in self.parameters.items()
+            },
+            "other_forms": [asdict(other) for other in self.other_forms],
+            "same_by_gauge": list(self.same_by_gauge),
+            "curve": {
+                "argument": self.curve_argument.tolist(),
+                "unit": self.curve_unit,
+                "force_n": self.curve_force_n.tolist(),
+                "std_n": self.curve_std_n.tolist(),
+            },
+            "visited": list(self.visited),
+            "not_observable": list(self.not_observable),
+            "evidence": dict(self.evidence),
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +137,7 @@ class Diagnosis:
     blind_spots: tuple[str, ...] = ()
     separating_shot: str = ""
     seconds: float = 0.0
+    laws: tuple[LearnedLaw, ...] = ()
 
 
 def to_result(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -84,17 +154,18 @@ def to_result(diagnosis: Diagnosis) -> dict[str, Any]:
         "sentence": diagnosis.sentence,
         "effects": [
             {
-                "name": effect.name,
+                "name": called(effect.name),
                 "parameters": quantities(effect.parameters),
                 "evidence": dict(effect.evidence),
-                "indistinguishable_from": list(effect.indistinguishable_from),
+                "indistinguishable_from": list(map(called, effect.indistinguishable_from)),
                 "sentence": effect.sentence,
             }
             for effect in diagnosis.effects
         ],
+        "laws": [law.to_json() for law in diagnosis.laws],
         "candidates": [
             {
-                "name": candidate.name,
+                "name": called(candidate.name),
                 "score": candidate.score,
                 "delta_bic": candidate.delta_bic,
                 "parameters": quantities(candidate.parameters),

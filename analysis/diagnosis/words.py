@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.laws.own import from_key
 from analysis.model.effects import named
 from analysis.quantity import Quantity
 from analysis.units import parts
@@ -16,8 +17,8 @@ CLASSES = {
 
 
 def plain(name: str) -> str:
-    """Return an effect's name in words."""
-    return name.replace("_", " ")
+    """Return an effect's name in words; a law's are those it was given."""
+    return from_key(name).words if "{" in name else name.replace("_", " ")
 
 
 def unit_of(parameter: str) -> str:
@@ -56,14 +57,33 @@ def found(name: str, parameters: Mapping[str, Quantity], others: Sequence[str]) 
     return f"{plain(name)}: {numbers}"
 
 
-def verdict(kind: Verdict, effects: Sequence[FoundEffect], remainder: str, fall: float | None) -> str:
+def learned(law: LearnedLaw) -> str:
+    """Return the sentence of a learned law."""
+    what = f"a force on the {law.where}" if law.where != "contact" else "a force between block and plate"
+    what += f" that follows the {law.argument}"
+    if law.form is None:
+        return f"{what}, by no closed form that was tried (nearest: {law.nearest_form})"
+    numbers = ", ".join(f"{name} {q} {unit}".strip() for name, (q, unit) in law.parameters.items())
+    other = f"; {' or '.join(o.form for o in law.other_forms)} cannot be excluded" if law.other_forms else ""
+    return f"{what}, {law.form}: {law.formula} with {numbers}{other}"
+
+
+def verdict(
+    kind: Verdict,
+    effects: Sequence[FoundEffect],
+    remainder: str,
+    fall: float | None,
+    laws: Sequence[LearnedLaw] = (),
+) -> str:
     """Return the verdict as one sentence; ``fall`` is error after over before (displacement rms)."""
     if kind is Verdict.ADEQUATE:
         return "The model is adequate: nothing is missing that this data could show."
-    cured = f" The error falls to {100 * fall:.2g} % of what it was." if fall is not None and effects else ""
-    listed = " and ".join(effect.sentence for effect in effects)
-    if kind is Verdict.EFFECT_FOUND:
+    cured = f" The error falls to {100 * fall:.2g} % of what it was." if fall is not None and (effects or laws) else ""
+    listed = " and ".join([*(effect.sentence for effect in effects), *map(learned, laws)])
+    if kind in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
         return f"The model lacks {listed}.{cured}"
+    if kind is Verdict.PARTLY_EXPLAINED:
+        return f"Partly explained: what is missing is mostly like {listed}; a rest stays: {remainder}.{cured}"
     if effects:
         return f"The model lacks {listed}, and more that stays unexplained: {remainder}.{cured}"
     return f"Unexplained: something is missing that no effect of the catalogue accounts for: {remainder}."

@@ -80,6 +80,7 @@ def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> K
     return law
 
 
+@cache
 def _tree(text: str) -> ast.expr:
     if len(text) > LONGEST:
         raise FormulaError(f"longer than {LONGEST} characters")

@@ -4,6 +4,7 @@ What the integrators must know beside the force (how fast it makes things swing,
 taken from the formula's own slopes over the motion that a collision spans.
 """
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -50,6 +51,11 @@ class OwnLaw:
     parameters: tuple[Parameter, ...]
 
     @property
+    def key(self) -> str:
+        """Get the name under which the law travels: its own, and all of it as JSON, so that a key alone is enough."""
+        return self.name + json.dumps(self.written(), ensure_ascii=False, separators=(",", ":"))
+
+    @property
     def effect(self) -> Effect:
         """Get the row of the catalogue that this law is."""
         return _row(self)
@@ -60,7 +66,7 @@ class OwnLaw:
             "name": self.name, "words": self.words, "where": self.where, "formula": self.formula.text,
         }  # fmt: skip
         table["parameters"] = {
-            p.name: {"unit": p.unit, "start": p.scale}
+            p.name: {"unit": p.unit, "start": p.tried[0]}
             | ({"lower": p.lower} if math.isfinite(p.lower) else {})
             | ({"upper": p.upper} if math.isfinite(p.upper) else {})
             for p in self.parameters
@@ -96,6 +102,21 @@ def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
     return law
 
 
+@cache
+def from_key(key: str) -> OwnLaw:
+    """Return the law that travelled under ``key``; LawError where it is none."""
+    name, brace, rest = key.partition("{")
+    try:
+        return from_mapping(json.loads(brace + rest))
+    except (ValueError, RecursionError) as why:
+        raise LawError(f"no law can be read from {name!r}: {why}") from None
+
+
+def called(name: str) -> str:
+    """Return an effect's or a parameter's name as people read it: that of a law without the law itself."""
+    return name.partition("{")[0] + name.rpartition("}")[2] if "{" in name else name
+
+
 def _text(table: Mapping[str, Any], key: str) -> str:
     value = table.get(key)
     if not isinstance(value, str) or not value.strip():
@@ -120,7 +141,7 @@ def _parameter(name: str, table: object) -> Parameter:
         raise LawError(f"parameters.{name}.start: a finite number other than 0, of the size to be expected")
     if not lower <= start <= upper or lower == upper:
         raise LawError(f"parameters.{name}: start {start:g} does not lie between {lower:g} and {upper:g}")
-    return Parameter(name, unit, start, lower, upper)
+    return Parameter(name, unit, abs(start), lower, upper, tried=(start,))
 
 
 def _number(name: str, table: Mapping[str, Any], key: str, otherwise: float) -> float:
@@ -137,7 +158,7 @@ def _number(name: str, table: Mapping[str, Any], key: str, otherwise: float) -> 
 def _row(law: OwnLaw) -> Effect:
     acts, adds_to = _PLACES[law.where]
     return Effect(
-        law.name,
+        law.key,
         law.words,
         acts,
         law.parameters,
@@ -150,7 +171,7 @@ def _row(law: OwnLaw) -> Effect:
 
 def _amplitude(law: OwnLaw) -> str:
     """Return the parameter without which the law is nothing; one in which it is linear before any other."""
-    states, start = _states(PAPER), {p.name: p.scale for p in law.parameters}
+    states, start = _states(PAPER), {p.name: p.tried[0] for p in law.parameters}
     with np.errstate(all="ignore"):
         here = np.broadcast_to(law.formula.values(states, start), (_DRAWN,))
         if not np.all(np.isfinite(here)):

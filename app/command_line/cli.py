@@ -121,6 +121,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             diagnose=not options.no_diagnose,
             model=options.model,
             foretell=options.foretell,
+            laws=options.law or (),
         )
     if options.acquire is not None:
         from app.command_line.acquire import acquire
@@ -214,6 +215,13 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument(
         "--foretell", action="store_true", help="put the model file to the test: unchanged, on these shots"
     )
+    group.add_argument(
+        "--law",
+        type=_path,
+        action="append",
+        metavar="FILE",
+        help="a law of one's own (TOML) that the diagnosis asks, too",
+    )
     group.add_argument("--save-model", type=_path, metavar="FILE", help="write the model that the diagnosis arrived at")
     group.add_argument("--jobs", type=_positive_int, metavar="N", help="a campaign over N processes, resumable")
     group.add_argument("--scheduler", metavar="ADDRESS", help="a campaign over the machines of a dask scheduler")
@@ -252,7 +260,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     """Refuse options that would otherwise be passed over in silence."""
-    names = ("json", "export", "report", "model", "save_model", "jobs", "scheduler")
+    names = ("json", "export", "report", "model", "law", "save_model", "jobs", "scheduler")
     given = {name for name in names if getattr(options, name) is not None}
     given |= {"no-diagnose"} if options.no_diagnose else set()
     if options.paper is not None:
@@ -276,9 +284,11 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         parser.error("--save-model writes what a diagnosis arrived at: leave --no-diagnose out")
     if options.jobs is not None and options.scheduler is not None:
         parser.error("--jobs and --scheduler: one of them")
-    of_one_call = any((options.report is not None, options.hdf5, options.save_model is not None, options.foretell))
+    if options.law is not None and options.no_diagnose:
+        parser.error("--law is asked by the diagnosis: leave --no-diagnose out")
+    of_one_call = any((options.report, options.hdf5, options.save_model, options.foretell, options.law))
     if of_one_call and (options.jobs is not None or options.scheduler is not None):
-        listed = "--report, --hdf5, --foretell and --save-model"
+        listed = "--report, --hdf5, --foretell, --law and --save-model"
         parser.error(f"{listed} are of one call's shots: leave --jobs and --scheduler out")
     if options.acquire is not None:
         if options.source is None:

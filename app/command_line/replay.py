@@ -22,6 +22,7 @@ from app.report.export_foretold import export_foretold
 from app.report.export_hdf5 import export_hdf5
 from app.report.page import report_of
 from app.session.load import complaint, load_and_analyse
+from instrument.law_file import read_law
 from instrument.recording_error import RecordingError
 from instrument.recording_search import find_recordings
 from instrument.recording_writer import write_text_beside
@@ -37,14 +38,17 @@ def replay(
     diagnose: bool = True,
     model: str | None = None,
     foretell: bool = False,
+    laws: Sequence[Path] = (),
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
     ``model`` is a base model's name or the path of a model file, whose effects are then part of the model;
     ``foretell`` puts the file's model to the test, as it is.
+    ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue.
     """
     shots: list[Shot] = []
     try:
+        own = [read_law(path).key for path in laws]
         known = known_model(model)
         check_outputs(outputs.json, outputs.export, outputs.report, outputs.model)
     except (AnalysisError, RecordingError, OSError) as error:
@@ -56,7 +60,7 @@ def replay(
         if why := shot.problem or shot.fit_problem:
             print(complaint(shot.path or shot.name, why if shot.problem else f"not fitted: {why}"), file=sys.stderr)
         shots.append(shot)
-    diagnosis = _diagnosis(shots) if diagnose else None
+    diagnosis = _diagnosis(shots, own) if diagnose else None
     if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     told = _foretold(shots, known) if foretell and known is not None else None
@@ -68,7 +72,7 @@ def replay(
     return 0 if ok and shots and not any(shot.problem or shot.fit_problem for shot in shots) else 1
 
 
-def _diagnosis(shots: Sequence[Shot]) -> Diagnosis | None:
+def _diagnosis(shots: Sequence[Shot], laws: Sequence[str]) -> Diagnosis | None:
     """Return one diagnosis over the shots that can take part in it; None, and one line, where there is none."""
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if not fitted:
@@ -83,6 +87,7 @@ def _diagnosis(shots: Sequence[Shot]) -> Diagnosis | None:
             [shot.motion for shot in fitted if shot.motion is not None],
             model=models.pop(),
             accepted=fitted[0].settings.effects,
+            laws=laws,
         )
     except AnalysisError as error:
         print(f"levimass: no diagnosis: {error}", file=sys.stderr)

@@ -5,6 +5,7 @@ import re
 
 from PySide6.QtCore import QLocale
 
+from analysis.laws.own import called
 from analysis.quantity import NotSeen, Quantity, Reading
 from app.words.physics_words import effect_words as effect_words
 from app.words.physics_words import flag_words as flag_words
@@ -82,7 +83,7 @@ def how_text(name: str, reading: Reading | None, meaning: str = "", std: str = "
 
 def parameter_words(name: str, value: Quantity) -> str:
     """Return "coefficient 0.00190 ± 0.00010 N s²/m²" for "coefficient_n_s2_per_m2"."""
-    base, _, shot = name.partition(".")
+    base, _, shot = called(name).partition(".")
     words, unit = parameter_parts(base)
     which = f" of shot {shot}" if shot else ""
     return f"{words}{which} {value_text(value)} {unit}".rstrip()

@@ -21,7 +21,12 @@ def sensors(names: Iterable[str]) -> list[Effect]:
 
 
 def named(name: str) -> Effect:
-    """Return the effect called ``name``; ValueError lists those there are."""
+    """Return the effect called ``name``, or the law that the name holds (``laws.own``); ValueError lists those of
+    the catalogue."""
+    if "{" in name:
+        from analysis.laws.own import from_key  # the catalogue does without it
+
+        return from_key(name).effect
     try:
         return CATALOGUE[name]
     except KeyError:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from llvmlite import ir
@@ -40,8 +41,17 @@ OUTPUTS = 6
 Kernel = Callable[[Any, Any, Any], None]
 
 
-@cache
+_compiling = Lock()
+
+
 def _compiled(function: Kernel, number: Any) -> Any:
+    # Two threads that both miss the cache would compile twice, and the address that one of them holds would be freed.
+    with _compiling:
+        return _compiled_once(function, number)
+
+
+@cache
+def _compiled_once(function: Kernel, number: Any) -> Any:
     pointer = types.CPointer(number)  # type: ignore[no-untyped-call]
     # A law that a person wrote has no file whose age could tell whether a kept kernel is still right.
     options: Any = {"cache": Path(function.__code__.co_filename).is_file(), "error_model": "numpy"}

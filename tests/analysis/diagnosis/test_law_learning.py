@@ -1,44 +1,50 @@
 """Laws off the catalogue, from a generator of its own, learned from three shots; and none where there is none."""
 
 import math
-from collections.abc import Sequence
 
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.result import Diagnosis, Verdict
-from analysis.motion import Motion
-from tests.law_rigs import LawRig, nothing
+from analysis.diagnosis.base_fit import base_fit
+from analysis.diagnosis.cross_validation import choose, predict
+from analysis.diagnosis.hypothesis import JointData
+from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.law_learning import Discovery, learn_law
+from analysis.diagnosis.samples import together
+from analysis.model.fitting import base_named, fit_shots
+from tests.law_rigs import LawRig
 
 
-def told(motions: Sequence[Motion]) -> Diagnosis:
-    return diagnose(motions)
+def learned(rig: LawRig) -> tuple[Fitted, Discovery | None]:
+    motions = rig.shots()
+    data = JointData(together(motions), base_named("paper"))
+    start = base_fit(data, fit_shots(motions), lambda: False)
+    return start, learn_law(start, choose(data), lambda _what, _fraction: None, lambda: False)
 
 
 def test_a_law_of_the_place_is_learned_with_its_form() -> None:
     rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-3 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
-    said = told(rig.shots())
-    assert said.verdict is Verdict.LAW_LEARNED
-    (law,) = said.laws
+    start, found = learned(rig)
+    assert found is not None and found.explains
+    law = found.law
     assert (law.where, law.argument, law.form) == ("block", "place", "exponential")
     size, length = law.parameters["a"][0], law.parameters["b"][0]
-    assert abs(size.value + 2e-3) < 4 * size.std < 2e-6
-    assert abs(length.value - 7e-4) < 4 * length.std < 7e-7
-    assert said.error_held_out_after is not None and said.error_held_out_before is not None
-    assert said.error_held_out_after.displacement_rms_m < 0.01 * said.error_held_out_before.displacement_rms_m
-    assert said.error_after.displacement_rms_m == pytest.approx(rig.noise_m, rel=0.1)
-    assert said.effects == () and said.fit_after.effects == (law.name,)
+    assert abs(size.value + 2e-3) < 4 * size.std < 4e-6
+    assert abs(length.value - 7e-4) < 4 * length.std < 1.4e-6
+    before = predict(start, choose(start.hypothesis.data), found.fitted.floor, lambda: False)
+    assert before is not None and found.foretold is not None
+    assert found.foretold.rms_m < 0.01 * before.rms_m
+    assert found.fitted.floor.std_m == pytest.approx(rig.noise_m / math.sqrt(2.5), rel=0.3)  # of averaged samples
+    assert law.visited[0] < -1e-3 and law.visited[1] > 1e-3
 
 
 def test_a_law_of_the_bend_with_a_kink_is_learned() -> None:
     rig = LawRig(on_plate=lambda _x, _v, y, _u: -60.0 * min(0.0, y + 8e-4), kinks=(lambda _x, _v, y, _u: y + 8e-4,))
-    said = told(rig.shots())
-    assert said.verdict in (Verdict.LAW_LEARNED, Verdict.PARTLY_EXPLAINED)
-    (law,) = said.laws
-    assert (law.where, law.argument) == ("plate", "bend")
+    _, found = learned(rig)
+    assert found is not None
+    assert (found.law.where, found.law.argument, found.law.nearest_form) == ("plate", "bend", "hinge below")
+    values = {name: q.value for name, (q, _) in found.law.parameters.items()}
+    assert values == pytest.approx({"a": 60.0, "c": -8e-4}, rel=0.01)
 
 
 def test_a_clean_set_grows_no_law() -> None:
-    said = told(LawRig(on_block=nothing).shots())
-    assert said.verdict is Verdict.ADEQUATE
-    assert said.laws == ()
+    assert learned(LawRig())[1] is None

@@ -56,7 +56,6 @@ def test_imports_within_the_application_go_one_way(floor: int) -> None:
 def test_what_is_cited_lies_in_the_repository() -> None:
     cited = re.compile(r"\b(?:docs/)?([A-Za-z][\w-]*\.md)\b")
     there = {path.name for path in (HOUSE / "docs").glob("*.md")} | {"README.md"}
-    there.add("own-laws.md")  # the page comes with the command that reads such laws
     missing = set()
     for folder in ("analysis", "instrument", "app"):
         for source in (HOUSE / folder).rglob("*.py"):

@@ -37,14 +37,5 @@ def test_a_law_of_the_place_is_learned_with_its_form() -> None:
     assert law.visited[0] < -1e-3 and law.visited[1] > 1e-3
 
 
-def test_a_law_of_the_bend_with_a_kink_is_learned() -> None:
-    rig = LawRig(on_plate=lambda _x, _v, y, _u: -60.0 * min(0.0, y + 8e-4), kinks=(lambda _x, _v, y, _u: y + 8e-4,))
-    _, found = learned(rig)
-    assert found is not None
-    assert (found.law.where, found.law.argument, found.law.nearest_form) == ("plate", "bend", "hinge below")
-    values = {name: q.value for name, (q, _) in found.law.parameters.items()}
-    assert values == pytest.approx({"a": 60.0, "c": -8e-4}, rel=0.01)
-
-
 def test_a_clean_set_grows_no_law() -> None:
     assert learned(LawRig())[1] is None

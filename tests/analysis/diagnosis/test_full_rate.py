@@ -3,9 +3,11 @@
 import pytest
 
 from analysis.diagnosis.forward_selection import Trail
-from analysis.diagnosis.full_rate import RIPPLE, seen_finely
+from analysis.diagnosis.full_rate import seen_finely
 from analysis.diagnosis.samples import FINE_RATE_HZ, RATE_HZ
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
+
+RIPPLE = "cyclic_error"
 
 
 def test_a_ripple_too_weak_for_averaged_samples_is_seen_at_the_records_rate() -> None:

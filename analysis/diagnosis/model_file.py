@@ -16,7 +16,7 @@ from analysis.diagnosis.free_parameters import trial_effects
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive.catalogue import LAWS
 from analysis.fit import Fit
-from analysis.laws.own import LawError, from_key
+from analysis.laws.own import is_law
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError
 
@@ -97,10 +97,7 @@ def from_text(text: str) -> SavedModel:
     if base not in BASES:
         raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
     effects = _strings(data, "effects")
-    try:
-        own = {key for key in effects if "{" in key and from_key(key).key == key}
-    except LawError as error:
-        raise ModelFileError(f"effects: {error}") from None
+    own = set(filter(is_law, effects))
     known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()}
     if unknown := [name for name in effects if name not in known]:
         raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")

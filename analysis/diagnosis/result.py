@@ -83,6 +83,11 @@ class LearnedLaw:
     not_observable: tuple[str, ...]
     evidence: Mapping[str, float]
 
+    @property
+    def as_effect(self) -> FoundEffect:
+        """Get the law as an effect that can join the model."""
+        return FoundEffect(self.name, {name: q for name, (q, _) in self.parameters.items()}, self.evidence)
+
     def to_json(self) -> dict[str, Any]:
         """Return the law as the result file has it."""
         return {
@@ -138,6 +143,11 @@ class Diagnosis:
     separating_shot: str = ""
     seconds: float = 0.0
     laws: tuple[LearnedLaw, ...] = ()
+
+    @property
+    def findings(self) -> tuple[FoundEffect, ...]:
+        """Get what can join the model: the effects, and the laws that have a form."""
+        return (*self.effects, *(law.as_effect for law in self.laws if law.form is not None))
 
 
 def to_result(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -112,6 +112,14 @@ def from_key(key: str) -> OwnLaw:
         raise LawError(f"no law can be read from {name!r}: {why}") from None
 
 
+def is_law(name: str) -> bool:
+    """Return whether a law can be read from a name."""
+    try:
+        return "{" in name and from_key(name).key == name
+    except LawError:
+        return False
+
+
 def called(name: str) -> str:
     """Return an effect's or a parameter's name as people read it: that of a law without the law itself."""
     return name.partition("{")[0] + name.rpartition("}")[2] if "{" in name else name

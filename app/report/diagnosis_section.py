@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, Verdict
+from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from app.report.markup import Markup, joined, table, tag
@@ -17,6 +17,7 @@ from instrument.recording_error import one_line
 VERDICTS = {
     Verdict.ADEQUATE: "adequate: nothing is missing that these data could show",
     Verdict.EFFECT_FOUND: "effect found",
+    Verdict.LAW_LEARNED: "a law was learned that the catalogue does not hold",
     Verdict.PARTLY_EXPLAINED: "partly explained: what was found foretells better, a significant remainder stays",
     Verdict.UNEXPLAINED: "unexplained: a significant remainder stays",
 }
@@ -41,6 +42,8 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
     ]
     if diagnosis.effects:
         parts += [tag("h3", "Effects"), *[_effect(effect) for effect in diagnosis.effects]]
+    if diagnosis.laws:
+        parts += [tag("h3", "Learned from the shots"), *[_law(law) for law in diagnosis.laws]]
     parts += [tag("h3", "Error before and after"), _errors(diagnosis), _residuals(diagnosis, shots)]
     if diagnosis.remainder:
         parts += [tag("h3", "What is left"), tag("p", diagnosis.remainder)]
@@ -67,6 +70,27 @@ def _effect(effect: FoundEffect) -> Markup:
         others = ", ".join(effect_words(name) for name in effect.indistinguishable_from)
         lines.append(tag("p", f"These data cannot tell it from {others}."))
     return tag("div", lines, class_="whole")
+
+
+def _law(law: LearnedLaw) -> Markup:
+    """Return a learned law: its formula, what else it may be, and its free curve with two standard uncertainties."""
+    low, high = law.visited
+    lines = [
+        tag("p", tag("b", f"a force of the {law.argument}"), f" on the {law.where}: ", law.formula or "no closed form"),
+        tag("p", "; ".join(f"{name} = {q} {unit}".strip() for name, (q, unit) in law.parameters.items())),
+        tag(
+            "p",
+            f"Visited from {low:.4g} to {high:.4g} {law.curve_unit}. Not observable: {'; '.join(law.not_observable)}.",
+        ),
+    ]
+    if law.other_forms:
+        others = ", ".join(f"{o.form} (ΔBIC {o.delta_bic:+.1f})" for o in law.other_forms)
+        lines.append(tag("p", f"These data do not exclude {others}."))
+    x, force = law.curve_argument, 1e3 * law.curve_force_n
+    band = [Line(x, force + sign * 2e3 * law.curve_std_n, "residual") for sign in (-1, 1)]
+    plot = Plot(f"{law.argument} ({law.curve_unit})", "force (mN)", (Line(x, force, "measured"), *band))
+    legend = [("measured", "free curve"), ("residual", "two standard uncertainties")]
+    return tag("div", lines, figure("The curve that the shots show.", "", [plot], legend, 220), class_="whole")
 
 
 def _errors(diagnosis: Diagnosis) -> Markup:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from analysis.laws.own import is_law
 from app.words.physics_words import EFFECT_WORDS
 
 
@@ -23,5 +24,5 @@ class ModelEffects:
 
 
 def known_effects(names: Iterable[object]) -> tuple[str, ...]:
-    """Return those of the names that the catalogue still has."""
-    return tuple(name for name in names if isinstance(name, str) and name in EFFECT_WORDS)
+    """Return those of the names that the catalogue still has, and the laws that can be read from theirs."""
+    return tuple(name for name in names if isinstance(name, str) and (name in EFFECT_WORDS or is_law(name)))

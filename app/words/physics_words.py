@@ -1,5 +1,6 @@
 """What the program's names of effects, parameters and flags mean, in words; used on the screen and in files (no Qt)."""
 
+from analysis.laws.own import from_key
 from analysis.signal.quality import MEANINGS
 from analysis.units import parts
 
@@ -63,6 +64,8 @@ FLAG_WORDS = {
 
 def effect_words(name: str) -> str:
     """Return an effect's name as a person says it."""
+    if "{" in name:
+        return from_key(name).words
     return EFFECT_WORDS.get(name, name.replace("_", " "))
 
 

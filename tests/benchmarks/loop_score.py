@@ -69,8 +69,8 @@ def truth_reported(outcome: Outcome) -> bool:
 
 
 def named_alone(outcome: Outcome) -> bool:
-    """Return whether some effect was named as if nothing else could be it."""
-    return any(not others for others in outcome.classes)
+    """Return whether some effect was named as if nothing else could be it, and not only as what comes nearest."""
+    return outcome.verdict != "partly_explained" and any(not others for others in outcome.classes)
 
 
 def _not_named_alone(outcome: Outcome) -> bool:

@@ -67,6 +67,11 @@ def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path
         others = f"; not told from {', '.join(effect.indistinguishable_from)}" if effect.indistinguishable_from else ""
         evidence = ", ".join(f"{key} {value:.3g}" for key, value in effect.evidence.items())
         lines.append(f"- `{effect.name}`: {evidence}{others}")
+    for law in found.laws:
+        evidence = ", ".join(f"{key} {value:.4g}" for key, value in law.evidence.items())
+        reach = f"visited from {law.visited[0]:.3g} to {law.visited[1]:.3g} {law.curve_unit}"
+        hidden = "; ".join(law.not_observable)
+        lines.append(f"- a law of the {law.argument}: {evidence}; {reach}; not observable: {hidden}")
     lines += ["", "| error | displacement, m | velocity, m/s | force, N | reduced chi² |", "|---|---|---|---|---|"]
     lines += [errors_row("before", found.error_before), errors_row("after", found.error_after)]
     lines += [errors_row("held out, before", found.error_held_out_before)]

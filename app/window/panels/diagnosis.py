@@ -26,12 +26,14 @@ NEAR_ONE = 1.5  # a chi2 below this reads as if nothing were left
 TONES = {
     Verdict.ADEQUATE: Tone.GOOD,
     Verdict.EFFECT_FOUND: Tone.WARNING,
+    Verdict.LAW_LEARNED: Tone.WARNING,
     Verdict.PARTLY_EXPLAINED: Tone.WARNING,
     Verdict.UNEXPLAINED: Tone.BAD,
 }
 WORDS = {
     Verdict.ADEQUATE: "ADEQUATE",
     Verdict.EFFECT_FOUND: "EFFECT FOUND",
+    Verdict.LAW_LEARNED: "LAW LEARNED",
     Verdict.PARTLY_EXPLAINED: "PARTLY EXPLAINED",
     Verdict.UNEXPLAINED: "UNEXPLAINED",
 }
@@ -174,7 +176,7 @@ class DiagnosisPanel(QWidget):
         more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
         self._of.setText(f"of {names}{more}" if diagnosis is not None and shots else "")
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
-        self.effects.show_effects(diagnosis.effects if diagnosis is not None else (), model_effects)
+        self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects)
         self._evidence.setVisible(diagnosis is not None)
         if diagnosis is None:
             self._verdict.setText(
@@ -193,8 +195,8 @@ class DiagnosisPanel(QWidget):
             return
         tone = TONES[diagnosis.verdict]
         words = WORDS[diagnosis.verdict]
-        if diagnosis.effects and all(effect.name in model_effects for effect in diagnosis.effects):
-            found = diagnosis.verdict is Verdict.EFFECT_FOUND
+        if diagnosis.findings and all(effect.name in model_effects for effect in diagnosis.findings):
+            found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
             tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")
         self._verdict.setText(f"{MARKS[tone]} {words}")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")

@@ -8,7 +8,7 @@ from analysis.shot import AnalysisError, Progress, Shot, Stop
 from app.session.model_in_use import load_model, model_words
 
 
-def tested(path: Path, shots: Sequence[Shot], progress: Progress, cancelled: Stop) -> str:
+def put_to_test(path: Path, shots: Sequence[Shot], progress: Progress, cancelled: Stop) -> str:
     """Return in words how much better the file's model foretells these shots than its base, unchanged.
 
     Raises RecordingError where the file is no model, AnalysisError where nothing can be foretold, Cancelled.

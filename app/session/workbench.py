@@ -20,7 +20,7 @@ from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Sa
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.load import unanalysed
 from app.session.model_in_use import load_model, model_words
-from app.session.put_to_test import tested
+from app.session.put_to_test import put_to_test
 from app.session.saver import Saver
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
@@ -233,7 +233,7 @@ class Workbench:
         """Queue the test of a model file, unchanged, on these entries, or on all when none is named."""
         entries = self._entries(numbers) or list(self.session.entries)
         shots = [entry.shot for entry in entries if entry.shot is not None]
-        self._submit_export("model put to the test", partial(tested, path, shots))
+        self._submit_export("model put to the test", partial(put_to_test, path, shots))
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the report of these entries, or of all when none is named, as one HTML or PDF file."""

@@ -25,6 +25,7 @@ from app.session.settings import FIELDS
 from app.window import menus
 from app.window.commands import COMMANDS, MENUS
 from app.window.layout import Layout
+from app.window.panels.tree_table import TreeTable
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Theme
 from tests.app import synthetic
@@ -131,7 +132,8 @@ def test_keys_work_wherever_the_focus_is_but_never_steal_what_is_typed(window, q
                 widget.setFocus()
                 window.pressed.actions.clear()
                 qtbot.keyClick(widget, stroke.key(), stroke.keyboardModifiers())
-                assert window.pressed.actions == [command.action], f"{key} in {widget}"
+                own = isinstance(widget, TreeTable) and key == "Ctrl+C"  # a table copies its own lines
+                assert window.pressed.actions == ([] if own else [command.action]), f"{key} in {widget}"
 
 
 def test_letters_and_space_typed_into_a_field_stay_there(window, qtbot):

@@ -14,7 +14,7 @@ from analysis.drive.fit import fit_driven
 from analysis.shot import AnalysisError
 from app.command_line.cli import main
 from app.session.load import load_and_analyse
-from app.session.put_to_test import tested
+from app.session.put_to_test import put_to_test
 from instrument.motion_file import read_motion
 from tests.analysis.drive.slider import Drive, Floats
 
@@ -82,10 +82,10 @@ def test_the_window_says_it_in_a_line(tmp_path: Path) -> None:
     (tmp_path / "model.toml").write_text(model_of(Drive(friction), ("coulomb_friction",)))
     other = record(tmp_path, "other", Drive(friction, seed=5, waves=((0.05, 0.4), (0.02, 1.1)), seconds=12.0))
     shot = load_and_analyse(other)
-    said = tested(tmp_path / "model.toml", [shot], lambda _what, _share: None, lambda: False)
+    said = put_to_test(tmp_path / "model.toml", [shot], lambda _what, _share: None, lambda: False)
     assert "foretold better by" in said
     with pytest.raises(AnalysisError, match="base model, driven"):
-        tested(tmp_path / "model.toml", [], lambda _what, _share: None, lambda: False)
+        put_to_test(tmp_path / "model.toml", [], lambda _what, _share: None, lambda: False)
 
 
 def test_without_a_file_it_is_wrong_usage(tmp_path: Path) -> None:

@@ -58,7 +58,9 @@ class FakeDigitizer(Digitizer):
 
     @property
     def capabilities(self) -> Capabilities:
-        return Capabilities("fake", self._channels, 12, (RATE_HZ,), self._max, self._hardware, True, self._simulated)
+        return Capabilities(
+            "fake", self._channels, 12, (RATE_HZ,), self._max, self._hardware, True, simulated=self._simulated
+        )
 
     @property
     def setup(self) -> Setup:

@@ -41,10 +41,15 @@ def test_what_is_found_is_cured_on_the_shot_left_out(
             assert abs(quantity["value"]) > 5.0 * quantity["std"]
 
 
-def test_what_no_effect_explains_is_said(recordings: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_no_effect_explains_is_learned_as_a_law(recordings: Path, capsys: pytest.CaptureFixture[str]) -> None:
     diagnosis = _diagnosis(capsys, recordings / "undeclared-3")
-    assert diagnosis["verdict"] == "unexplained"
-    assert diagnosis["remainder"]
+    assert diagnosis["verdict"] == "law_learned" and diagnosis["effects"] == []
+    (law,) = diagnosis["laws"]
+    assert (law["where"], law["argument"], law["formula"]) == ("block", "place", "a*exp(-abs(x)/b)")
+    assert law["parameters"]["b"]["std"] < 1e-3 * law["parameters"]["b"]["value"]
+    before, after = (diagnosis[f"error_held_out_{when}"]["displacement_rms_m"] for when in ("before", "after"))
+    assert after < 1e-3 * before
+    assert len(law["curve"]["argument"]) == len(law["curve"]["force_n"]) == len(law["curve"]["std_n"])
 
 
 def test_a_model_is_saved_and_judges_the_next_shots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -74,7 +74,9 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         assert open_recording(meta).samples > 0
         window.pull()
 
-        qtbot.keyClick(window, Qt.Key.Key_Space)  # the next such shot is warned of anew
+        window.activateWindow()
+        qtbot.waitUntil(lambda: window.isActiveWindow() and window.panels.controls.arm.isEnabled(), timeout=WAIT_MS)
+        window.panels.controls.arm.click()  # the next such shot is warned of anew
         qtbot.waitUntil(lambda: len(window.rig.latest().unsaved) == 1, timeout=WAIT_MS)
         window.close()
         assert window.isVisible()

@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from analysis.site import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
 from app.window.pens import thin, under
+from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
@@ -62,6 +63,7 @@ class SiteFloorPanel(QWidget):
             label_.setWordWrap(True)
             label_.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             words.addWidget(label_)
+        words.addWidget(CursorReadout(self.plot, self))
         words.addStretch(1)
         row.addLayout(words, 1)
         self.dress(colours)

@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import json
 import os
+import stat
 import threading
 import time
 from collections.abc import Iterable, Mapping
@@ -158,7 +159,15 @@ def write_recording(recording: Recording, stem: Path | str) -> Path:
 
 
 def rewrite_note(path: Path, note: str) -> None:
-    """Put another note into the metadata file ``path`` of a recording on disk; samples stay."""
+    """Put another note into the metadata file ``path`` of a recording on disk; samples stay.
+
+    Raises RecordingError, also for a file that is marked read-only: replacing a file asks its folder alone, so that the
+    mark would otherwise protect nothing, least of all from an administrator.
+    """
+    with _as_recording_error(path):
+        mode = path.stat().st_mode
+    if not mode & stat.S_IWUSR:
+        raise RecordingError(path, "is read-only: the note stays in the session")
     write_json_beside(path, metadata_json(replace(read_metadata(path), note=note)), sync=True)
 
 

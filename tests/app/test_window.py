@@ -6,6 +6,7 @@ import pickle
 import threading
 from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
+from shutil import copyfile
 
 import pytest
 from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
@@ -157,7 +158,9 @@ def test_recordings_are_opened_by_dropping_them_and_a_broken_one_says_why(opened
     window = opened(rigs.still_bench)
     broken = tmp_path / "broken.sigmf-meta"
     broken.write_text("{")
-    paths = [recordings / "plain" / "shot-1.sigmf-meta", broken]
+    for file in (recordings / "plain").glob("shot-1.*"):  # a copy: the note is written into it
+        copyfile(file, tmp_path / file.name)
+    paths = [tmp_path / "shot-1.sigmf-meta", broken]
     data = QMimeData()
     data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
     event = QDropEvent(

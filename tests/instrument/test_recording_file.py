@@ -244,6 +244,15 @@ def test_a_note_is_changed_in_place(shot: Recording, tmp_path: Path) -> None:
     assert verify(meta) and changed.extra == before.extra
 
 
+def test_a_recording_marked_read_only_keeps_its_note(shot: Recording, tmp_path: Path) -> None:
+    meta = write_recording(shot, tmp_path / "s")
+    meta.chmod(0o444)
+    before = meta.read_bytes()
+    with pytest.raises(RecordingError, match="read-only"):
+        rewrite_note(meta, "another")
+    assert meta.read_bytes() == before
+
+
 def test_folders_are_searched_in_counting_order(shot: Recording, tmp_path: Path) -> None:
     for name in ("shot-10", "shot-9", "b"):
         write_recording(shot, tmp_path / name)

@@ -123,7 +123,7 @@ def diagnose(
     return diagnosis
 
 
-_Part = tuple[Fitted, Verdict, list[FoundEffect], tuple[LearnedLaw, ...], tuple[Prediction, Prediction] | None, str]
+_Part = tuple[Fitted, Verdict, list[FoundEffect], tuple[LearnedLaw, ...], tuple[Prediction, Prediction], str]
 
 
 def _in_part(
@@ -135,18 +135,21 @@ def _in_part(
     """
     tell("learning a law", 0.8)
     learned = learn_law(before, held, tell, stop)
-    first = predict(before, held, best.floor, stop) if held else None
-    told = predict(best, held, best.floor, stop) if held and best is not before else None
-    helps = told is not None and first is not None and told.beats(first) and best.converged
-    if learned is not None and (learned.explains or not helps or learned.fitted.bic < best.bic):
-        base = predict(before, held, learned.fitted.floor, stop)
-        pair = (base, learned.foretold) if base is not None and learned.foretold is not None else None
+    told = None if learned is not None and learned.explains else _helps(before, best, held, stop)
+    if learned is not None and (told is None or learned.fitted.bic < best.bic):
         verdict = Verdict.LAW_LEARNED if learned.explains else Verdict.PARTLY_EXPLAINED
-        return learned.fitted, verdict, [], (learned.law,), pair, learned.rest.text
-    if not helps or first is None or told is None:
+        return learned.fitted, verdict, [], (learned.law,), learned.foretold, learned.rest.text
+    if told is None:
         return None
-    rest = judge(best, projector(best))
-    return best, Verdict.PARTLY_EXPLAINED, found, (), (first, told), rest.text
+    return best, Verdict.PARTLY_EXPLAINED, found, (), told, judge(best, projector(best)).text
+
+
+def _helps(before: Fitted, best: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:
+    """Return what is foretold without and with the effects that came nearest, or None where they do not help."""
+    if best is before or not held or not best.converged:
+        return None
+    first, told = (predict(fitted, held, best.floor, stop) for fitted in (before, best))
+    return (first, told) if first is not None and told is not None and told.beats(first) else None
 
 
 def _found(

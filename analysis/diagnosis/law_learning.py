@@ -48,7 +48,7 @@ class Discovery:
     law: LearnedLaw
     fitted: Fitted
     rest: Residual
-    foretold: Prediction | None
+    foretold: tuple[Prediction, Prediction]  # without the law and with it
     named: bool
 
     @property
@@ -87,7 +87,7 @@ def learn_law(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) 
         return None
     named = best.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
     law = _told(start, best, learned, fitting, fits, named, after, held)
-    return Discovery(law, best, rest, after, named)
+    return Discovery(law, best, rest, (before, after), named)
 
 
 def _argument(learned: Learned) -> Argument:

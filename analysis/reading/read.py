@@ -147,6 +147,8 @@ def _flags(span: Span, quiet: Quiet, motion: Motion) -> list[str]:
     short_before = span.disturbed_before and span.first - span.flight_first < longest
     if short_before or (span.disturbed_after and span.flight_last - span.last < longest):
         flags.append("flight_cut")
+    elif span.disturbed_after:
+        flags.append("goes_on")
     if _shakes(quiet):
         flags.append("vibration")
     if quiet.knocks_s or quiet.knocks_kept:

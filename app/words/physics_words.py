@@ -49,6 +49,7 @@ FLAG_WORDS = {
     "no_release": "the record ends within the contact",
     "no_turn": "the block does not turn round in what was taken for the contact",
     "flight_cut": "something else moves the block near the impact (a hand, a second blow): read up to it only",
+    "goes_on": "something moves the block after the flight (a hand): the first collision is read",
     "vibration": "the path shakes: its lines were taken off, the rest stands in the uncertainties",
     "knock": "something struck the table in a flight: that stretch was left out, or stands in the uncertainties",
     "restitution_above_one": "a restitution above one: the plate cannot give back more than it took",

@@ -14,7 +14,13 @@ from app.words.physics_words import parameter_parts as parameter_parts
 DASH = "–"
 LONGEST_NAME = 24  # characters of a shot's name beside others
 
-MILD_FLAGS = ("wander", "vibration", "leak_removed", "rest_drift")  # seen, and already contained in the numbers
+MILD_FLAGS = (
+    "wander",
+    "vibration",
+    "leak_removed",
+    "rest_drift",
+    "goes_on",
+)  # seen, and already contained in the numbers
 
 
 def local(text: str) -> str:

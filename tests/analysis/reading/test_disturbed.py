@@ -103,6 +103,22 @@ def test_a_hand_that_catches_the_block_ends_the_reading() -> None:
     assert all_right(impact), pulls(impact)
 
 
+@pytest.mark.parametrize("lasts_s", [0.4, 0.6, 1.0, 3.0])
+def test_a_record_that_outlasts_the_flight_gives_the_same_numbers_flagged(lasts_s: float) -> None:
+    """The hand catches the block, carries it back and holds it: what a long record holds besides the shot."""
+    time = np.arange(0.0, lasts_s, 1.0 / RIG.rate_hz)
+    x = position_m(RIG, time)
+    caught = int(0.26 * RIG.rate_hz)
+    speed, after = 0.16 * COR, time[caught:] - time[caught]
+    x[caught:] = x[caught] + speed * 0.05 * -np.expm1(-after / 0.05)
+    back = np.clip((after - 0.12) / 0.5, 0.0, 1.0)
+    x[caught:] -= 0.02 * back**2 * (3.0 - 2.0 * back)
+    x += np.random.default_rng(1).normal(0.0, RIG.noise_m, time.size)
+    impact = read_impact(motion_from(time, x, RIG))
+    assert all_right(impact), pulls(impact)
+    assert impact.flags == ("goes_on",)
+
+
 def test_the_first_collision_after_the_trigger_is_read() -> None:
     """Two impacts in one record, the block thrown back by a hand between them."""
     once = Rig(speed_m_per_s=0.16, touch_s=0.012003, duration_s=0.08)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from importlib import metadata
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from numba.core import caching
@@ -93,7 +94,8 @@ def test_without_sources_the_installation_stands_for_them(monkeypatch: pytest.Mo
     monkeypatch.setattr(kernel_cache, "source_of", lambda module: None)
     listed = kernel_cache._text_digest("analysis.model.gear")
     assert listed == kernel_cache._text_digest("analysis.model.gear")
-    monkeypatch.setattr(metadata.PathDistribution, "read_text", lambda self, name: "another list")
+    another = SimpleNamespace(read_text=lambda name: "another list", version="0")  # whoever finds distributions
+    monkeypatch.setattr(metadata, "distribution", lambda name: another)
     kernel_cache._installation.cache_clear()
     assert kernel_cache._text_digest("analysis.model.gear") != listed
     kernel_cache._installation.cache_clear()

@@ -87,7 +87,7 @@ class CaptureThread:
             return
         self._guarded(self._digitizer.prepare)
         self.prepared = True
-        if not self.closing:
+        if not self.closing and self._orders.empty():  # an order that waits starts the stream, or says why not, itself
             self._guarded(self._watch)
         while not self.closing:
             self.alive_s = self._clock()

@@ -9,6 +9,8 @@ cuts a mapped file short, the next look at it ends the process (SIGBUS).
 
 import hashlib
 import os
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,18 +24,22 @@ from instrument.recording_writer import RecordingWriter, rewrite_note, write_rec
 from instrument.text_file import open_regular
 
 __all__ = [
+    "ALTERED",
     "RecordingError",
     "RecordingWriter",
     "find_recordings",
+    "has_hash",
     "read_recording",
+    "read_unhashed",
     "recording_stem",
     "rewrite_note",
     "verify",
     "write_recording",
 ]
 
+ALTERED = "data_altered"
 ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all samples asked for came
-_PIECE_BYTES = 4 * 2**20  # hashed while the processor still holds them
+_PIECE_BYTES = 4 * 2**20
 _LOOKED_AT = 256, 256  # places in the file and samples at each: enough to see clipping, too little to wait for
 _CLIPPED_SHARE = 1e-3
 
@@ -46,21 +52,33 @@ def read_recording(path: Path | str) -> Recording:
     (ended before all samples asked for came), "clipped" (seen in samples taken across the file).  RecordingError names
     file and key in one line.  Cost, most of it the hash: 3 ms a MB.
     """
+    recording, sha512 = read_unhashed(path)
+    if sha512 is None or has_hash(recording, sha512):
+        return recording
+    return replace(recording, flags=(*recording.flags, ALTERED))
+
+
+def read_unhashed(path: Path | str) -> tuple[Recording, str | None]:
+    """Do as ``read_recording`` does but for the hash; return the one its counts must have too.
+
+    That is None where nothing can be said: never closed, or not as many samples as the metadata say.
+    """
     stem = recording_stem(path)
     metadata = read_metadata(stem.with_name(stem.name + ".sigmf-meta"))
     data = stem.with_name(stem.name + ".sigmf-data")
-    counts, left_over, sha512 = _samples(data, len(metadata.channels))
+    counts, left_over = _samples(data, len(metadata.channels))
+    sha512 = metadata.sha512
     samples = counts.shape[0]
     declared, at_least = metadata.declared_samples, metadata.at_least_samples
     flags = []
-    if metadata.sha512 is None:
+    if sha512 is None:
         flags.append("interrupted")
     if left_over or samples < max(declared or 0, at_least):
         flags.append("truncated")
+        sha512 = None
     elif declared is not None and samples > declared:
         flags.append("longer_than_declared")
-    elif metadata.sha512 is not None and metadata.sha512.lower() != sha512:
-        flags.append("data_altered")
+        sha512 = None
     trigger = metadata.trigger_sample
     if trigger is not None and trigger >= samples:
         trigger = None
@@ -72,7 +90,7 @@ def read_recording(path: Path | str) -> Recording:
         flags.append("cut_short")
     if _clipped(counts, metadata):
         flags.append("clipped")
-    return Recording(
+    recording = Recording(
         name=stem.name,
         counts=counts,
         sample_rate_hz=metadata.sample_rate_hz,
@@ -86,6 +104,21 @@ def read_recording(path: Path | str) -> Recording:
         path=str(stem.with_name(stem.name + ".sigmf-meta")),
         extra=metadata.extra,
     )
+    return recording, sha512
+
+
+def has_hash(recording: Recording, sha512: str, given_up: Callable[[], bool] = lambda: False) -> bool:
+    """Return whether the counts are those of ``sha512`` (hex); looks at ``given_up`` every few ms and then says True.
+
+    hashlib lets go of the interpreter, so that it may run beside other work.
+    """
+    digest = hashlib.sha512()
+    octets = recording.counts.reshape(-1).view(np.uint8)
+    for start in range(0, octets.size, _PIECE_BYTES):
+        if given_up():
+            return True
+        digest.update(octets[start : start + _PIECE_BYTES].data)
+    return digest.hexdigest() == sha512.lower()
 
 
 def verify(path: Path | str) -> bool:
@@ -118,11 +151,10 @@ def _real_folder(data: Path) -> Path:
     return data.with_name(data.name.removesuffix(".sigmf-data") + ".sigmf-meta").resolve().parent
 
 
-def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int, str]:
-    """Return the counts, shape (samples, channels), the bytes after the last whole sample, and the SHA-512 of all."""
+def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
+    """Return the counts, shape (samples, channels), and the number of bytes after the last whole sample."""
     _stay_inside(data)
     frame = 2 * channels
-    digest = hashlib.sha512()
     with os.fdopen(open_regular(data), "rb", buffering=0) as file:
         size = os.fstat(file.fileno()).st_size  # what a capture under way adds from now on is not waited for
         if size < frame:
@@ -131,7 +163,6 @@ def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int, str]:
             held = np.empty(size, np.uint8)
             filled = 0
             while filled < size and (came := file.readinto(held[filled : filled + _PIECE_BYTES].data)):
-                digest.update(held[filled : filled + came].data)
                 filled += came
         except OSError as error:
             raise FileNotReached(data, error.strerror or str(error)) from None
@@ -144,7 +175,7 @@ def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int, str]:
         raise RecordingError(data, "holds no samples")
     counts = held[: samples * frame].view("<i2").reshape(samples, channels)
     counts.flags.writeable = False
-    return counts, left_over, digest.hexdigest()
+    return counts, left_over
 
 
 def _clipped(counts: NDArray[np.int16], metadata: Metadata) -> bool:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from analysis.corrected import FLAG
 from analysis.pipeline import analyse, analyse_motion
+from analysis.recording import Recording
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
 from instrument.motion_file import read_motion
-from instrument.open_recording import open_recording
+from instrument.open_recording import analysed_while_hashed
 from instrument.recording_error import RecordingError, one_line
 from instrument.recording_search import is_motion_record
 
@@ -53,10 +54,13 @@ def analysed(
     started = time.perf_counter()
     chosen = settings or AnalysisSettings()
     if not is_motion_record(path):
-        recording = open_recording(path)
-        loaded = time.perf_counter() - started
         chosen = _with_model(chosen, model or chosen.model, effects_of)
-        return analyse(recording, chosen, load_seconds=loaded, progress=progress, cancelled=cancelled)
+
+        def opened(recording: Recording) -> Shot:
+            loaded = time.perf_counter() - started
+            return analyse(recording, chosen, load_seconds=loaded, progress=progress, cancelled=cancelled)
+
+        return analysed_while_hashed(path, opened)
     record = read_motion(path)
     chosen = _with_model(chosen, model or BASE_OF_RECORD[record.model], effects_of)
     right = dict(chosen.corrections)

@@ -7,7 +7,7 @@ from analysis.pipeline import analyse
 from analysis.recording import Recording
 from analysis.shot import AnalysisSettings, Progress, Shot
 from instrument.apart.work import WorkApart
-from instrument.open_recording import open_recording
+from instrument.open_recording import analysed_while_hashed
 
 
 class AnalysisApart(WorkApart):
@@ -28,4 +28,4 @@ class AnalysisApart(WorkApart):
 
 
 def _analyse(path: str, settings: AnalysisSettings, *, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
-    return analyse(open_recording(path), settings, progress=progress, cancelled=cancelled)
+    return analysed_while_hashed(path, partial(analyse, settings=settings, progress=progress, cancelled=cancelled))

@@ -11,7 +11,7 @@ from instrument.digitizer import CaptureSettings, DigitizerError
 
 STARTS_S = 60.0  # on a busy machine; nothing is asked of the device until then
 _LOOK_S = 0.1
-_ENDS_S = 8.0
+ENDS_S = 5.0  # to close the device; a driver gives a request of it 1 s
 _ANEW = "arm again: it is started anew"
 
 
@@ -47,7 +47,7 @@ class Conversation:
             self._wait_for(STARTED, STARTS_S, give_up, None)
             self._wait_for(OPENED, opens_s, give_up, None)
         except DigitizerError:
-            self.end(_ENDS_S)
+            self.end()
             raise
 
     @property
@@ -102,16 +102,17 @@ class Conversation:
         self._about = message.about or self._about
         return message
 
-    def end(self, patience_s: float = _ENDS_S) -> int | None:
+    def end(self, patience_s: float | None = None) -> int | None:
         """End the child, by force where it takes longer, and return its exit code; harmless when it has ended."""
         if self.over:
             return None
+        patience_s = ENDS_S if patience_s is None else patience_s
         with self._sending:
             self.over = True
         self._process.join(patience_s)
         if self._process.is_alive():
             self._process.kill()
-            self._process.join(_ENDS_S)
+            self._process.join(ENDS_S)
         code = self._process.exitcode
         self._process.close()
         self._orders.close()

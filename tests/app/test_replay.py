@@ -62,6 +62,22 @@ def _replay(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple
     return status, json.loads(printed.out), printed.err
 
 
+def test_data_that_were_altered_are_said_everywhere(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stem = _copy(good, tmp_path)
+    data = bytearray(_data(stem).read_bytes())
+    data[-2] ^= 1
+    _data(stem).write_bytes(data)
+    report = tmp_path / "report.html"
+    status, result, _ = _replay(capsys, _meta(stem), "--no-diagnose", "--report", report, "--export", tmp_path / "out")
+    assert status == 0 and "data_altered" in result["shots"][0]["flags"]
+    assert "NOT the one written when the shot was taken" in report.read_text() and "data_altered" in report.read_text()
+    assert "data_altered" in (tmp_path / "out" / "shots.csv").read_text()
+    assert main(["--replay", str(_meta(stem)), "--no-diagnose"]) == 0
+    assert "data_altered" in capsys.readouterr().out
+
+
 def test_a_sound_shot(good: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     status, result, complaints = _replay(capsys, _meta(good), "--export", tmp_path, "--no-diagnose")
     assert (status, complaints) == (0, "")

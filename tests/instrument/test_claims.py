@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.pipeline import analyse
 from analysis.recording import MOST_GAPS, Gap, Recording
-from instrument.recording_file import RecordingError, read_recording, write_recording
+from analysis.shot import Cancelled, Shot
+from instrument.open_recording import analysed_while_hashed
+from instrument.recording_file import RecordingError, has_hash, read_recording, write_recording
 
 
 def test_gaps_longer_than_the_recording_are_of_unknown_length(shot: Recording) -> None:
@@ -40,6 +43,34 @@ def test_altered_data_are_said(shot: Recording, tmp_path: Path) -> None:
     meta.write_text(json.dumps(head))
     data.write_bytes(np.ascontiguousarray(shot.counts).tobytes())
     assert "data_altered" not in read_recording(meta).flags
+
+
+def test_altered_data_are_said_of_the_shot_analysed_while_they_were_hashed(shot: Recording, tmp_path: Path) -> None:
+    meta = write_recording(dataclasses.replace(shot, flags=()), tmp_path / "s")
+    assert "data_altered" not in analysed_while_hashed(meta, analyse).flags
+    data = tmp_path / "s.sigmf-data"
+    data.write_bytes(bytes([data.read_bytes()[0] ^ 1]) + data.read_bytes()[1:])
+    said = analysed_while_hashed(meta, analyse)
+    assert said.flags.count("data_altered") == 1 and said.samples == shot.samples
+
+
+def test_an_analysis_that_is_stopped_does_not_wait_for_the_hash(shot: Recording, tmp_path: Path) -> None:
+    big = dataclasses.replace(shot, counts=np.zeros((10_000_000, 3), np.int16))
+    looked: list[int] = []
+
+    def third_time() -> bool:
+        looked.append(1)
+        return len(looked) == 3
+
+    assert has_hash(big, "0" * 128, third_time)  # given up: nothing is said
+    assert len(looked) == 3 and not has_hash(big, "0" * 128)
+    meta = write_recording(shot, tmp_path / "s")
+
+    def stop(_: Recording) -> Shot:
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        analysed_while_hashed(meta, stop)
 
 
 def test_a_file_that_shrinks_after_it_was_opened_ends_nothing(shot: Recording, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from instrument.apart import work
 from instrument.apart.analysis import AnalysisApart
 from instrument.bench.simulate import simulate
 from instrument.open_recording import open_recording
-from instrument.recording_writer import write_recording
+from instrument.recording_file import read_recording, write_recording
 
 PLAIN = AnalysisSettings()
 
@@ -68,6 +68,14 @@ def test_a_shot_comes_out_as_it_would_here(apart: AnalysisApart, simulated: Reco
     assert here.setup is not None
     assert there.setup == replace(here.setup, extra=dict(here.setup.extra))
     assert told
+
+
+def test_data_that_were_altered_are_said_there_too(apart: AnalysisApart, simulated: Recording, tmp_path: Path) -> None:
+    short = replace(simulated, counts=simulated.counts[:3000], trigger_sample=None)
+    shot = read_recording(write_recording(short, tmp_path / "s"))
+    data = tmp_path / "s.sigmf-data"
+    data.write_bytes(bytes([data.read_bytes()[0] ^ 1]) + data.read_bytes()[1:])
+    assert "data_altered" in apart.analyse(shot, PLAIN, quiet, never).flags
 
 
 def test_an_analysis_is_cancelled_there_too(apart: AnalysisApart, simulated: Recording) -> None:

@@ -59,11 +59,18 @@ class WarmHantek:
         self.sent = 0
         self.skip_at: int | None = None  # the byte count at which the device drops packets
         self.skipped = 0
+        self.hangs_at: int | None = None  # the number of the control request that is never answered, from 1 on
+        self.hung_s: float | None = None  # since when
+        self._requests = 0
         self._halted = False
         self._started = 0.0
         self._numbers = 0
 
     def control(self, request_type: int, request: int, value: int, index: int, data: bytes, length: int) -> bytes:
+        self._requests += 1
+        if self._requests == self.hangs_at:
+            self.hung_s = time.monotonic()
+            threading.Event().wait()
         if request_type == 0xC0 and request == 0xA2:
             return (bytes(8) + bytes([0x80] * 32) + bytes([0xFF] * 48))[value : value + length]
         if request_type != 0x40 or not 0xE0 <= request <= 0xE6:

@@ -107,3 +107,14 @@ def test_in_a_process_of_its_own_it_is_unplugged_and_plugged_in_again(play) -> N
     assert (again["first"], again["breaks"], again["fault"]) == (SETTLING, [], "")
     assert again["samples"] > 0.1e6
     assert result["child"] is None
+
+
+def test_a_request_that_is_never_answered_ends_with_the_deadline(play) -> None:
+    """Opening and arming got a minute each whatever --timeout said; here it is 1 s, from where the request hangs."""
+    for what, (status, seconds, said) in play("hang").items():
+        assert seconds < 4.0, (what, seconds)
+        assert said.count("\n") == 1 and "Traceback" not in said, said
+        if what == "stopping":  # the shot is there
+            assert status == 0 and "shot 1 of 1" in said
+        else:
+            assert status == 1 and "does not answer" in said, (what, said)

@@ -1,5 +1,7 @@
 """Run by test_hantek6022_usb under umockdev-wrapper; plays one scene with unmodified libusb and prints JSON."""
 
+import contextlib
+import io
 import json
 import sys
 import threading
@@ -9,6 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from analysis.recording import Role
+from app.command_line import acquire
+from instrument.apart import conversation
 from instrument.apart.digitizer import open_apart
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers import byte_clock, hantek6022
@@ -193,6 +197,27 @@ def apart() -> dict:
     again = read(scope, 0.4)
     scope.close()
     return {"read": result, "missing": missing, "again": again, "child": scope.child_id}
+
+
+def hang() -> dict:
+    """A control request of opening, arming or stopping is never answered, under ``levimass --acquire``."""
+    bed = Testbed()
+    acquire.LEAST_ARMING_S = conversation.ENDS_S = timeout_s = 1.0
+    ended = {}
+    for number, (what, request) in enumerate({"opening": 1, "arming": 5, "stopping": 8}.items(), 1):
+        model = WarmHantek()
+        model.hangs_at = request
+        bed.plug(model, number)
+        said = io.StringIO()
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
+            status = acquire.acquire(
+                1, source="hantek6022?roles=switch,measurement", out=Path(sys.argv[2]) / what, rate_hz=None,
+                samples=None, timeout_s=timeout_s,
+            )  # fmt: skip
+        assert model.hung_s is not None
+        ended[what] = (status, time.monotonic() - model.hung_s, said.getvalue())
+        bed.unplug(number)
+    return ended
 
 
 def stop() -> dict:

@@ -118,6 +118,7 @@ class Plugged:
         while True:
             message = _received(link, _MESSAGE.size)
             if not message:
+                self.claimed -= session.claimed  # as the kernel does for a process that ended
                 return
             kind, request, pointer = _MESSAGE.unpack(message)
             result, error = 0, 0
@@ -136,6 +137,7 @@ class _Session:
 
     def __init__(self, plugged: Plugged, link: socket.socket) -> None:
         self._plugged, self._link = plugged, link
+        self.claimed = 0
         self._pending: deque[tuple[int, Any]] = deque()
         self._done: deque[tuple[int, Any, int, bytes]] = deque()
 
@@ -150,8 +152,10 @@ class _Session:
             if self._plugged.claimed:
                 raise OSError(errno.EBUSY, "claimed")
             self._plugged.claimed += 1
+            self.claimed += 1
         elif number == _RELEASE:
             self._plugged.claimed -= 1
+            self.claimed -= 1
         elif number == _GETDRIVER:
             raise OSError(errno.ENODATA, "no driver")
         elif number == _SUBMIT:

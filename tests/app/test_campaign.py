@@ -9,6 +9,7 @@ import pytest
 
 from app.command_line.campaign.crew import Processes
 from app.command_line.campaign.journal import JOURNAL
+from app.command_line.campaign.place import program, unfit
 from app.command_line.campaign.task import NotReached, tasks_of
 from app.command_line.cli import main
 from tests.app.deadly import DEADLY, unless_deadly
@@ -77,6 +78,15 @@ def test_what_was_not_reached_is_no_result(shots: Path, tmp_path: Path, capsys: 
     assert "1 shots, 0 analysed, 0 failed, 1 not reached" in heard.out and "no such file" in heard.err
     (folder / "late.sigmf-data").write_bytes(source.with_suffix(".sigmf-data").read_bytes())
     assert main(command) == 0
+
+
+def test_a_worker_that_cannot_do_the_work_says_why(tmp_path: Path) -> None:
+    here = str(tmp_path)
+    assert unfit(program(), [here], here) is None and list(tmp_path.iterdir()) == []
+    assert unfit("another", [here], here) == f"has levimass {program()}, not another"
+    assert unfit(program(), [here, here + "/none"], None) == f"does not see the folder {here}/none"
+    (tmp_path / "a file").touch()
+    assert f"cannot write to {here}/a file" in str(unfit(program(), [here], f"{here}/a file"))
 
 
 def test_a_process_that_dies_is_not_the_end(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -99,6 +99,8 @@ def test_a_hanteks_shot_is_recorded_as_far_as_it_came(tmp_path: Path, unplugged:
     expected = codes[2048 + first :][:kept].astype(np.int16) - 128
     np.testing.assert_array_equal(shot.counts, expected)
     assert dict(shot.setup.extra)["moving_mass_assumed"] is True
+    # without PD0 only the clock tells a loss, and not a short one: the recording says so
+    assert shot.extra["global"]["lmm:capture"]["unseen_loss_s"] == 0.004
 
 
 class FakeVisa:

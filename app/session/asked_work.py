@@ -10,26 +10,28 @@ from instrument.open_recording import open_recording
 from instrument.recording_error import RecordingError
 from instrument.recording_search import is_motion_record
 
+Given = TypeVar("Given")
 Result = TypeVar("Result")
-Work = Callable[[Entry, Recording, Report, Asked], Result]
+Work = Callable[[Entry, Given, Report, Asked], Result]
 
 
-class AskedWork(Generic[Result]):
+class AskedWork(Generic[Given, Result]):
     """Keeps to the last shot asked for; an earlier one is cancelled."""
 
-    def __init__(self, jobs: Jobs, kind: str, work: Work[Result]) -> None:
+    def __init__(self, jobs: Jobs, kind: str, work: Work[Given, Result]) -> None:
         self._jobs, self._kind, self._work = jobs, kind, work
         self._job: Job | None = None
         self._number: int | None = None
+        self._entry: Entry | None = None
 
-    def ask(self, entry: Entry, recording: Recording) -> bool:
+    def ask(self, entry: Entry, given: Given) -> bool:
         """Start the work unless it is done or under way for this shot; return whether it was started."""
         if self._number == entry.number:
             return False
-        self._number = entry.number
+        self._number, self._entry = entry.number, entry
 
         def work(report: Report, cancelled: Asked) -> Result:
-            return self._work(entry, recording, report, cancelled)
+            return self._work(entry, given, report, cancelled)
 
         self._jobs.cancel(self._kind)
         self._job = self._jobs.submit(f"{self._kind} of {entry.name}", work, self._kind)
@@ -39,8 +41,8 @@ class AskedWork(Generic[Result]):
         """Start anew when asked again, for the same shot too."""
         self._number = None
 
-    def take(self) -> Result | None:
-        """Return the result once, when it is there."""
+    def take(self) -> tuple[Entry, Result] | None:
+        """Return the result once, when it is there, and the entry that it is of."""
         job = self._job
         if job is None or not job.done.is_set():
             return None
@@ -48,8 +50,8 @@ class AskedWork(Generic[Result]):
         if job.cancelled or job.problem is not None:
             self._number = None
             return None
-        result: Result = job.result
-        return result
+        assert self._entry is not None
+        return self._entry, job.result
 
 
 def raw_of(entry: Entry) -> Recording | None:

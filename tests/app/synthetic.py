@@ -1,19 +1,24 @@
 """Shots for panel tests, integrated from the two bodies in the plainest way; none of it pretends to be measured."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
+from analysis.drive.fit import fit_driven
 from analysis.fit import Fit, Overlay, ShotFit
 from analysis.impact import Impact, KineticCor
 from analysis.motion import BeatQuality, Motion
 from analysis.quantity import NotSeen, Quantity
 from analysis.recording import Setup
 from analysis.shot import AnalysisSettings, Shot
+from tests.analysis.drive.slider import Drive
 
 RATE_HZ = 100e3
 TOUCH_S = 0.060
 
 
+@lru_cache(maxsize=16)
 def trajectory(speed: float, count: int) -> dict[str, np.ndarray]:
     """Return x_b, v_b, force, y, gap on the grid; semi-implicit Euler at 1 us."""
     m_b, m_p, k_p, k_n, g_n = 17.85e-3, 1.984e-4, 221.4, 1e4, 0.4
@@ -134,6 +139,13 @@ def shot(
         problem=problem,
         started_at=f"2026-03-01T10:1{seed}:05Z",
     )
+
+
+def driven_shot(name: str = "driven") -> Shot:
+    """Return a driven record with the fit of mass, drag and offset."""
+    motion = Drive().motion()
+    settings = AnalysisSettings(model="driven")
+    return Shot(name, None, settings, None, None, None, None, motion, None, fit_driven([motion]))
 
 
 def diagnosis(of: Shot) -> Diagnosis:

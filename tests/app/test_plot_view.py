@@ -5,6 +5,7 @@ import pytest
 from PySide6.QtCore import QLocale, Qt
 from PySide6.QtGui import QAccessible, QGuiApplication
 
+from analysis.drive.curves import drive_curves
 from app.session.session import Session
 from app.window.layout import Layout
 from app.window.plots.cursor_readout import CursorReadout
@@ -36,8 +37,14 @@ def _readout(panels, plot):
 
 
 def _bring(panels, plot):
+    wanted = plot in panels.shot.drive.plots
+    if wanted != (panels.shot.shot.settings.model == "driven"):
+        driven = synthetic.driven_shot() if wanted else synthetic.shot()
+        panels.shot.show_shot(driven)
+        if wanted:
+            panels.shot.show_drive(driven, drive_curves(driven.motion, driven.fit))
     for page in range(panels.tabs.count()):
-        for view in ("whole", "deflection", "gap", "raw"):
+        for view in ("whole", "contact", "deflection", "gap", "raw"):
             panels.shot.set_view(view)
             panels.tabs.setCurrentIndex(page)
             if plot.isVisible():
@@ -49,7 +56,7 @@ def _bring(panels, plot):
 
 def test_every_plot_has_cursors_whose_readout_comes_and_goes_with_it(panels, qtbot):
     plots = panels.findChildren(PlotView)
-    assert len(plots) == 12
+    assert len(plots) == 17
     for plot in plots:
         _bring(panels, plot)
         assert plot.isVisible() and panels.plot_in_front() is not None

@@ -129,6 +129,9 @@ class ComparePanel(QWidget):
         else:
             self._say.setText("")
         self._label_lines()
+        numbered = ", ".join(str(entry.number) for entry in self._entries)
+        self.stack.tell([e.shot for e in shown], f"Shots {', '.join(str(e.number) for e in shown)}")
+        self.trend.tell([e.shot for e in self._entries], f"Shots {numbered}")
         self._trend_chosen(0)
         self.show_whole()
 

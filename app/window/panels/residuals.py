@@ -57,6 +57,7 @@ class Residuals(QWidget):
         for curve, band in zip(self._curves, self._bands, strict=True):
             curve.clear_samples()
             band.show_band(0.0, 1.0, np.zeros(0))
+        self.stack.tell((), "")
 
     def show_diagnosis(self, diagnosis: Diagnosis, shots: list[Shot]) -> None:
         """Show the first of these shots that was analysed, and the errors of all."""
@@ -71,6 +72,7 @@ class Residuals(QWidget):
         shot = shots[shown]
         motion = shot.motion
         assert motion is not None
+        self.stack.tell((shot,), shot.name)
         zero, words = time_zero(shot)
         self.stack.label_time(words)
         self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: noise, ±2 σ)")

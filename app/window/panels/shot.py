@@ -1,20 +1,21 @@
 """SHOT: the views of one shot, one at a time: over time, force against deflection, gap, raw signals."""
 
 from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QButtonGroup, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
+from analysis.drive.curves import DriveCurves
 from analysis.recording import Recording
 from analysis.shot import Shot
 from app.report.shot_times import time_zero
 from app.window.flow_layout import FlowLayout
 from app.window.panels.shot_deflection import DeflectionView
+from app.window.panels.shot_drive import DriveView
 from app.window.panels.shot_gap import GapView
 from app.window.panels.shot_motion import MotionView
 from app.window.panels.shot_raw import RawCurves, RawView
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout
-from app.window.plots.legend import Legend
+from app.window.plots.legend import Legend, Look
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
@@ -31,6 +32,11 @@ VIEWS = (
     ("gap", "Gap", "4", "Distance between block and plate (Fig. 7); below zero the two overlap"),
     ("raw", "Raw signals", "5", "What the photodiodes and the light switch gave, every sample"),
 )
+DRIVE_VIEWS = {  # what the first keys mean for a driven record, which strikes nothing
+    "whole": ("Over time", "Velocity, force and residual over the whole record"),
+    "contact": ("F against speed", "Force measured and modelled against speed, and what is left over"),
+    "deflection": ("F against place", "Force measured and modelled against place, and what is left over"),
+}
 NO_SHOT = "No shot yet. Press ARM (space), then push the block through the light switch."
 
 
@@ -39,11 +45,14 @@ class ShotPanel(QWidget):
 
     view_changed = Signal(str)
     raw_wanted = Signal(object)  # the recording whose raw curves are to be made
+    drive_wanted = Signal(object)  # the shot whose force is to be modelled
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
         self._shot: Shot | None = None
+        self._of = ""  # the shot in words, which every plot of it carries
+        self._driven = False
         self._view = "whole"
         self._undrawn: set[str] = set()  # views that do not show this shot yet
         self.motion = MotionView(colours, self)
@@ -51,9 +60,17 @@ class ShotPanel(QWidget):
         self.deflection = DeflectionView(colours, self)
         self.gap = GapView(colours, self)
         self.raw = RawView(colours, self)
+        self.drive = DriveView(colours, self)
         self._pages = QStackedWidget(self)
-        self._plots: tuple[PlotView, ...] = (self.stack, self.deflection, self.gap.stack, self.raw.stack)
-        for page in self._plots:
+        self._plots: tuple[PlotView, ...] = (
+            self.stack,
+            self.deflection,
+            self.gap.stack,
+            self.raw.stack,
+            *self.drive.plots,
+        )
+        pages: tuple[QWidget, ...] = (self.stack, self.deflection, self.gap.stack, self.raw.stack)
+        for page in (*pages, *self.drive.pages.values()):
             self._pages.addWidget(page)
         self._legend = Legend(self)
         self._empty = QLabel(NO_SHOT, self)
@@ -88,6 +105,8 @@ class ShotPanel(QWidget):
     def plot_in_front(self) -> PlotView | None:
         """Return the plot in view, or None where there is none."""
         page = self._pages.currentWidget()
+        if page in self.drive.pages.values():
+            return self.drive.plot_in_front(self._view)
         return page if isinstance(page, PlotView) else None
 
     def _build(self) -> None:
@@ -118,6 +137,7 @@ class ShotPanel(QWidget):
         column.addLayout(bar)
         bar.addWidget(self.motion.kind)
         column.addWidget(self._legend)
+        column.addWidget(self.drive.say)
         column.addWidget(self._pages, 1)
         for plot in self._plots:
             column.addWidget(CursorReadout(plot, self))
@@ -125,17 +145,19 @@ class ShotPanel(QWidget):
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
-        for view in (self.motion, self.deflection, self.gap, self.raw):
+        for view in (self.motion, self.deflection, self.gap, self.raw, self.drive):
             view.dress(colours)
         self._label_lines()
 
     def _label_lines(self) -> None:
         c = self._colours
-        entries: list[tuple[str, QPen | tuple[str, str]]] = [
+        entries: list[tuple[str, Look]] = [
             ("measured", thin(c.measured)),
             ("simulated", under(c.simulated)),
         ]
-        if self._view == "raw":
+        if self._driven:
+            entries = self.drive.legend(c)
+        elif self._view == "raw":
             reading = self.raw.has_samples and self.raw.wanted is not None
             entries = [("reading the samples …" if reading else "every sample, extremes kept", thin(c.measured))]
         elif self._view == "deflection":
@@ -148,9 +170,14 @@ class ShotPanel(QWidget):
         for plot in self._plots:
             plot.legend = entries
 
-    def show_shot(self, shot: Shot | None, recording: Recording | None = None) -> None:
-        """Show this shot; None shows what to do to get one."""
+    def show_shot(self, shot: Shot | None, recording: Recording | None = None, words: str = "") -> None:
+        """Show this shot, called so in ``words``; None shows what to do to get one."""
         self._shot = shot
+        self._of = words or (shot.name if shot is not None else "")
+        for plot in self._plots:
+            plot.tell((), "")
+        self._driven = shot is not None and shot.settings.model == "driven"
+        self._name_views()
         self.raw.show_recording(recording, 0.0 if shot is None else time_zero(shot)[0])
         if shot is None or shot.motion is None:
             self._empty.setText(NO_SHOT if shot is None else _why_not(shot))
@@ -158,7 +185,8 @@ class ShotPanel(QWidget):
         else:
             for stack in self.stacks:
                 stack.label_time(time_zero(shot)[1])
-            self._undrawn = {"motion", "deflection", "gap"}
+            self._undrawn = {"drive"} if self._driven else {"motion", "deflection", "gap"}
+        self.drive.show_curves(None)
         self.set_view(self._view)
         self.reset()
 
@@ -169,16 +197,21 @@ class ShotPanel(QWidget):
 
     def set_view(self, view: str) -> None:
         """Show one of ``VIEWS``."""
-        self._view = view
+        self._view = view if not self._driven or view in DRIVE_VIEWS else "whole"
+        view = self._view
         self._buttons[view].setChecked(True)
         self.motion.contact_only = view == "contact"
-        others = {"deflection": self.deflection, "gap": self.gap.stack, "raw": self.raw.stack}
+        others: dict[str, QWidget] = {"deflection": self.deflection, "gap": self.gap.stack, "raw": self.raw.stack}
+        if self._driven:
+            others = self.drive.pages
         analysed = self._shot is not None and self._shot.motion is not None
-        page = others.get(view, self.stack) if analysed or (view == "raw" and self.raw.has_samples) else self._empty
+        there = analysed or (view == "raw" and self.raw.has_samples)
+        page: QWidget = others.get(view, self.stack) if there else self._empty
         self._draw(view)
         self._pages.setCurrentWidget(page)
         self.motion.kind.setVisible(page is self.stack)
         self._legend.setVisible(page is not self._empty)
+        self.drive.say.setVisible(self._driven and analysed)
         self._cursor_button.setEnabled(page is not self._empty)
         self._cursors_moved()
         self._label_lines()
@@ -188,22 +221,50 @@ class ShotPanel(QWidget):
         """Draw what only this view shows, when it is looked at."""
         if view == "raw" and self.raw.wanted is not None:
             self.raw_wanted.emit(self.raw.wanted)
-        what = "motion" if view in ("whole", "contact") else view
+        what = "drive" if self._driven else "motion" if view in ("whole", "contact") else view
         if self._shot is None or what not in self._undrawn:
             return
         self._undrawn.discard(what)
+        if what == "drive":
+            self.drive.say.setText("modelling the force …")
+            self.drive_wanted.emit(self._shot)
+            return
         views: dict[str, MotionView | DeflectionView | GapView]
         views = {"motion": self.motion, "deflection": self.deflection, "gap": self.gap}
         views[what].show_shot(self._shot)
+        {"motion": self.stack, "deflection": self.deflection, "gap": self.gap.stack}[what].tell((self._shot,), self._of)
+
+    def show_drive(self, shot: Shot, curves: DriveCurves) -> None:
+        """Show the force that was asked for; of another shot it is dropped."""
+        if shot is not self._shot:
+            return
+        self.drive.show_curves(curves)
+        for plot in self.drive.plots:
+            plot.tell((shot,), self._of)
+        self.drive.reset()
+        self._label_lines()
+
+    def _name_views(self) -> None:
+        """Let buttons and tips say what the keys mean for this kind of shot."""
+        for name, words, key, tip in VIEWS:
+            button = self._buttons[name]
+            words, tip = DRIVE_VIEWS.get(name, (words, tip)) if self._driven else (words, tip)
+            button.setText(words)
+            button.setToolTip(f"{tip}  ({key})")
+            button.setVisible(not self._driven or name in DRIVE_VIEWS)
 
     def show_raw(self, curves: RawCurves) -> None:
         """Show the raw curves that were asked for."""
-        self.raw.show_curves(curves)
+        if self.raw.show_curves(curves) and self._shot is not None:
+            self.raw.stack.tell((self._shot,), self._of)
         self._label_lines()
 
     @Slot()
     def reset(self) -> None:
         """Bring the view back to what its name says."""
+        if self._driven:
+            self.drive.reset()
+            return
         views: dict[str, DeflectionView | GapView | RawView]
         views = {"deflection": self.deflection, "gap": self.gap, "raw": self.raw}
         view = views.get(self._view)

@@ -66,10 +66,10 @@ class RawView:
         """Get the recording whose curves are not there yet."""
         return self._recording if self.has_samples and not self._drawn else None
 
-    def show_curves(self, curves: RawCurves) -> None:
-        """Show what ``curves_of`` made of the recording; of another one it is dropped."""
+    def show_curves(self, curves: RawCurves) -> bool:
+        """Show what ``curves_of`` made of the recording; of another one it is dropped: return whether it was shown."""
         if curves.recording is not self._recording:
-            return
+            return False
         self._drawn = True
         for role, curve in self._curves.items():
             pyramid = curves.volts.get(role)
@@ -77,6 +77,7 @@ class RawView:
             if pyramid is not None:
                 curve.show_samples(-1e3 * self._zero, 1e3 / curves.recording.sample_rate_hz, pyramid)
         self.reset()
+        return True
 
     def reset(self) -> None:
         """Show the whole record."""

@@ -6,6 +6,7 @@ from PySide6.QtCore import QRectF, Qt, Slot
 from PySide6.QtWidgets import QLabel, QSplitter, QVBoxLayout, QWidget
 
 from analysis.recording import Role
+from analysis.shot import Shot
 from app.session.spectra import NAMES, Spectra
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout
@@ -68,8 +69,10 @@ class SpectrumPanel(QWidget):
         """Say what is being done or missing."""
         self._say.setText(words)
 
-    def show_spectra(self, spectra: Spectra | None) -> None:
-        """Show spectra, or say that there are none."""
+    def show_spectra(self, spectra: Spectra | None, shot: Shot | None = None, words: str = "") -> None:
+        """Show the spectra of a shot, called so in ``words``, or say that there are none."""
+        for plot in self.plots:
+            plot.tell((shot,) if spectra is not None else (), words)
         if spectra is None or not spectra.power_db:
             self._say.setText("Select a shot whose raw recording is at hand.")
             for curve in self._curves.values():

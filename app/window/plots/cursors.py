@@ -31,6 +31,7 @@ class CursorAxis:
 
 
 TIME = CursorAxis("ms", "s", 1e-3, "Hz")
+SECONDS = CursorAxis("s", "s", 1.0, "Hz")
 
 
 class Measured(Protocol):

@@ -27,6 +27,7 @@ class PlotView(pg.GraphicsLayoutWidget):
         super().__init__(parent)
         self.name = name
         self.legend: Sequence[tuple[str, Look]] = ()  # of the panel's lines: a saved picture carries it
+        self.shows: tuple[object, ...] = ()  # the shots whose curves are drawn
         self.setAccessibleName(name)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.ci.layout.setSpacing(2)
@@ -45,6 +46,11 @@ class PlotView(pg.GraphicsLayoutWidget):
     def reset(self) -> None:
         """Show the whole again."""
         raise NotImplementedError
+
+    def tell(self, shots: Sequence[object], words: str) -> None:
+        """Say whose curves are drawn from now on: every picture of them carries the words."""
+        self.shows = tuple(shots)
+        self.setAccessibleDescription(words)
 
     def dress(self, colours: Colours) -> None:
         """Set the colours."""

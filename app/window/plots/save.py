@@ -34,7 +34,12 @@ def picture(view: pg.GraphicsView, scale: float = 2.0) -> QImage:
 
 
 def _whole(view: pg.GraphicsView) -> QSize:
-    return QSize(view.width(), view.height() + legend_height(_legend(view), view.width(), view.font()))
+    above = legend_height(_legend(view), view.width(), view.font())
+    return QSize(view.width(), view.height() + above + _heading_height(view))
+
+
+def _heading_height(view: pg.GraphicsView) -> int:
+    return view.fontMetrics().height() + 6 if view.accessibleDescription() else 0
 
 
 def _legend(view: pg.GraphicsView) -> Sequence[tuple[str, Look]]:
@@ -46,7 +51,13 @@ def _draw(painter: QPainter, view: pg.GraphicsView, size: QSize) -> None:
     painter.fillRect(QRectF(0, 0, size.width(), size.height()), view.backgroundBrush())
     painter.setFont(view.font())
     painter.setPen(view.palette().text().color())
+    heading = _heading_height(view)
+    if heading:  # which shot it is of
+        painter.drawText(QRectF(6, 2, size.width() - 12, heading), view.accessibleDescription())
+    painter.save()
+    painter.translate(0, heading)
     paint_legend(painter, _legend(view), size.width())
+    painter.restore()
     view.render(painter, QRectF(0, above, view.width(), view.height()))  # else it takes the device's pixels for its own
 
 
@@ -78,7 +89,7 @@ def save_csv(stack: TimeStack, path: Path) -> None:
     columns: list[np.ndarray] = []
     for members in groups.values():
         x, _ = members[0][1].between(left, right)
-        heads.append("time (ms)")
+        heads.append(f"time ({stack.cursors.axis.unit})")
         columns.append(x)
         for head, curve in members:
             heads.append(head)

@@ -3,19 +3,20 @@
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QWidget
 
+from app.window.plots.cursors import TIME, CursorAxis
 from app.window.plots.plot_view import PlotView, Span
 from app.window.plots.time_plot import TimePlot
 from app.window.theme import Colours
 
 
 class TimeStack(PlotView):
-    """Linked time plots; x is in ms, y in each plot's own unit.  Whoever owns them answers ``reset_wanted``."""
+    """Linked time plots; x is in ``axis``' unit, y in each plot's own.  Whoever owns them answers ``reset_wanted``."""
 
     clicked = Signal(float)
     reset_wanted = Signal()
 
-    def __init__(self, name: str, colours: Colours, parent: QWidget | None = None) -> None:
-        super().__init__(name, parent=parent)
+    def __init__(self, name: str, colours: Colours, parent: QWidget | None = None, axis: CursorAxis = TIME) -> None:
+        super().__init__(name, axis, parent)
         self.plots: list[TimePlot] = []
         self.colours = colours
 

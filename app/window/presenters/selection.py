@@ -2,7 +2,9 @@
 
 from PySide6.QtCore import QObject, Slot
 
+from analysis.drive.curves import DriveCurves, drive_curves
 from analysis.recording import Recording
+from analysis.shot import Shot
 from app.report.shot_times import time_zero
 from app.session.asked_work import AskedWork, raw_of
 from app.session.jobs import Asked, Report
@@ -23,29 +25,47 @@ def _raw_curves_of(_: Entry, recording: Recording, __: Report, ___: Asked) -> Ra
     return curves_of(recording)
 
 
+def _drive_curves_of(_: Entry, shot: Shot, __: Report, ___: Asked) -> tuple[Shot, DriveCurves] | None:
+    if shot.motion is None or shot.fit is None:
+        return None
+    return shot, drive_curves(shot.motion, shot.fit)
+
+
+def _called(entry: Entry) -> str:
+    return f"Shot {entry.number}   {entry.name}"
+
+
 class SelectionPresenter(QObject):
     """Draws a page when it is looked at: plots of a page behind would cost a frame while shots come in."""
 
     def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
-        self._spectra = AskedWork[Spectra](workbench.jobs, "spectrum", _spectra_of)
-        self._raw_view = AskedWork[RawCurves](workbench.errands, "raw signals", _raw_curves_of)
+        self._spectra = AskedWork[Recording, Spectra](workbench.jobs, "spectrum", _spectra_of)
+        self._raw_view = AskedWork[Recording, RawCurves](workbench.errands, "raw signals", _raw_curves_of)
+        self._drive = AskedWork[Shot, tuple[Shot, DriveCurves] | None](workbench.errands, "force", _drive_curves_of)
         self._shown: tuple[int, object] | None = None
         self._undrawn: set[int] = set()  # pages whose selection changed while another one was in front
         self._raw: tuple[int, Recording | None] | None = None
         panels.table.selected.connect(self._selected)
         panels.shot.raw_wanted.connect(self._raw_wanted)
+        panels.shot.drive_wanted.connect(self._drive_wanted)
         panels.tabs.currentChanged.connect(self._page_changed)
 
     def refresh(self) -> None:
         """Bring spectra and raw curves that were made elsewhere to the screen."""
+        front = self.front()
         spectra = self._spectra.take()
-        if spectra is not None:
-            self._panels.spectrum.show_spectra(spectra)
+        if spectra is not None and (front is None or front.number != spectra[0].number):
+            self._spectra.forget()
+        elif spectra is not None:
+            self._panels.spectrum.show_spectra(spectra[1], spectra[0].shot, _called(spectra[0]))
         raw = self._raw_view.take()
         if raw is not None:
-            self._panels.shot.show_raw(raw)
+            self._panels.shot.show_raw(raw[1])
+        drive = self._drive.take()
+        if drive is not None and drive[1] is not None:
+            self._panels.shot.show_drive(*drive[1])
 
     def front(self) -> Entry | None:
         """Return the entry that the panels show: the last selected one."""
@@ -71,7 +91,7 @@ class SelectionPresenter(QObject):
             self._shown = now
             self._undrawn.add(Layout.SHOT)
             p.tabs.setTabText(Layout.SHOT, f"SHOT {entry.number}" if entry is not None else "SHOT")
-            p.numbers.show_shot(shot, f"Shot {entry.number}   {entry.name}" if entry is not None else "")
+            p.numbers.show_shot(shot, _called(entry) if entry is not None else "")
             p.model.show_shot(shot)
         verdict = entry.verdict if entry is not None else ""
         fit = shot.fit if shot is not None else None
@@ -85,9 +105,12 @@ class SelectionPresenter(QObject):
             self._undrawn.discard(page)
             if page == Layout.SHOT:
                 self._raw_view.forget()
+                self._drive.forget()
                 entry = self.front()
-                shot = entry.shot if entry is not None else None
-                self._panels.shot.show_shot(shot, self._recording(entry) if entry is not None else None)
+                if entry is None:
+                    self._panels.shot.show_shot(None)
+                else:
+                    self._panels.shot.show_shot(entry.shot, self._recording(entry), _called(entry))
             else:
                 numbers = self._panels.table.numbers
                 self._panels.compare.show_entries([e for e in self._workbench.session.entries if e.number in numbers])
@@ -96,9 +119,17 @@ class SelectionPresenter(QObject):
         entry = self.front()
         recording = self._recording(entry) if entry is not None else None
         if entry is None or recording is None:
+            self._spectra.forget()
             self._panels.spectrum.show_spectra(None)
         elif self._spectra.ask(entry, recording):
+            self._panels.spectrum.show_spectra(None)  # those of another shot would pass for these
             self._panels.spectrum.say(f"computing the spectra of {entry.name} …")
+
+    @Slot(object)
+    def _drive_wanted(self, shot: Shot) -> None:
+        entry = self.front()
+        if entry is not None:
+            self._drive.ask(entry, shot)
 
     @Slot(object)
     def _raw_wanted(self, recording: Recording) -> None:

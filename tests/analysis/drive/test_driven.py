@@ -7,6 +7,7 @@ import pytest
 
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.drive.curves import drive_curves
 from analysis.drive.fit import fit_driven
 from analysis.shot import AnalysisError
 from analysis.signal.record import motion_from_displacement
@@ -178,3 +179,21 @@ def test_emps(measured: Path) -> None:
     # what is left is far above what the cycle repeats to, and the diagnosis says so instead of claiming to be done
     assert diagnosis.verdict is Verdict.PARTLY_EXPLAINED
     assert "cycle of 6.24 s repeats to" in diagnosis.sentence
+
+
+def test_the_curves_are_the_fits_own_force_and_break_where_nothing_was_compared() -> None:
+    drive = Drive(friction, noise_n=0.0)
+    motion = drive.motion()
+    fit = fit_driven([motion], ("coulomb_friction",))
+    told = drive_curves(motion, fit)
+    left = float(np.sqrt(np.nanmean(told.residual_n**2)))
+    assert left == pytest.approx(told.below.force_n * np.sqrt(fit.reduced_chi2), rel=1e-6)
+    away = np.abs(told.velocity_m_per_s) > 0.05  # where the filter does not round the reversal
+    true = drive._force(told.time_s)
+    for force in (told.measured_n, told.modelled_n):
+        assert np.nanmedian(np.abs(force - true)[away]) < 0.01 * np.nanmax(np.abs(true))
+    assert np.all(np.diff(told.time_s) > 0.0)
+    held = motion.displacement_m.copy()
+    held[1200:1500] = held[1200]  # it stands still
+    still = drive_curves(motion_from_displacement(motion.time_s, held, None, motion.force_n, moving_mass_kg=None), fit)
+    assert np.isnan(still.measured_n).any() and np.isfinite(still.time_s).all()

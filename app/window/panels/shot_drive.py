@@ -1,0 +1,164 @@
+"""A driven record: the force measured and modelled against time, speed and place, what is left over with its band."""
+
+import numpy as np
+from PySide6.QtCore import QObject, Qt, Slot
+from PySide6.QtWidgets import QLabel, QSplitter, QWidget
+
+from analysis.drive.curves import DriveCurves
+from app.window.pens import thin, under
+from app.window.plots.cursors import SECONDS, CursorAxis
+from app.window.plots.curve import Band
+from app.window.plots.legend import Look
+from app.window.plots.plain_plot import Floats, PlainPlot
+from app.window.plots.plot_view import PlotView, in_front
+from app.window.plots.time_stack import TimeStack
+from app.window.theme import Colours
+from app.words.wording import number
+
+SPEED = CursorAxis("m/s", "m/s")
+PLACE = CursorAxis("mm", "m", 1e-3)
+NOTHING: Floats = np.empty(0)
+
+
+class DriveView(QObject):
+    """Three pages by the names of SHOT's views: over time, against speed, against place."""
+
+    def __init__(self, colours: Colours, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._curves: DriveCurves | None = None
+        self.stack = TimeStack("Velocity, force and residual of a drive over time", colours, parent, SECONDS)
+        velocity = self.stack.add_plot("velocity", "m/s", 3)
+        force = self.stack.add_plot("force", "N", 4)
+        residual = self.stack.add_plot("residual", "N", 3)
+        self._velocity = velocity.add_points("measured", thin(colours.measured))
+        self._modelled = force.add_points("modelled", under(colours.simulated))
+        self._measured = force.add_points("measured", thin(colours.measured))
+        self._band = residual.add_band(colours.band, colours.band_edge)
+        self._residual = residual.add_points("measured − modelled", thin(colours.residual))
+        self.stack.label_time("time from the first sample (s)")
+        self.stack.reset_wanted.connect(self.reset)
+        self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, colours, parent)
+        self.place = ForceAgainst("place", "place along the guide (mm)", PLACE, colours, parent)
+        self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
+        self.say = QLabel(parent)
+        self.say.setProperty("faint", True)
+        self.say.setWordWrap(True)
+        self.say.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+
+    @property
+    def plots(self) -> tuple[PlotView, ...]:
+        """Get every plot."""
+        return self.stack, *self.speed.plots, *self.place.plots
+
+    def plot_in_front(self, view: str) -> PlotView:
+        """Return the plot of a view that has the keyboard, else its first."""
+        page = self.pages[view]
+        return in_front(page.plots) if isinstance(page, ForceAgainst) else self.stack
+
+    def legend(self, colours: Colours) -> list[tuple[str, Look]]:
+        """Return what the lines are."""
+        below = f"±2 × {self._curves.below.what}" if self._curves is not None else "band"
+        return [
+            ("measured", thin(colours.measured)),
+            ("modelled (fitted to this record)", under(colours.simulated)),
+            ("measured − modelled", thin(colours.residual)),
+            (below, (colours.band, colours.band_edge)),
+        ]
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self.stack.dress(colours)
+        for curve in (self._velocity, self._measured):
+            curve.setPen(thin(colours.measured))
+        self._modelled.setPen(under(colours.simulated))
+        self._residual.setPen(thin(colours.residual))
+        for page in (self.speed, self.place):
+            page.dress(colours)
+
+    def show_curves(self, curves: DriveCurves | None) -> None:
+        """Show these, or nothing."""
+        self._curves = curves
+        if curves is None:
+            for curve in (self._velocity, self._measured, self._modelled, self._residual):
+                curve.show_points(NOTHING, NOTHING)
+            self._band.show_band(0.0, 1.0, NOTHING)
+            for page in (self.speed, self.place):
+                page.show_force(NOTHING, NOTHING, NOTHING, 0.0)
+            return
+        time, half = curves.time_s, 2.0 * curves.below.force_n
+        self._velocity.show_points(time, curves.velocity_m_per_s)
+        self._measured.show_points(time, curves.measured_n)
+        self._modelled.show_points(time, curves.modelled_n)
+        self._residual.show_points(time, curves.residual_n)
+        self._band.show_band(float(time[0]), float(time[-1] - time[0]), np.full(2, half))
+        self.speed.show_force(curves.velocity_m_per_s, curves.measured_n, curves.modelled_n, half)
+        self.place.show_force(1e3 * curves.displacement_m, curves.measured_n, curves.modelled_n, half)
+        rms = float(np.sqrt(np.nanmean(curves.residual_n**2)))
+        times = number(rms / curves.below.force_n, 2) if curves.below.force_n > 0.0 else "–"
+        self.say.setText(
+            f"{number(rms, 3)} N rms left over, {times} times {curves.below.what} "
+            f"({number(curves.below.force_n, 2)} N); compared up to {number(curves.bandwidth_hz, 3)} Hz"
+        )
+
+    @Slot()
+    def reset(self) -> None:
+        """Show the whole record in every page."""
+        if self._curves is not None:
+            self.stack.zoom(float(self._curves.time_s[0]), float(self._curves.time_s[-1]))
+        for page in (self.speed, self.place):
+            for plot in page.plots:
+                plot.reset()
+
+
+class ForceAgainst(QSplitter):
+    """Force above, what is left over below, against something that goes to and fro; both share its axis."""
+
+    def __init__(self, what: str, bottom: str, axis: CursorAxis, colours: Colours, parent: QWidget) -> None:
+        super().__init__(Qt.Orientation.Vertical, parent)
+        self._bottom = bottom
+        self._force = PlainPlot(f"Force against {what}", ("force", "N"), bottom, axis, self)
+        self._rest = PlainPlot(f"Residual of force against {what}", ("residual", "N"), bottom, axis, self)
+        self._modelled = self._force.add_curve("modelled", under(colours.simulated))
+        self._measured = self._force.add_curve("measured", thin(colours.measured))
+        self._band = Band(colours.band, colours.band_edge)
+        for item in (self._band, *self._band.edges):
+            self._rest.plot.addItem(item)
+        self._residual = self._rest.add_curve("measured − modelled", thin(colours.residual))
+        self._rest.plot.setXLink(self._force.plot)
+        self.setSizes([300, 200])
+        self.setChildrenCollapsible(False)
+
+    @property
+    def plots(self) -> tuple[PlainPlot, PlainPlot]:
+        """Get the plot of the force and that of the residual."""
+        return self._force, self._rest
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        for plot in self.plots:
+            plot.dress(colours)
+        self._band.dress(colours.band, colours.band_edge)
+        self._measured.setPen(thin(colours.measured))
+        self._modelled.setPen(under(colours.simulated))
+        self._residual.setPen(thin(colours.residual))
+
+    def show_force(self, x: Floats, measured_n: Floats, modelled_n: Floats, half_n: float) -> None:
+        """Show forces (n,) at x (n,), NaN where curves part, and the band of half width ``half_n``."""
+        rest = measured_n - modelled_n
+        self._measured.show_points(x, measured_n)
+        self._modelled.show_points(x, modelled_n)
+        self._residual.show_points(x, rest)
+        self._force.columns = {self._bottom: x, "measured (N)": measured_n, "modelled (N)": modelled_n}
+        self._rest.columns = {self._bottom: x, "residual (N)": rest}
+        if not np.isfinite(x).any():
+            self._band.show_band(0.0, 1.0, NOTHING)
+            return
+        left, right = float(np.nanmin(x)), float(np.nanmax(x))
+        spare = 0.04 * (right - left) + 1e-12
+        span = (left - spare, right + spare)
+        self._band.show_band(span[0], span[1] - span[0], np.full(2, half_n))
+        both = np.concatenate([measured_n, modelled_n])
+        for plot, values in ((self._force, both), (self._rest, np.append(rest, (half_n, -half_n)))):
+            low, high = float(np.nanmin(values)), float(np.nanmax(values))
+            room = 0.06 * (high - low) + 1e-12
+            plot.show_range(span, (low - room, high + room))

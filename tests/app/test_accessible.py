@@ -43,10 +43,10 @@ class Pressed:
         return lambda: self.actions.append(name)
 
 
-@pytest.fixture
-def window(qtbot):
+@pytest.fixture(scope="module")
+def whole(qapp):
+    """Return one window for all tests here, each of which finds it in front on its first page, no sheet open."""
     main = QMainWindow()
-    qtbot.addWidget(main)
     main.panels = Layout(Theme("light"), main)
     main.setCentralWidget(main.panels)
     main.panels.settings.offer(FIELDS)
@@ -63,9 +63,22 @@ def window(qtbot):
     main.panels.budget.show_shot(entries[0].shot)
     main.resize(1480, 920)
     main.show()
-    main.activateWindow()
-    qtbot.waitUntil(main.isActiveWindow)
-    return main
+    yield main
+    main.close()
+
+
+@pytest.fixture
+def window(whole, qtbot):
+    """Return the window, in front, nothing open over it."""
+    panels = whole.panels
+    for sheet in (panels.settings, panels.setup, panels.keys, panels.about, panels.tour, panels.mapping):
+        sheet.hide()
+    panels.tabs.setCurrentIndex(0)
+    panels.controls.arm.setFocus()
+    whole.pressed.actions.clear()
+    whole.activateWindow()
+    qtbot.waitUntil(whole.isActiveWindow)
+    return whole
 
 
 def _used(window):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from app.window.plots.cursors import between
+from app.window.plots.cursors import CursorAxis, between
+from app.window.plots.log_plot import LogPlot
 
 
 def test_measures_of_a_ramp():
@@ -26,3 +27,17 @@ def test_lost_samples_do_not_count():
 def test_nothing_between_is_nan_and_not_zero():
     found = between("force", "N", np.empty(0), np.empty(0), float("nan"), float("nan"))
     assert np.isnan([found.mean, found.rms, found.slope]).all()
+
+
+def test_a_plot_over_decades_is_told_in_plain_numbers(qtbot) -> None:
+    plot = LogPlot("floor", ("velocity", "µm/s"), "frequency (Hz)", CursorAxis("Hz", "Hz", logarithmic=True))
+    qtbot.addWidget(plot)
+    plot.add_curve("floor").show_points(np.array([1.0, 10.0, 100.0]), np.array([0.5, 5.0, 50.0]))
+    plot.show_range((1.0, 100.0), (0.1, 100.0))
+    plot.show_cursors(True)
+    plot.cursors.place(0.0, 1.0)
+    (told,) = plot.cursors.measures()
+    assert (told.at_a, told.at_b, told.mean) == pytest.approx((0.5, 5.0, 2.75))
+    assert plot.cursors.text().startswith("A\t1.000000 Hz\tB\t10.000000 Hz")
+    ticks = plot.plot.getAxis("bottom").tickValues(0.0, 2.0, 300.0)[0][1]
+    assert plot.plot.getAxis("bottom").tickStrings(ticks, 1.0, 1.0) == ["1", "2", "5", "10", "20", "50", "100"]

@@ -77,6 +77,31 @@ def test_numbers_state_value_uncertainty_and_how_they_were_read(qtbot, shot):
     assert panel._values["mass"].isVisible() and not panel._values["quasi-static"].isVisible()
 
 
+def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show_shot(replace(shot, flags=("momentum_disagrees", "vibration")))
+    marked = {name for name, label in panel._names.items() if MARKS[Tone.WARNING] in label.text()}
+    assert marked == {"peak force", "velocity in", "velocity out"}
+    assert "impulse of the force" in panel.hover("peak force") and "the path shakes" in panel.hover("quasi-static")
+    assert "impulse of the force" in panel._values["peak force"].accessibleDescription()
+    panel.show_shot(shot)
+    assert not any(MARKS[Tone.WARNING] in label.text() for label in panel._names.values())
+
+
+def test_the_numbers_name_what_the_effects_in_the_model_came_to(qtbot):
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    driven = synthetic.driven_shot()
+    fit = replace(
+        driven.fit,
+        effects=("coulomb_friction",),
+        parameters={**driven.fit.parameters, "coulomb_friction.force_n": Quantity(20.0, 0.1)},
+    )
+    panel.show_shot(replace(driven, fit=fit))
+    assert panel.effects.text() == "Coulomb friction on the block: force 20.00 ± 0.10 N"
+
+
 def test_numbers_of_a_fit_that_did_not_converge_are_not_shown(qtbot, shot):
     panel = NumbersPanel(LIGHT)
     qtbot.addWidget(panel)

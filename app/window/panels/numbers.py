@@ -19,10 +19,11 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.budget import budget
+from analysis.doubts import concerning
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.shot import Shot
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.words.wording import MILD_FLAGS, concise_text, flag_words, how_text, value_text
+from app.words.wording import MILD_FLAGS, concise_text, effect_words, flag_words, how_text, parameter_words, value_text
 
 Find = Callable[[Shot], Reading | None]
 
@@ -62,7 +63,7 @@ class Row:
     unit: str = ""
     meaning: str = ""
     headline: bool = False
-    key: str = ""  # of its budget, where there is one
+    key: str = ""  # its name in budget and flags
 
 
 GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
@@ -135,9 +136,30 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
                 "Largest force of the plate on the block.",
                 key="force_peak_n",
             ),
-            Row("pulse width", _impact("force_fwhm_s"), 1e3, "ms", "Full width at half maximum of the smooth pulse."),
-            Row("contact time", _impact("contact_time_s"), 1e3, "ms", "From first touch to last release."),
-            Row("deflection", _impact("deflection_max_m"), 1e3, "mm", "How far the plate was pushed in."),
+            Row(
+                "pulse width",
+                _impact("force_fwhm_s"),
+                1e3,
+                "ms",
+                "Full width at half maximum of the smooth pulse.",
+                key="force_fwhm_s",
+            ),
+            Row(
+                "contact time",
+                _impact("contact_time_s"),
+                1e3,
+                "ms",
+                "From first touch to last release.",
+                key="contact_time_s",
+            ),
+            Row(
+                "deflection",
+                _impact("deflection_max_m"),
+                1e3,
+                "mm",
+                "How far the plate was pushed in.",
+                key="deflection_max_m",
+            ),
         ),
     ),
     (
@@ -159,9 +181,30 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
                 "Stiffness of the plate, fitted.",
                 key="plate_stiffness_n_per_m",
             ),
-            Row("m_p*", _parameter("plate_mass_kg"), 1e3, "g", "Mass of the plate that moves with its end, fitted."),
-            Row("k_N", _parameter("contact_stiffness_n_per_m"), 1.0, "N/m", "Stiffness of the contact, fitted."),
-            Row("γ_N", _parameter("contact_damping_n_s_per_m"), 1.0, "N s/m", "Damping of the contact, fitted."),
+            Row(
+                "m_p*",
+                _parameter("plate_mass_kg"),
+                1e3,
+                "g",
+                "Mass of the plate that moves with its end, fitted.",
+                key="plate_mass_kg",
+            ),
+            Row(
+                "k_N",
+                _parameter("contact_stiffness_n_per_m"),
+                1.0,
+                "N/m",
+                "Stiffness of the contact, fitted.",
+                key="contact_stiffness_n_per_m",
+            ),
+            Row(
+                "γ_N",
+                _parameter("contact_damping_n_s_per_m"),
+                1.0,
+                "N s/m",
+                "Damping of the contact, fitted.",
+                key="contact_damping_n_s_per_m",
+            ),
         ),
     ),
 )
@@ -184,6 +227,20 @@ COMBINED = "± is the combined standard uncertainty, all sources of the budget t
 
 def _flag_tone(flag: str) -> Tone:
     return Tone.NEUTRAL if flag in MILD_FLAGS else Tone.WARNING
+
+
+def _effect_lines(shot: Shot | None) -> list[str]:
+    """Return the fitted numbers of each effect in the model, a line an effect."""
+    fit = shot.fit if shot is not None else None
+    if fit is None or not fit.converged:
+        return []
+    lines = []
+    for effect in fit.effects:
+        own = {
+            name.removeprefix(f"{effect}."): q for name, q in fit.parameters.items() if name.startswith(f"{effect}.")
+        }
+        lines.append(f"{effect_words(effect)}: " + ", ".join(parameter_words(name, q) for name, q in own.items()))
+    return lines
 
 
 class NumbersPanel(QScrollArea):
@@ -238,9 +295,13 @@ class NumbersPanel(QScrollArea):
             for row in rows:
                 self._groups[heading] += self._add_row(grid, line, row, inner)
                 line += 1
+        self.effects = QLabel("", inner)  # what the effects in the model came to
+        self.effects.setWordWrap(True)
+        self.effects.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.flags = QLabel("", inner)
         self.flags.setWordWrap(True)
         self.flags.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        column.addWidget(self.effects)
         column.addWidget(self.flags)
         column.addStretch(1)
         inner.setProperty("panel", True)
@@ -257,6 +318,7 @@ class NumbersPanel(QScrollArea):
         unit = QLabel(row.unit, inner)
         unit.setProperty("faint", True)
         value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
+        name.setMinimumWidth(name.fontMetrics().horizontalAdvance("kinetic, flights") + 16)  # with room for a mark
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         value.setMinimumWidth(value.fontMetrics().horizontalAdvance("-0.987555673(44)"))
         value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -293,8 +355,7 @@ class NumbersPanel(QScrollArea):
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
-        self._show_agreement(self._shot)
-        self._show_flags(self._shot)
+        self.show_shot(self._shot, self._title)
 
     def show_shot(self, shot: Shot | None, title: str = "") -> None:
         """Show the numbers of a shot, or dashes."""
@@ -313,12 +374,24 @@ class NumbersPanel(QScrollArea):
                 label = self._values[row.name]
                 label.setText(self._fitting(label, reading, row.scale))
                 which = COMBINED if row.key in self._combined else NOISE_ONLY
-                hover = how_text(row.name, reading, row.meaning, which)
+                doubts = concerning(row.key, shot.flags) if shot is not None else ()
+                said = "".join(f"<br>{MARKS[_flag_tone(flag)]} {flag_words(flag)}" for flag in doubts)
+                hover = how_text(row.name, reading, row.meaning, which) + said
                 label.setToolTip(hover)
-                self._names[row.name].setToolTip(hover)
-                label.setAccessibleDescription(f"{label.text()} {row.unit}")
+                self._mark(row, doubts, hover)
+                told = "; ".join(flag_words(flag) for flag in doubts)
+                label.setAccessibleDescription(f"{label.text()} {row.unit} {told}".rstrip())
+        self.effects.setText("\n".join(_effect_lines(shot)))
         self._show_agreement(shot)
         self._show_flags(shot)
+
+    def _mark(self, row: Row, doubts: tuple[str, ...], hover: str) -> None:
+        """Let a number in doubt say so at its name; a mild flag only in its hover."""
+        name = self._names[row.name]
+        doubted = any(_flag_tone(flag) is Tone.WARNING for flag in doubts)
+        name.setText(f"{row.name} {MARKS[Tone.WARNING]}" if doubted else row.name)
+        name.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}; font-weight: bold" if doubted else "")
+        name.setToolTip(hover)
 
     def _fit_title(self) -> None:
         """Leave out the middle of a long name; its end tells shots apart."""

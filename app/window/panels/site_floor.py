@@ -9,11 +9,12 @@ from analysis.site import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis
-from app.window.plots.plain_plot import PlainPlot
+from app.window.plots.log_plot import LogPlot
 from app.window.theme import Colours
 from app.words.wording import local
 
-FREQUENCY = CursorAxis("Hz", "Hz")
+FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
+UM_PER_S = 1e6
 SHOWN = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
 MOST_LINES = 4
 NO_FLOOR = "Floor of the site: let the block rest for a second or two."
@@ -42,17 +43,17 @@ class SiteFloorPanel(QWidget):
         self._shown: SiteFloor | None = None
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
-        self.plot = PlainPlot(
-            "Floor of the site in third-octaves", ("log velocity", "lg m/s"), "log frequency (lg Hz)", FREQUENCY, self
+        self.plot = LogPlot(
+            "Floor of the site in third-octaves", ("velocity", "µm/s"), "frequency (Hz)", FREQUENCY, self
         )
         self.plot.setFixedHeight(150)
         self._criteria = [self.plot.add_curve(name) for name in SHOWN]
         self._curve = self.plot.add_curve("floor of the site")
         for name, curve in zip(SHOWN, self._criteria, strict=True):
-            level = np.log10(CRITERIA_M_PER_S[name])
-            curve.show_points(np.log10(np.array([8.0, 80.0])), np.array([level, level]))
+            level = UM_PER_S * CRITERIA_M_PER_S[name]
+            curve.show_points(np.array([8.0, 80.0]), np.array([level, level]))
             label = pg.TextItem(name, anchor=(0.0, 0.5))
-            label.setPos(np.log10(82.0), level)
+            label.setPos(np.log10(82.0), np.log10(level))
             self.plot.plot.addItem(label)
         row.addWidget(self.plot, 1)
         words = QVBoxLayout()
@@ -86,11 +87,11 @@ class SiteFloorPanel(QWidget):
             self.advice.setText("")
             self._curve.show_points(np.empty(0), np.empty(0))
             return
-        level = np.log10(np.maximum(floor.third_octave_m_per_s, 1e-12))
-        self._curve.show_points(np.log10(CENTRES_HZ), level)
-        low = min(float(level.min()), np.log10(CRITERIA_M_PER_S[SHOWN[-1]]))
-        high = max(float(level.max()), np.log10(CRITERIA_M_PER_S[SHOWN[0]]))
-        self.plot.show_range((float(np.log10(CENTRES_HZ[0])), float(np.log10(CENTRES_HZ[-1]))), (low - 0.2, high + 0.2))
+        level = UM_PER_S * np.maximum(floor.third_octave_m_per_s, 1e-12)
+        self._curve.show_points(CENTRES_HZ, level)
+        low = min(float(level.min()), UM_PER_S * CRITERIA_M_PER_S[SHOWN[-1]])
+        high = max(float(level.max()), UM_PER_S * CRITERIA_M_PER_S[SHOWN[0]])
+        self.plot.show_range((float(CENTRES_HZ[0]), float(CENTRES_HZ[-1])), (low / 1.6, 1.6 * high))
         self.plot.columns = {"frequency (Hz)": CENTRES_HZ, "rms velocity (m/s)": floor.third_octave_m_per_s}
         self.summary.setText(floor_words(floor))
         self.lines.setText("\n".join(line_words(floor)))

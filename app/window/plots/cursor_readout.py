@@ -40,7 +40,8 @@ class CursorReadout(QFrame):
             self.setVisible(shown)
         if not shown or not self._plot.isVisible():
             return
-        axis, (a, b) = self._cursors.axis, self._cursors.places
+        axis = self._cursors.axis
+        a, b = map(axis.told, self._cursors.places)
         span = abs(b - a) * axis.scale
         rate = f" &nbsp; ({number(1 / span, 5) if span else DASH} {axis.inverse})" if axis.inverse else ""
         heads = ("", "at A", "at B", "B − A", "mean", "rms", axis.slope_words, "")

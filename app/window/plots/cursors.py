@@ -23,6 +23,11 @@ class CursorAxis:
     per: str
     scale: float = 1.0
     inverse: str = ""  # unit of 1/(B - A), where that means something
+    logarithmic: bool = False  # the plot is drawn by the logarithm of what the axis counts
+
+    def told(self, place: float) -> float:
+        """Return a place of the plot in the axis' unit."""
+        return float(10.0**place) if self.logarithmic else place
 
     @property
     def slope_words(self) -> str:
@@ -204,7 +209,7 @@ class Cursors(QObject):
 
     def text(self) -> str:
         """Return all measures as tab-separated text, places and values in plain units, with "." for the decimals."""
-        a, b = self.places
+        a, b = map(self.axis.told, self.places)
         unit, per = self.axis.unit, self.axis.per
         rows = [
             f"A\t{a:.6f} {unit}\tB\t{b:.6f} {unit}\tB-A\t{b - a:.6f} {unit}",

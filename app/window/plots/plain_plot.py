@@ -63,6 +63,8 @@ class NamedPlot(pg.PlotItem):
 class PlainPlot(PlotView):
     """One plot; ``columns`` are what its CSV holds, and ``tabulated`` says whether it has any."""
 
+    axis_kind = PlainAxis
+
     def __init__(
         self,
         name: str,
@@ -75,7 +77,7 @@ class PlainPlot(PlotView):
         """``value``: what is shown and in which unit; ``bottom``: the words below the plot."""
         super().__init__(name, axis, parent)
         self.table_words = "Save the values as CSV …" if tabulated else ""
-        axes = {side: PlainAxis(side) for side in ("left", "bottom")}
+        axes = {side: self.axis_kind(side) for side in ("left", "bottom")}
         self.plot = NamedPlot(*value, axes)
         self.addItem(self.plot)
         self.plot.hideButtons()
@@ -95,7 +97,9 @@ class PlainPlot(PlotView):
 
     def add_curve(self, label: str, pen: QPen | None = None) -> XyCurve:
         """Add an empty curve that the cursors measure."""
-        curve = XyCurve(label, pen)
+        return self._joined(XyCurve(label, pen))
+
+    def _joined(self, curve: XyCurve) -> XyCurve:
         self.plot.addItem(curve)
         self.plot.sampled.append(curve)
         return curve

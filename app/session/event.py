@@ -38,6 +38,7 @@ class Diagnosed:
 
     diagnosis: Diagnosis
     numbers: tuple[int, ...]
+    version: str = ""  # of the program that made it, where it was kept from before
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +64,15 @@ class SavedElsewhere:
     paths: dict[str, Path]
     folder: Path
     problem: str | None = None  # why the others were not saved
+
+
+@dataclass(frozen=True, slots=True)
+class Reopened:
+    """What was kept of a session's shots: (number, shot, version) each; ``missing`` are to be analysed."""
+
+    shots: tuple[tuple[int, Shot, str], ...]
+    missing: tuple[int, ...]
+    diagnosed: tuple[Diagnosed, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ class Entry:
     note: str = ""
     verdict: str = ""
     copy_of: int | None = None  # the entry whose recording this one analyses with other settings
+    version: str = ""  # of the program that analysed it, where its result was kept from before
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +99,13 @@ class Session:
         self._set((*self._entries, entry))
         return entry
 
-    def fill(self, number: int, shot: Shot) -> None:
-        """Give an entry its analysed shot (after reopening, or when the model changed)."""
-        self._change(number, lambda entry: replace(entry, shot=shot, name=shot.name, settings=shot.settings))
+    def fill(self, number: int, shot: Shot, version: str = "") -> None:
+        """Give an entry its analysed shot (after reopening, or when the model changed); ``version``: as it was kept."""
+
+        def filled(entry: Entry) -> Entry:
+            return replace(entry, shot=shot, name=shot.name, settings=shot.settings, version=version)
+
+        self._change(number, filled)
 
     def set_path(self, name: str, path: str) -> bool:
         """Say where a shot that was only in memory was saved, the newest of that name; return whether one is."""

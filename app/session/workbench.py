@@ -5,7 +5,7 @@ Event that the screen polls.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,11 +16,12 @@ from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Diagnosis
 from analysis.shot import AnalysisSettings, Shot
 from app.session.cut_off import cut_off
-from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, SavedElsewhere
+from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Reopened, SavedElsewhere
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.load import unanalysed
 from app.session.model_in_use import load_model, model_words
 from app.session.put_to_test import put_to_test
+from app.session.results import Key, Results
 from app.session.saver import Saver
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
@@ -29,6 +30,8 @@ from app.words.verdict import verdict_words
 from instrument.apart.work import WorkApart
 from instrument.recording_error import PartlySaved
 from instrument.recording_file import find_recordings, rewrite_note
+
+AT_ONCE = 10  # kept results are read and shown
 
 
 class Workbench:
@@ -41,10 +44,12 @@ class Workbench:
         saver: Saver | None = None,
         apart: WorkApart | None = None,
         again: Callable[[], AnalysisSettings] | None = None,
+        results: Results | None = None,
     ) -> None:
         """``saver``: the session is saved by it, in its thread; ``apart`` does the long work, else the jobs' thread.
 
         ``again``: the settings of an analysis repeated, with what was put right meanwhile; else ``settings``.
+        ``results``: where shots and diagnoses are kept for the next start.
         """
         self.session = session
         self._saver = saver
@@ -55,13 +60,25 @@ class Workbench:
         self.errands = Jobs()  # short work that must not wait behind a diagnosis
         self._paths_ahead: dict[str, str] = {}  # of shots saved elsewhere before they were analysed, by name
         self.known: SavedModel | None = None  # the model file in use
-        self.diagnosed: Diagnosed | None = None
+        self._results = results
+        self.diagnoses: list[Diagnosed] = []  # the newest last
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
 
     def effects_of(self, base: str) -> tuple[str, ...]:
         """Return the effects now in the model of shots with this base."""
         return self.session.effects.of(base)
+
+    @property
+    def diagnosed(self) -> Diagnosed | None:
+        """Get the newest diagnosis."""
+        return self.diagnoses[-1] if self.diagnoses else None
+
+    def diagnosis_of(self, numbers: Sequence[int]) -> Diagnosed | None:
+        """Return the newest diagnosis of just these entries, else of some with the last of them, or None."""
+        newest = self.diagnoses[::-1]
+        exact = next((found for found in newest if set(found.numbers) == set(numbers)), None)
+        return exact or next((found for found in newest if set(numbers[-1:]) & set(found.numbers)), None)
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
@@ -83,9 +100,41 @@ class Workbench:
 
     def read_unread(self) -> None:
         """Queue the recordings of entries that a reopened session lists."""
-        for entry in self.session.entries:
-            if entry.shot is None and entry.path is not None:
+        unread = [entry for entry in self.session.entries if entry.shot is None and entry.path is not None]
+        results = self._results
+        if results is None:
+            for entry in unread:
                 self._submit_fill(entry)
+            return
+        keys = {entry.number: self._key(entry) for entry in unread}
+        for start in range(0, len(unread), AT_ONCE):  # the last first: the session opens there
+            some = unread[::-1][start : start + AT_ONCE]
+            self.errands.submit("kept results", partial(_reopened, results, [e.number for e in some], keys), "kept")
+        self.errands.submit("kept diagnoses", partial(_diagnoses, results, keys), "kept")
+
+    def _key(self, entry: Entry) -> Key:
+        """Return what an entry's result is kept under."""
+        effects = self.effects_of(entry.settings.model)
+        return Key(entry.path or "", replace(entry.settings, effects=effects))
+
+    def _keep(self, shots: Sequence[Shot]) -> None:
+        results = self._results
+        if results is not None:
+
+            def work(_: Report, __: Asked) -> None:
+                for shot in shots:
+                    results.keep_shot(shot)
+
+            self.errands.submit("keeping results", work, "keep")
+
+    def _keep_diagnosis(self, found: Diagnosed) -> None:
+        results = self._results
+        entries = [self.session.entry(number) for number in found.numbers]
+        keys = [self._key(entry) for entry in entries if entry is not None and entry.path is not None]
+        if results is not None and len(keys) == len(found.numbers):
+            self.errands.submit(
+                "keeping a diagnosis", lambda _, __: results.keep_diagnosis(found.diagnosis, keys), "keep"
+            )
 
     def look_for_cut_off(self, folder: Path) -> None:
         """Queue a look for recordings in ``folder`` that a kill cut off and the session does not list."""
@@ -129,6 +178,8 @@ class Workbench:
         entry = self.session.add(shot if path is None else replace(shot, path=path))
         if shot.settings.effects != self.effects_of(shot.settings.model):
             self._submit_refit([entry])
+        elif entry.shot is not None:
+            self._keep([entry.shot])
         return entry
 
     def add_unanalysed(self, path: Path | None, problem: str, name: str) -> Entry:
@@ -219,8 +270,9 @@ class Workbench:
         """Queue the writing of the model as these entries show it, or as all do when none is named."""
         entries = [e for e in (self._entries(numbers) or self.session.entries) if e.shot is not None]
         shots = [entry.shot for entry in entries if entry.shot is not None]
-        found, effects = self.diagnosed, self.session.effects
-        same = found is not None and {e.number for e in entries} == set(found.numbers)
+        chosen, effects = {e.number for e in entries}, self.session.effects
+        found = self.diagnosis_of(sorted(chosen))
+        same = found is not None and chosen == set(found.numbers)
         diagnosis = found.diagnosis if found is not None and same else None
 
         self._submit_export("model file", partial(write_model, path, shots, effects, diagnosis))
@@ -252,9 +304,9 @@ class Workbench:
     def _reported(self, numbers: Sequence[int]) -> tuple[list[Shot], Diagnosis | None]:
         entries = self._entries(numbers) or list(self.session.entries)
         shots = [replace(entry.shot, note=entry.note) for entry in entries if entry.shot is not None]
-        found = self.diagnosed
-        same = found is not None and set(found.numbers) <= {entry.number for entry in entries}
-        return shots, found.diagnosis if found is not None and same else None
+        chosen = {entry.number for entry in entries}
+        found = next((found for found in self.diagnoses[::-1] if set(found.numbers) <= chosen), None)
+        return shots, found.diagnosis if found is not None else None
 
     # what ended -------------------------------------------------------------------------------------------------
 
@@ -275,7 +327,8 @@ class Workbench:
         if isinstance(result, Event):
             self._waiting.append(result)
         elif isinstance(result, Diagnosed):
-            self.diagnosed = result
+            self.diagnoses.append(result)
+            self._keep_diagnosis(result)
             for number in result.numbers:
                 self.session.set_verdict(number, verdict_words(result.diagnosis))
             self._waiting.append(Event(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
@@ -288,11 +341,27 @@ class Workbench:
             self._waiting.append(Event(Kind.MODEL, words))
         elif isinstance(result, Opened):
             entry = self.session.add(result.shot, copy_of=result.copy_of)
+            self._keep([result.shot])
             self._waiting.append(Event(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
         elif isinstance(result, Filled):
             for number, shot in result.shots:
                 self.session.fill(number, shot)
+            self._keep([shot for _, shot in result.shots])
             self._waiting.append(Event(Kind.CHANGED, "", tuple(number for number, _ in result.shots)))
+
+        elif isinstance(result, Reopened):
+            self._take_reopened(result)
+
+    def _take_reopened(self, result: Reopened) -> None:
+        for number, shot, version in result.shots:
+            self.session.fill(number, shot, version)
+        for number in result.missing:
+            entry = self.session.entry(number)
+            if entry is not None and entry.shot is None:
+                self._submit_fill(entry)
+        self.diagnoses[:0] = result.diagnosed  # what was found meanwhile is newer
+        if result.shots or result.diagnosed:
+            self._waiting.append(Event(Kind.CHANGED, "", tuple(number for number, *_ in result.shots)))
 
     def _take_saved(self, result: SavedElsewhere) -> None:
         for name, path in result.paths.items():
@@ -355,3 +424,24 @@ class Workbench:
             return Filled(tuple(done))
 
         self.jobs.submit("fit with the new model", work, "refit")
+
+
+def _reopened(
+    results: Results, numbers: Sequence[int], keys: Mapping[int, Key], _: Report, cancelled: Asked
+) -> Reopened:
+    """Read what was kept of these entries."""
+    shots: list[tuple[int, Shot, str]] = []
+    for number in numbers:
+        kept = None if cancelled() else results.shot(keys[number])
+        if kept is not None:
+            shots.append((number, kept.shot, kept.version))
+    done = {number for number, *_ in shots}
+    return Reopened(tuple(shots), tuple(number for number in numbers if number not in done))
+
+
+def _diagnoses(results: Results, keys: Mapping[int, Key], _: Report, __: Asked) -> Reopened:
+    """Read the diagnoses that were kept of these entries."""
+    number_of = {key.bare: number for number, key in keys.items()}
+    kept = results.diagnoses(keys.values())
+    found = (Diagnosed(one.diagnosis, tuple(number_of[key] for key in one.of), one.version) for one in kept)
+    return Reopened((), (), tuple(found))

@@ -15,6 +15,7 @@ from app.session.choices import Choices
 from app.session.log import ProgramLog, note
 from app.session.own_session import own_session
 from app.session.prepare import run_once
+from app.session.results import Results
 from app.session.rig import Open, Rig
 from app.session.saver import Saver
 from app.session.session import Entry
@@ -235,7 +236,7 @@ def open_window(
         open_digitizer=open_digitizer or opened,
         analyst=analyst,
     )
-    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again)
+    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, Results(folder / "kept"))
     window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
     theme.setParent(window)
     room = window.screen().availableSize()

@@ -113,3 +113,8 @@ def room(size_bytes: float) -> str:
             return f"{size_bytes:.0f} {unit}"
         size_bytes /= 1000
     return local(f"{size_bytes:.1f} TB")
+
+
+def kept_words(version: str) -> str:
+    """Return that a result was kept from before, and by which version of the program it was made."""
+    return f"kept from before, as version {version} made it"

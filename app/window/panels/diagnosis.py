@@ -19,7 +19,7 @@ from app.window.panels.effect_rows import EffectRows
 from app.window.panels.residuals import Residuals
 from app.window.plots.plot_view import PlotView
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.words.wording import local_words, short_name
+from app.words.wording import kept_words, local_words, short_name
 
 MOST_NAMED = 5  # shots
 NEAR_ONE = 1.5  # a chi2 below this reads as if nothing were left
@@ -53,6 +53,7 @@ class DiagnosisPanel(QWidget):
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
         self._model_effects: tuple[str, ...] = ()
+        self._version = ""  # of the program that made it, where it was kept
         self._busy = False
         around = QVBoxLayout(self)
         around.setContentsMargins(0, 0, 0, 0)
@@ -146,7 +147,7 @@ class DiagnosisPanel(QWidget):
         self._colours = colours
         self.residuals.dress(colours)
         self.bars.dress(colours)
-        self.show_diagnosis(self._diagnosis, self._shots, self._model_effects)
+        self.show_diagnosis(self._diagnosis, self._shots, self._model_effects, self._version)
 
     def show_progress(self, what: str | None, fraction: float) -> None:
         """Show what is being done; None: nothing is."""
@@ -169,12 +170,18 @@ class DiagnosisPanel(QWidget):
         self._sentence.setText(problem)
 
     def show_diagnosis(
-        self, diagnosis: Diagnosis | None, shots: list[Shot], model_effects: tuple[str, ...] = ()
+        self,
+        diagnosis: Diagnosis | None,
+        shots: list[Shot],
+        model_effects: tuple[str, ...] = (),
+        version: str = "",
     ) -> None:
-        """Show a diagnosis over these shots; ``model_effects`` are the effects now in the model."""
+        """Show a diagnosis over these shots; ``model_effects`` are in the model now; ``version`` made it, if kept."""
         names = ", ".join(short_name(shot.name) for shot in shots[:MOST_NAMED])
         more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
-        self._of.setText(f"of {names}{more}" if diagnosis is not None and shots else "")
+        kept = f"   ({kept_words(version)})" if version else ""
+        self._of.setText(f"of {names}{more}{kept}" if diagnosis is not None and shots else "")
+        self._version = version
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
         self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects)
         self._evidence.setVisible(diagnosis is not None)

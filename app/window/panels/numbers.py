@@ -23,7 +23,16 @@ from analysis.doubts import concerning
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.shot import Shot
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.words.wording import MILD_FLAGS, concise_text, effect_words, flag_words, how_text, parameter_words, value_text
+from app.words.wording import (
+    MILD_FLAGS,
+    concise_text,
+    effect_words,
+    flag_words,
+    how_text,
+    kept_words,
+    parameter_words,
+    value_text,
+)
 
 Find = Callable[[Shot], Reading | None]
 
@@ -253,6 +262,7 @@ class NumbersPanel(QScrollArea):
         self._colours = colours
         self._shot: Shot | None = None
         self._title = "No shot"
+        self._version = ""
         self._combined: dict[str, float] = {}  # combined standard uncertainty by budget key, of the shot shown
         self._groups: dict[str, list[QWidget]] = {}
         self._values: dict[str, QLabel] = {}
@@ -331,7 +341,7 @@ class NumbersPanel(QScrollArea):
 
     @Slot(bool)
     def _uncertainty_chosen(self, _: bool) -> None:
-        self.show_shot(self._shot, self._title)
+        self.show_shot(self._shot, self._title, self._version)
 
     def _reading(self, row: Row) -> Reading | None:
         """Return a number with the uncertainty that is asked for."""
@@ -355,11 +365,11 @@ class NumbersPanel(QScrollArea):
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
-        self.show_shot(self._shot, self._title)
+        self.show_shot(self._shot, self._title, self._version)
 
-    def show_shot(self, shot: Shot | None, title: str = "") -> None:
-        """Show the numbers of a shot, or dashes."""
-        self._shot = shot
+    def show_shot(self, shot: Shot | None, title: str = "", version: str = "") -> None:
+        """Show the numbers of a shot, or dashes; ``version`` made them where they were kept from before."""
+        self._shot, self._version = shot, version
         self._title = title or (shot.name if shot is not None else "No shot")
         self._fit_title()
         whole = not self.noise_only.isChecked() and shot is not None and shot.impact is not None
@@ -434,7 +444,7 @@ class NumbersPanel(QScrollArea):
             self.agreement.setToolTip("Quasi-static and impulse ratio, against their combined standard uncertainty")
 
     def _show_flags(self, shot: Shot | None) -> None:
-        lines = []
+        lines = [f"{MARKS[Tone.NEUTRAL]} {kept_words(self._version)}; Ctrl+R analyses anew"] if self._version else []
         if shot is not None and shot.problem:
             lines.append(f"{MARKS[Tone.BAD]} {shot.problem}")
         if shot is not None:

@@ -2,6 +2,7 @@
 
 from PySide6.QtCore import QObject, Slot
 
+from app.session.event import Diagnosed
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 
@@ -27,7 +28,7 @@ class DiagnosisPresenter(QObject):
         what = (running.what or "starting") if running is not None else None
         self._panels.diagnosis.show_progress(what, running.fraction if running is not None else 0.0)
         self._panels.model.diagnose.setEnabled(running is None)
-        found = self._workbench.diagnosed
+        found = self._found()
         effects = self._workbench.effects_of(self._base())
         if self._shown[0] is found and self._shown[1] == effects:
             return
@@ -37,7 +38,7 @@ class DiagnosisPresenter(QObject):
             return
         entries = [self._workbench.session.entry(number) for number in found.numbers]
         shots = [entry.shot for entry in entries if entry is not None and entry.shot is not None]
-        self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects)
+        self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects, found.version)
 
     @Slot()
     def diagnose(self) -> None:
@@ -59,7 +60,15 @@ class DiagnosisPresenter(QObject):
     def _remove(self, name: str) -> None:
         self._workbench.remove_effect(self._base(), name)
 
+    def _found(self) -> Diagnosed | None:
+        """Return the diagnosis of what is selected; where nothing is, the newest."""
+        numbers = self._panels.table.numbers
+        return self._workbench.diagnosis_of(numbers) if numbers else self._workbench.diagnosed
+
     def _base(self) -> str:
-        """Return the base model that the page in front is about: that of the diagnosis, else the usual one."""
-        found = self._workbench.diagnosed
-        return found.diagnosis.fit_before.model if found is not None else "paper"
+        """Return the base model that the page in front is about: that of the diagnosis, else of the shot in front."""
+        found = self._found()
+        if found is not None:
+            return found.diagnosis.fit_before.model
+        entry = self._workbench.session.entry(next(reversed(self._panels.table.numbers), 0))
+        return entry.settings.model if entry is not None else "paper"

@@ -91,7 +91,9 @@ class SelectionPresenter(QObject):
             self._shown = now
             self._undrawn.add(Layout.SHOT)
             p.tabs.setTabText(Layout.SHOT, f"SHOT {entry.number}" if entry is not None else "SHOT")
-            p.numbers.show_shot(shot, _called(entry) if entry is not None else "")
+            p.numbers.show_shot(
+                shot, _called(entry) if entry is not None else "", entry.version if entry is not None else ""
+            )
             p.model.show_shot(shot)
         verdict = entry.verdict if entry is not None else ""
         fit = shot.fit if shot is not None else None

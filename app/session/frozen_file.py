@@ -1,0 +1,111 @@
+"""Analysed shots and diagnoses as a file: numpy's own archive, its structure as JSON beside the arrays.
+
+Nothing in such a file is ever run: it names classes of the analysis, and only those listed here are made.
+"""
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Any, cast
+
+import numpy as np
+
+from analysis.diagnosis import result
+from analysis.disturbance import Disturbance, VibrationLine
+from analysis.fit import Fit, Overlay, ShotFit
+from analysis.impact import Impact, KineticCor
+from analysis.motion import BeatQuality, Motion
+from analysis.quantity import NotSeen, Quantity
+from analysis.recording import Air, Plate, Setup
+from analysis.shot import AnalysisSettings, Shot
+
+KNOWN = {
+    kind.__name__: kind
+    for kind in (
+        Shot, AnalysisSettings, Setup, Air, Plate, Motion, BeatQuality, Impact, KineticCor, Disturbance, VibrationLine,
+        Fit, ShotFit, Overlay, Quantity, NotSeen, result.Diagnosis, result.Verdict, result.Errors, result.FoundEffect,
+        result.LearnedLaw, result.OtherForm, result.Candidate,
+    )
+}  # fmt: skip
+_HEAD, _BODY = "head", "body"
+
+
+class NotKept(Exception):
+    """Why a file holds nothing that this program can use."""
+
+
+def packed(head: Mapping[str, Any], value: object) -> bytes:
+    """Return a file of ``value``; ``head`` is JSON that is read without it.  Raises NotKept for what it cannot hold."""
+    arrays: list[np.ndarray] = []
+    seen: dict[int, int] = {}
+    body = _written(value, arrays, seen)
+    out = io.BytesIO()
+    texts = {name: np.frombuffer(json.dumps(text).encode(), np.uint8) for name, text in ((_HEAD, head), (_BODY, body))}
+    np.savez(out, **cast(Any, texts), **cast(Any, {f"a{place}": array for place, array in enumerate(arrays)}))
+    return out.getvalue()
+
+
+def head_of(file: Any) -> dict[str, Any]:
+    """Return the head of a file, given by path or as a stream, without reading the rest.  Raises NotKept."""
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            head = json.loads(archive[_HEAD].tobytes())
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise NotKept(str(error)) from None
+    if not isinstance(head, dict):
+        raise NotKept("its head is no object")
+    return head
+
+
+def unpacked(file: Any) -> object:
+    """Return what a file holds, arrays read-only.  Raises NotKept."""
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            body = json.loads(archive[_BODY].tobytes())
+            arrays = [archive[f"a{place}"] for place in range(len(archive.files) - 2)]
+            for array in arrays:
+                array.flags.writeable = False
+            return _read(body, arrays)
+    except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise NotKept(str(error)) from None  # of another version, or spoilt
+
+
+def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> Any:
+    if isinstance(value, Enum):
+        return {"kind": type(value).__name__, "value": value.value}
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        if id(value) not in seen:
+            seen[id(value)] = len(arrays)
+            arrays.append(value)
+        return {"array": seen[id(value)]}
+    if isinstance(value, Mapping):
+        return {"map": [[key, _written(one, arrays, seen)] for key, one in value.items()]}
+    if isinstance(value, tuple | list):
+        return {type(value).__name__: [_written(one, arrays, seen) for one in value]}
+    if is_dataclass(value) and type(value).__name__ in KNOWN:
+        own = {field.name: _written(getattr(value, field.name), arrays, seen) for field in fields(value)}
+        return {"kind": type(value).__name__, "fields": own}
+    raise NotKept(f"a {type(value).__name__} cannot be kept")
+
+
+def _read(body: Any, arrays: list[np.ndarray]) -> Any:
+    if not isinstance(body, dict):
+        return body
+    if "array" in body:
+        return arrays[body["array"]]
+    if "map" in body:
+        return {key: _read(one, arrays) for key, one in body["map"]}
+    for kind in (tuple, list):
+        if kind.__name__ in body:
+            return kind(_read(one, arrays) for one in body[kind.__name__])
+    kind = cast(Any, KNOWN[body["kind"]])
+    if "value" in body:
+        return kind(body["value"])
+    return kind(**{name: _read(one, arrays) for name, one in body["fields"].items()})

@@ -1,0 +1,167 @@
+"""Results that are kept: shots and diagnoses come back at the next start as they were, marked with their version.
+
+A cache beside the session: what is missing, spoilt, of an altered recording or written by a program whose results look
+otherwise is analysed again, as if nothing had been kept.
+"""
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from analysis.diagnosis.result import Diagnosis
+from analysis.report import program_version
+from analysis.shot import AnalysisSettings, Shot
+from app.session.frozen_file import NotKept, head_of, packed, unpacked
+from instrument.foreign.remembered import is_foreign
+from instrument.recording_error import RecordingError
+from instrument.recording_metadata import read_metadata
+from instrument.recording_search import recording_stem
+from instrument.recording_writer import write_beside
+
+SCHEMA = "levimass.kept/1"
+MOST_BYTES = 2_000_000_000  # in all; the oldest go first
+MOST_A_FILE = 200_000_000
+BESIDE = (".csv", ".tsv", ".toml")  # the files of a motion record
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """What a result is of: a recording and how it is analysed."""
+
+    path: str
+    settings: AnalysisSettings
+
+    @property
+    def text(self) -> str:
+        """Get the key as it is compared."""
+        return f"{os.path.abspath(self.path)} {self.settings!r}"
+
+    @property
+    def bare(self) -> str:
+        """Get the same without the effects in the model, which a diagnosis is about."""
+        return replace(self, settings=replace(self.settings, effects=())).text
+
+
+@dataclass(frozen=True, slots=True)
+class KeptShot:
+    """A shot as it was, and the version of the program that analysed it."""
+
+    shot: Shot
+    version: str
+
+
+@dataclass(frozen=True, slots=True)
+class KeptDiagnosis:
+    """A diagnosis as it was, of these shots in the order of its fits (``Key.bare``)."""
+
+    diagnosis: Diagnosis
+    of: tuple[str, ...]
+    version: str
+
+
+class Results:
+    """Files in one folder; every method may be called from any thread and raises nothing."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def keep_shot(self, shot: Shot) -> None:
+        """Keep an analysed shot that has a recording."""
+        if shot.path is None or shot.motion is None or shot.problem is not None or is_foreign(shot.path):
+            return
+        key = Key(shot.path, shot.settings)
+        head = {"key": key.text, "stamp": _stamp(Path(shot.path))}
+        self._write(f"shot-{_short(key.text)}.npz", head, shot)
+
+    def shot(self, key: Key) -> KeptShot | None:
+        """Return the shot that was kept of a recording that is still the same, or None."""
+        file = self._folder / f"shot-{_short(key.text)}.npz"
+        try:
+            head = head_of(file)
+            if (
+                head.get("schema") != SCHEMA
+                or head.get("key") != key.text
+                or head.get("stamp") != _stamp(Path(key.path))
+            ):
+                return None
+            shot = unpacked(file)
+        except NotKept:
+            return None
+        return KeptShot(shot, str(head.get("version"))) if isinstance(shot, Shot) else None
+
+    def keep_diagnosis(self, diagnosis: Diagnosis, of: Sequence[Key]) -> None:
+        """Keep a diagnosis of these shots."""
+        keys = [key.bare for key in of]
+        head = {"of": keys, "stamps": [_stamp(Path(key.path)) for key in of]}
+        self._write(f"diagnosis-{_short(' '.join(keys))}.npz", head, diagnosis)
+
+    def diagnoses(self, of: Iterable[Key]) -> list[KeptDiagnosis]:
+        """Return every diagnosis that was kept of some of these shots alone, oldest first."""
+        stamps = {key.bare: _stamp(Path(key.path)) for key in of}
+        found = []
+        for file in self._files("diagnosis-*.npz"):
+            try:
+                head = head_of(file)
+                keys = head.get("of")
+                if head.get("schema") != SCHEMA or not isinstance(keys, list) or not set(keys) <= set(stamps):
+                    continue
+                if head.get("stamps") != [stamps[key] for key in keys]:
+                    continue
+                diagnosis = unpacked(file)
+            except NotKept:
+                continue
+            if isinstance(diagnosis, Diagnosis):
+                found.append(KeptDiagnosis(diagnosis, tuple(keys), str(head.get("version"))))
+        return found
+
+    def _files(self, pattern: str) -> list[Path]:
+        try:
+            return [path for _, path in sorted((path.stat().st_mtime_ns, path) for path in self._folder.glob(pattern))]
+        except OSError:
+            return []
+
+    def _write(self, name: str, head: Mapping[str, object], value: object) -> None:
+        try:
+            whole = packed({"schema": SCHEMA, "version": program_version(), **head}, value)
+            if len(whole) > MOST_A_FILE:
+                return
+            self._folder.mkdir(parents=True, exist_ok=True)
+            write_beside(self._folder / name, [whole], sync=False)
+            self._make_room()
+        except (NotKept, OSError, RecordingError):
+            return  # it is analysed again at the next start
+
+    def _make_room(self) -> None:
+        files = self._files("*.npz")
+        sizes = {file: file.stat().st_size for file in files if file.exists()}
+        too_much = sum(sizes.values()) - MOST_BYTES
+        for file in files:
+            if too_much <= 0:
+                return
+            file.unlink(missing_ok=True)
+            too_much -= sizes.get(file, 0)
+
+
+def _short(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:24]
+
+
+def _stamp(path: Path) -> list[object]:
+    """Return what tells a recording from an altered one: its files' size and time; of its metadata all but the note."""
+    stem = recording_stem(path)
+    stamp: list[object] = []
+    try:
+        if stem != path:
+            stamp.append(_short(repr(replace(read_metadata(Path(f"{stem}.sigmf-meta")), note=""))))
+            files = [Path(f"{stem}.sigmf-data")]
+        else:
+            files = [path, *(other for ending in BESIDE if (other := path.with_suffix(ending)) != path)]
+        for file in files:
+            if file.exists():
+                about = file.stat()
+                stamp += [file.name, about.st_size, about.st_mtime_ns]
+    except (OSError, RecordingError) as error:
+        return [str(error)]
+    return stamp

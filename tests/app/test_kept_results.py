@@ -1,0 +1,134 @@
+"""Results come back at the next start as they were, with their evidence and their version; nothing else does."""
+
+import io
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.result import Verdict
+from analysis.report import program_version
+from app.session import frozen_file, results
+from app.session.event import Diagnosed
+from app.session.frozen_file import NotKept, head_of, packed, unpacked
+from app.session.results import Key, Results
+from app.session.session import Session
+from app.session.workbench import Workbench
+from tests.app import synthetic
+
+
+@pytest.fixture(scope="module")
+def shot():
+    return synthetic.shot(count=9000)
+
+
+@pytest.fixture
+def saved(tmp_path, shot):
+    """Return the shot as that of a motion record on disk."""
+    path = tmp_path / "shot-1.csv"
+    path.write_text("time_s,displacement_m\n")
+    return replace(shot, path=str(path))
+
+
+def _wait(workbench: Workbench) -> None:
+    end = time.monotonic() + 20.0
+    while workbench.errands.open_jobs and time.monotonic() < end:
+        time.sleep(0.005)
+    time.sleep(0.02)
+    workbench.poll()
+
+
+def test_a_shot_and_a_diagnosis_come_back_whole(shot):
+    again = unpacked(io.BytesIO(packed({"n": 1}, shot)))
+    assert repr(again.impact) == repr(shot.impact) and again.settings == shot.settings and again.setup == shot.setup
+    assert np.array_equal(again.motion.force_n, shot.motion.force_n) and not again.motion.force_n.flags.writeable
+    assert again.fit.shots[0].overlay.time_s is again.motion.time_s  # one array in memory as before
+    found = unpacked(io.BytesIO(packed({}, synthetic.diagnosis(shot))))
+    assert found.verdict is Verdict.EFFECT_FOUND and found.candidates == synthetic.diagnosis(shot).candidates
+    assert isinstance(found.effects[0].indistinguishable_from, tuple)
+
+
+def test_only_the_analysis_own_classes_are_made():
+    body = np.frombuffer(json.dumps({"kind": "Popen", "fields": {"args": "true"}}).encode(), np.uint8)
+    file = io.BytesIO()
+    np.savez(file, head=body, body=body)
+    with pytest.raises(NotKept):
+        unpacked(io.BytesIO(file.getvalue()))
+    with pytest.raises(NotKept, match="Path cannot be kept"):
+        packed({}, (Path("a"),))
+    for spoilt in (b"", b"PK", file.getvalue()[:-40]):
+        with pytest.raises(NotKept):
+            head_of(io.BytesIO(spoilt))
+
+
+def test_what_was_altered_is_not_taken_for_the_same(tmp_path, saved, monkeypatch):
+    kept = Results(tmp_path / "kept")
+    key = Key(saved.path, saved.settings)
+    assert kept.shot(key) is None
+    kept.keep_shot(saved)
+    found = kept.shot(key)
+    assert found is not None and found.version == program_version() and found.shot.name == saved.name
+    assert kept.shot(Key(saved.path, replace(saved.settings, bandwidth_hz=5e3))) is None
+    (file,) = (tmp_path / "kept").iterdir()
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2])
+    assert kept.shot(key) is None
+    file.write_bytes(whole)
+    Path(saved.path).write_text("time_s,displacement_m\n0,0\n")
+    assert kept.shot(key) is None
+    monkeypatch.setattr(results, "MOST_BYTES", 1)
+    kept.keep_shot(saved)
+    assert list((tmp_path / "kept").iterdir()) == []
+
+
+def test_a_result_whose_class_has_changed_is_analysed_again(tmp_path, saved, monkeypatch):
+    kept = Results(tmp_path / "kept")
+    kept.keep_shot(saved)
+
+    def other(**_: object) -> None:
+        raise TypeError("unexpected keyword argument 'flags'")
+
+    monkeypatch.setitem(frozen_file.KNOWN, "Impact", other)
+    assert kept.shot(Key(saved.path, saved.settings)) is None
+
+
+def test_a_session_reopens_at_once_with_its_evidence_and_its_version(tmp_path, saved, monkeypatch):
+    kept = Results(tmp_path / "kept")
+    first = Workbench(Session(tmp_path / "session.json"), lambda: saved.settings, results=kept)
+    entry = first.add_shot(saved)
+    found = Diagnosed(synthetic.diagnosis(saved), (entry.number,))
+    first.jobs.submit("diagnosis", lambda _, __: found, "diagnosis").done.wait(10)
+    first.poll()
+    _wait(first)
+    assert first.close()
+
+    again = Workbench(Session.reopen(tmp_path / "session.json"), lambda: saved.settings, results=kept)
+    try:
+        monkeypatch.setattr("app.session.workbench.open_shot", None)  # nothing is read or analysed again
+        assert again.session.entries[0].shot is None
+        again.read_unread()
+        _wait(again)
+        (filled,) = again.session.entries
+        assert filled.shot is not None and filled.version == program_version()
+        assert np.array_equal(filled.shot.fit.shots[0].residual_m, saved.fit.shots[0].residual_m)
+        diagnosed = again.diagnosis_of([filled.number])
+        assert diagnosed is not None and diagnosed.version == program_version()
+        assert diagnosed.diagnosis.sentence == found.diagnosis.sentence
+        assert again.jobs.open_jobs == 0
+    finally:
+        again.close()
+
+
+def test_the_page_shows_the_diagnosis_of_what_is_selected():
+    workbench = Workbench(Session(), lambda: synthetic.shot(count=9000).settings)
+    try:
+        one, both = Diagnosed(None, (1,)), Diagnosed(None, (1, 2))
+        workbench.diagnoses = [both, one]
+        assert workbench.diagnosis_of([1, 2]) is both and workbench.diagnosis_of([1]) is one
+        assert workbench.diagnosis_of([2]) is both and workbench.diagnosis_of([3]) is None
+        assert workbench.diagnosed is one
+    finally:
+        workbench.close()

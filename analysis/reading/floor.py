@@ -1,210 +1,338 @@
-"""The floor under the rig as flights show it: a random motion whose spectrum is one of a few shapes, and how strong.
+"""The floor under the rig as flights show it: how strong it is in every octave, and how sure that is.
 
-A flight of some milliseconds does not show how far the floor wanders in tens of them, so no one shape is chosen: every
-shape and strength is weighed by how likely it makes the flights (restricted maximum likelihood, Patterson & Thompson,
-Biometrika 58, 1971), and what follows is the mixture of all.  Shapes: a random walk that is held back (density falling
-with f^2 above a corner), the same once more integrated (f^4), and the curve of a building at a vibration criterion
-(Gordon, SPIE 1619, 1991: the same velocity in each third of an octave from 8 to 80 Hz), and white.
+The floor's density is free in each octave from a third of a period in the flights' time up to what their bins resolve.
+The strengths are those of greatest restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) with what is known
+before: that a building moves with about the same velocity in each octave (Gordon, SPIE 1619, 1991), neighbouring ones
+differing by a factor of a few.  The slowest octaves are hardly seen; so strengths are not taken for known, and what
+follows is the mixture of all likely ones.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, solve_triangular
 
 Floats = NDArray[np.float64]
 
-CORNERS = (1 / 32, 1 / 8, 1 / 2, 2.0)  # correlation times, of the whole time that the flights span
-STRENGTHS = np.geomspace(1e-3, 1e11, 48)  # variance of the floor, in units of the white noise of a bin
-LEAST_WEIGHT = 0.01
-_CRITERION_HZ = np.geomspace(1.0, 400.0, 120)
+LOWEST = 0.35  # of the centres of the octaves, over the whole time that the flights span
+SPACING = 0.45  # of the frequencies that stand for the floor, over the same
+MOST_APART = 0.6  # ... over the time in flight
+SPEED_M_PER_S = 3e-6  # in an octave, before anything is seen: a good laboratory's ...
+SPEED_SPREAD = 6.0  # ... to a factor of some hundred; spreads are of natural logarithms of powers
+SLOW_SPREAD = 0.6  # from one octave to the next among the slow ones
+FAST_SPREAD = 3.0  # ... and the quicker ones, where machines and the frame's own modes decide
+STILL_BELOW_HZ = 8.0  # a building's velocity falls in proportion
+DRAG_M_PER_S2 = 1e-3  # a flight's own acceleration, before anything is seen: a tilt of 0.1 mrad ...
+DRAG_SPREAD = 2.0
+_MOST = 3.0  # that one iteration may move
+_ENOUGH = 0.05
+_ITERATIONS = 20
+_POINTS = 20  # of the mixture
+_ROUNDING = 1e-13
+_NOTHING = -50.0
+_LEAST = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
-    """A floor's covariance with unit variance; ``kind`` "white", "walk", "smooth" or "criterion"."""
+class Octaves:
+    """Frequencies (f,) in Hz that stand for the floor, and what octaves of unit velocity put there: (k, f), m^2."""
 
-    kind: str
-    time_s: float = 0.0  # correlation time
+    frequency_hz: Floats
+    power_m2: Floats
+    centre_hz: Floats
 
-    def covariance(self, lag_s: Floats) -> Floats:
-        """Return the covariance at lags of any shape."""
-        lag = np.abs(lag_s)
-        if self.kind == "white":
-            return np.asarray(lag == 0.0, dtype=np.float64)
-        if self.kind == "walk":
-            return np.asarray(np.exp(-lag / self.time_s))
-        if self.kind == "smooth":
-            return np.asarray((1.0 + lag / self.time_s) * np.exp(-lag / self.time_s))
-        weight = _criterion_weights()
-        return np.asarray(np.cos(2 * np.pi * lag[..., None] * _CRITERION_HZ) @ weight)
+    @classmethod
+    def of(cls, time_s: Floats, bin_s: float) -> "Octaves":
+        """Choose them for bins of ``bin_s`` at ``time_s``."""
+        span, flown = float(np.ptp(time_s)) + bin_s, time_s.size * bin_s
+        return _octaves(span, flown, bin_s)
 
-    def matrix(self, time_s: Floats) -> Floats:
-        """Return the covariance between all pairs of times, (n, n), positive by construction."""
-        if self.kind != "criterion":
-            return self.covariance(time_s[:, None] - time_s[None, :])
-        angle = 2 * np.pi * time_s[:, None] * _CRITERION_HZ
-        root = np.sqrt(_criterion_weights())
-        waves = np.concatenate([np.cos(angle) * root, np.sin(angle) * root], axis=1)
-        return np.asarray(waves @ waves.T)
-
-    def psd(self, frequency_hz: Floats) -> Floats:
-        """Return the one-sided density in 1/Hz; nothing for "white", which belongs to the samples, not to the floor."""
-        omega = 2 * np.pi * np.asarray(frequency_hz, dtype=np.float64)
-        if self.kind == "white":
-            return np.zeros_like(omega)
-        if self.kind == "walk":
-            return np.asarray(4.0 * self.time_s / (1.0 + (omega * self.time_s) ** 2))
-        if self.kind == "smooth":
-            return np.asarray(8.0 * self.time_s / (1.0 + (omega * self.time_s) ** 2) ** 2)
-        return _criterion_psd(np.asarray(frequency_hz, dtype=np.float64))
+    def density(self, power: Floats, frequency_hz: Floats) -> Floats:
+        """Return the one-sided density in m^2/Hz of octaves with ``power`` (k,) in (m/s)^2."""
+        frequency = np.asarray(frequency_hz, np.float64)
+        hats = _hats(np.maximum(frequency, 1e-3 * self.centre_hz[0]), self.centre_hz)
+        return np.asarray(power @ (hats * _density(frequency)))
 
 
-def _criterion_psd(frequency_hz: Floats) -> Floats:
-    f = np.clip(frequency_hz, 0.3, None)
-    velocity = np.minimum(1.0, f / 8.0) * np.minimum(1.0, (80.0 / f) ** 2)
-    density = velocity**2 / f**3
-    return np.asarray(density / _criterion_scale())
+@lru_cache(maxsize=8)
+def _octaves(span_s: float, flown_s: float, bin_s: float) -> Octaves:
+    top = 0.5 / bin_s
+    centre = LOWEST / span_s * 2.0 ** np.arange(max(3, round(np.log2(top * span_s / LOWEST))))
+    frequency = [0.1 / span_s]
+    while frequency[-1] < top:
+        frequency.append(frequency[-1] + min(max(SPACING / span_s, 0.03 * frequency[-1]), MOST_APART / flown_s))
+    at = np.array(frequency)
+    power = _hats(at, centre) * _density(at) * np.gradient(at)
+    return Octaves(at, power, centre)
 
 
-@lru_cache(maxsize=1)
-def _criterion_scale() -> float:
-    f = _CRITERION_HZ
-    velocity = np.minimum(1.0, f / 8.0) * np.minimum(1.0, (80.0 / f) ** 2)
-    return float(np.trapezoid(velocity**2 / f**3, f))
+def _hats(frequency_hz: Floats, centre_hz: Floats) -> Floats:
+    """Return how much each octave has of frequencies: (k, f), straight between centres over the logarithm."""
+    place = np.clip(np.log2(frequency_hz / centre_hz[0]), 0.0, centre_hz.size - 1.0)
+    return np.asarray(np.maximum(1.0 - np.abs(place - np.arange(centre_hz.size)[:, None]), 0.0))
 
 
-@lru_cache(maxsize=1)
-def _criterion_weights() -> Floats:
-    weight = np.gradient(_CRITERION_HZ) * _criterion_psd(_CRITERION_HZ)
-    return np.asarray(weight / weight.sum())
+def _density(frequency_hz: Floats) -> Floats:
+    """Return the density in m^2/Hz of a floor that moves with 1 m/s in every octave, and less in the slow ones."""
+    still = np.minimum(1.0, frequency_hz / STILL_BELOW_HZ) ** 2
+    return np.asarray(still / (np.log(2.0) * frequency_hz * (2 * np.pi * frequency_hz) ** 2))
 
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """A mixture of floors: ``parts`` are (weight, shape, variance in m^2); ``white_std_m`` is that of one sample."""
+    """A mixture of floors: ``parts`` are (weight, powers of the octaves); ``white_std_m`` is that of one sample."""
 
-    parts: tuple[tuple[float, Shape, float], ...]
+    octaves: Octaves
+    parts: tuple[tuple[float, Floats], ...]
     white_std_m: float
     sample_rate_hz: float
 
     @property
+    def _power(self) -> Floats:
+        """Get what stands at each frequency on average, in m^2, (f,)."""
+        return np.asarray(sum(w * p for w, p in self.parts) @ self.octaves.power_m2)
+
+    @property
     def rms_m(self) -> float:
-        """Get the floor's rms displacement in m, without the white noise of the samples: the median of the mixture."""
-        size = np.array([0.0 if shape.kind == "white" else variance for _, shape, variance in self.parts])
-        order = np.argsort(size)
-        reached = np.cumsum(np.array([part[0] for part in self.parts])[order])
-        return float(np.sqrt(size[order[int(np.searchsorted(reached, 0.5 * reached[-1]))]]))
+        """Get the floor's rms displacement in m as far as flights can tell it from their own motion."""
+        seen = self.octaves.frequency_hz > 2.0 * self.octaves.centre_hz[0]
+        return float(np.sqrt(self._power[seen].sum()))
 
     def difference_std_m(self, lag_s: float) -> float:
         """Return the std of how far the floor moves within a time."""
-        lag = np.array([lag_s])
-        return float(np.sqrt(sum(w * 2 * v * (1 - shape.covariance(lag)[0]) for w, shape, v in self.parts)))
+        half = np.pi * self.octaves.frequency_hz * lag_s
+        return float(np.sqrt(self._power @ (4.0 * np.sin(half) ** 2)))
 
     def bend_std_m(self, lag_s: float) -> float:
         """Return the std of the floor's third difference: what a parabola through it misses one step beyond."""
-        lags, weights = np.asarray(lag_s * np.arange(4), np.float64), np.array([20.0, -30.0, 12.0, -2.0])
-        squares = (w * v * float(weights @ s.covariance(lags)) for w, s, v in self.parts if s.kind != "white")
-        return float(np.sqrt(max(sum(squares), 0.0)))
+        half = np.pi * self.octaves.frequency_hz * lag_s
+        return float(np.sqrt(self._power @ (2.0 * np.sin(half)) ** 6))
 
     def psd(self, frequency_hz: Floats) -> Floats:
         """Return the one-sided density of white noise and floor in m^2/Hz."""
-        white = 2.0 * self.white_std_m**2 / self.sample_rate_hz
-        return np.asarray(white + sum(w * v * shape.psd(frequency_hz) for w, shape, v in self.parts))
+        return np.asarray(self._white + self._moving(frequency_hz))
 
     def velocity_rms_m_per_s(self, bandwidth_hz: float) -> float:
         """Return the floor's rms velocity below a bandwidth."""
         f = np.geomspace(0.5, bandwidth_hz, 400)
-        density = self.psd(f) - 2.0 * self.white_std_m**2 / self.sample_rate_hz
-        return float(np.sqrt(np.trapezoid((2 * np.pi * f) ** 2 * density, f)))
+        return float(np.sqrt(np.trapezoid((2 * np.pi * f) ** 2 * self._moving(f), f)))
+
+    def _moving(self, frequency_hz: Floats) -> Floats:
+        power = np.asarray(sum(w * p for w, p in self.parts))
+        return self.octaves.density(power, np.maximum(frequency_hz, self.octaves.frequency_hz[0]))
+
+    @property
+    def _white(self) -> float:
+        return 2.0 * self.white_std_m**2 / self.sample_rate_hz
 
 
 @dataclass(frozen=True, slots=True)
 class Weighing:
-    """How likely each floor is for one set of bins; ``covariance`` are those of the likeliest, scaled to white bins.
+    """What flights say of the floor: ``parts`` are (weight, logarithms of powers), the likeliest are ``best``.
 
-    ``parts`` are (weight, index of shape, strength), the likeliest first.
+    The logarithms are of the octaves' powers and, last, of the drags', over those that were expected.  ``worth`` is the
+    log-likelihood of the best, coefficients at theirs, with what was known before.
     """
 
-    shapes: tuple[Shape, ...]
-    scaled: tuple[Floats, ...]  # covariance matrices of each shape over the bins, in units of the white noise
-    parts: tuple[tuple[float, int, float], ...]
-
-    def total(self, part: int) -> Floats:
-        """Return the covariance matrix of the bins in one part, in units of the white noise."""
-        _, shape, strength = self.parts[part]
-        return np.asarray(np.eye(self.scaled[shape].shape[0]) + strength * self.scaled[shape])
+    parts: tuple[tuple[float, Floats], ...]
+    best: Floats
+    worth: float
 
 
-def shapes_for(span_s: float) -> tuple[Shape, ...]:
-    """Return the shapes worth trying on flights that span a time."""
-    bent = tuple(Shape(kind, corner * span_s) for kind in ("walk", "smooth") for corner in CORNERS)
-    return (Shape("white"), Shape("criterion"), *bent)
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """Bins of flights: displacement (n,) in m, the white std of a bin, and which columns of a design are drags.
 
-
-def weigh(shapes: tuple[Shape, ...], time_s: Floats, values: Floats, design: Floats) -> Weighing:
-    """Weigh every shape and strength by its restricted likelihood.
-
-    ``values`` (n,) and ``design`` (n, p) are divided by the white noise of a bin.  Cost: one symmetric eigenvalue
-    problem of n - p a shape, about a millisecond at n = 90.
+    ``waves`` (n, 2 f) are cosines and sines of the octaves' frequencies, averaged over the bins.
     """
-    full, _ = np.linalg.qr(design / np.maximum(np.abs(design).max(axis=0), 1e-300), mode="complete")
-    null = full[:, design.shape[1] :]
-    rest = null.T @ values
-    scaled = tuple(shape.matrix(time_s) for shape in shapes)
-    likelihood = np.empty((len(shapes), STRENGTHS.size))
-    for k, matrix in enumerate(scaled):
-        level, turn = np.linalg.eigh(null.T @ matrix @ null)
-        power = (turn.T @ rest) ** 2
-        spread = 1.0 + STRENGTHS[:, None] * np.maximum(level, 0.0)[None, :]
-        likelihood[k] = -0.5 * (np.log(spread) + power / spread).sum(axis=1)
-    weight = np.exp(likelihood - likelihood.max())
-    order = np.argsort(weight, axis=None)[::-1]
-    kept = [int(i) for i in order if weight.flat[i] > LEAST_WEIGHT * weight.flat[order[0]]]
-    total = float(sum(weight.flat[i] for i in kept))
-    parts = tuple(
-        (float(weight.flat[i]) / total, i // STRENGTHS.size, float(STRENGTHS[i % STRENGTHS.size])) for i in kept
-    )
-    return Weighing(shapes, scaled, parts)
+
+    value_m: Floats
+    white_m: float
+    drags: tuple[int, ...]
+    octaves: Octaves
+    waves: Floats
+
+    def powers(self, at: Floats) -> Floats:
+        """Return the octaves' powers (k,) in (m/s)^2."""
+        return np.asarray(SPEED_M_PER_S**2 * np.exp(np.clip(at[:-1], -60.0, 60.0)))
+
+    def weigh(self, design: Floats, start: Floats | None = None) -> Weighing:
+        """Find the likeliest strengths beside a design (n, p) whose coefficients are free; SI units.
+
+        Fisher scoring on the logarithms.  Cost: 1 ms an iteration at n = 64, some six iterations from afar.
+        """
+        scale = _scale(design)
+        columns = design / scale
+        prior = _prior(self.octaves.centre_hz.size)
+        at = self._guess(columns, scale) if start is None else start
+        worth, slope, curve = self._likelihood(at, columns, scale, prior)
+        for _ in range(_ITERATIONS):
+            move = np.linalg.solve(curve, slope)
+            move *= min(1.0, _MOST / float(np.abs(move).max()))
+            for _ in range(4):
+                found = self._likelihood(at + move, columns, scale, prior)
+                if found[0] > worth - 1e-6:
+                    break
+                move = 0.35 * move
+            else:
+                break
+            gained, at = found[0] - worth, at + move
+            worth, slope, curve = found
+            if np.abs(move).max() < _ENOUGH or gained < 1e-3:
+                break
+        parts = self._about(at, curve)
+        still = np.concatenate([np.full(at.size - 1, _NOTHING), at[-1:]])
+        left = self._likelihood(still, columns, scale, (still, prior[1]))[0] - 0.5 * prior[1][-1, -1] * at[-1] ** 2
+        # how much likelier any floor is than none, its strengths integrated over (Laplace)
+        times = worth - left + 0.5 * float(np.linalg.slogdet(prior[1])[1] - np.linalg.slogdet(curve)[1])
+        none = float(1.0 / (1.0 + np.exp(np.clip(times, -30.0, 30.0))))
+        if none > _LEAST:
+            parts = (*((weight * (1.0 - none), point) for weight, point in parts), (none, still))
+        return Weighing(parts, at, self.likelihood(at, design))
+
+    @staticmethod
+    def _about(at: Floats, curve: Floats) -> tuple[tuple[float, Floats], ...]:
+        """Return points of the normal distribution about the likeliest strengths."""
+        level, turn = np.linalg.eigh(curve)
+        spread = turn / np.sqrt(level)
+        return tuple((1.0 / _POINTS, at + spread @ point) for point in _normal(at.size))
+
+    def _guess(self, columns: Floats, scale: Floats) -> Floats:
+        """Return strengths to begin with: what white noise would leave, as if it were all in the middle octave."""
+        solution, *_ = np.linalg.lstsq(columns, self.value_m, rcond=None)
+        left = self.value_m - columns @ solution
+        size = self.octaves.centre_hz.size
+        middle = size // 2
+        speed = 2 * np.pi * self.octaves.centre_hz[middle] * float(np.sqrt(np.mean(left**2)))
+        at = np.full(size + 1, 2.0 * np.log(max(speed, 1e-3 * SPEED_M_PER_S) / SPEED_M_PER_S))
+        at -= 1.0 * np.maximum(np.arange(size + 1) - middle, 0)
+        drags = [solution[k] / scale[k] for k in self.drags]
+        drag = 2.0 * float(np.sqrt(np.mean(np.square(drags)))) if drags else 0.0
+        at[-1] = 2.0 * np.log(max(drag / DRAG_M_PER_S2, 0.1))
+        return at
+
+    def _white(self, low: Floats, columns: Floats) -> Floats:
+        """Return the bins and then ``columns`` (n, m) as the factor of a covariance leaves them: white, (n, 1 + m)."""
+        both = np.column_stack([self.value_m / self.white_m, columns])
+        return np.asarray(solve_triangular(low, both, lower=True, check_finite=False))
+
+    def factor(self, at: Floats) -> tuple[Floats, bool]:
+        """Return the Cholesky factor of the bins' covariance in white noises, for ``cho_solve``."""
+        power = self.powers(at) @ self.octaves.power_m2 / self.white_m**2
+        half = self.waves * np.sqrt(np.concatenate([power, power]))
+        covariance = half @ half.T
+        covariance[np.diag_indices_from(covariance)] += 1.0 + _ROUNDING * float(np.trace(covariance))
+        factor: tuple[Floats, bool] = cho_factor(covariance, lower=True, overwrite_a=True, check_finite=False)
+        return factor
+
+    def known(self, at: Floats, scale: Floats) -> Floats:
+        """Return the prior precisions of a design's coefficients that was divided by ``scale``, in white noises."""
+        known = np.zeros(scale.size)
+        drag = DRAG_M_PER_S2**2 * float(np.exp(np.clip(at[-1], -60.0, 60.0)))
+        for column in self.drags:  # half the acceleration
+            known[column] = 4.0 / drag * (self.white_m / scale[column]) ** 2
+        return known
+
+    def _likelihood(
+        self, at: Floats, columns: Floats, scale: Floats, prior: tuple[Floats, Floats]
+    ) -> tuple[float, Floats, Floats]:
+        """Return log-likelihood with the prior's, its gradient and the expected curvature, over all strengths."""
+        size = self.octaves.centre_hz.size
+        low = self.factor(at)[0]
+        known = self.known(at, scale)
+        width = columns.shape[1]
+        white = self._white(low, np.hstack([columns, self.waves]))
+        data, regressors, waves = white[:, 0], white[:, 1 : 1 + width], white[:, 1 + width :]
+        inner = np.linalg.cholesky(regressors.T @ regressors + np.diag(known))
+        across = solve_triangular(inner, regressors.T, lower=True, check_finite=False)
+        rest = data - across.T @ (across @ data)
+        coefficients = np.linalg.solve(inner.T, across @ data)
+        informed = known > 0
+        logs = 2.0 * float(np.log(np.diag(low)).sum() + np.log(np.diag(inner)).sum()) - float(
+            np.log(known[informed]).sum()
+        )
+        value = -0.5 * (logs + float(data @ rest))
+        seen, told = waves.T @ rest, across @ waves
+        gram = waves.T @ waves - told.T @ told
+        half = self.waves.shape[1] // 2
+        powers = self.powers(at)[:, None] * self.octaves.power_m2 / self.white_m**2  # (k, f)
+        both = np.concatenate([powers, powers], axis=1)
+        slope = np.empty(size + 1)
+        slope[:size] = 0.5 * both @ (seen**2 - np.diag(gram))
+        curve = np.zeros((size + 1, size + 1))
+        squares = gram**2
+        squares = squares[:half, :half] + squares[half:, :half] + squares[:half, half:] + squares[half:, half:]
+        curve[:size, :size] = 0.5 * powers @ squares @ powers.T
+        if informed.any():
+            inverse = np.linalg.inv(inner @ inner.T)
+            told = 1.0 - known[informed] * np.diag(inverse)[informed]  # of each drag, by the data
+            slope[size] = 0.5 * float((known[informed] * coefficients[informed] ** 2 - told).sum())
+            curve[size, size] = 0.5 * float((told**2).sum())
+        else:
+            slope[size] = 0.0
+        away, precision = at - prior[0], prior[1]
+        pull = precision @ away
+        return value - 0.5 * float(away @ pull), slope - pull, curve + precision
+
+    def likelihood(self, at: Floats, design: Floats) -> float:
+        """Return the log-likelihood of strengths and of a design's best coefficients, with what was known before."""
+        mean, precision = _prior(self.octaves.centre_hz.size)
+        scale = _scale(design)
+        low = self.factor(at)[0]
+        white = self._white(low, design / scale)
+        inner = white[:, 1:].T @ white[:, 1:] + np.diag(self.known(at, scale))
+        across = white[:, 1:].T @ white[:, 0]
+        left = float(white[:, 0] @ white[:, 0] - across @ np.linalg.solve(inner, across))
+        return -float(np.log(np.diag(low)).sum()) - 0.5 * (left + float((at - mean) @ precision @ (at - mean)))
+
+    def solve(self, weighing: Weighing, design: Floats) -> tuple[Floats, Floats]:
+        """Return coefficients (p,) and covariance (p, p): generalised least squares in every part of the mixture."""
+        scale = _scale(design)
+        solutions, covariances = [], []
+        for _, at in weighing.parts:
+            white = self._white(self.factor(at)[0], design / scale)
+            covariance = np.linalg.inv(white[:, 1:].T @ white[:, 1:] + np.diag(self.known(at, scale)))
+            covariances.append(covariance)
+            solutions.append(covariance @ (white[:, 1:].T @ white[:, 0]))
+        weights = np.array([part[0] for part in weighing.parts])
+        mean = weights @ np.stack(solutions)
+        apart = np.stack(solutions) - mean
+        covariance = np.einsum("k,kij->ij", weights, np.stack(covariances))
+        covariance += np.einsum("k,ki,kj->ij", weights, apart, apart)
+        unscale = self.white_m / scale
+        return np.asarray(mean * unscale), np.asarray(covariance * np.outer(unscale, unscale))
 
 
-def likelihood(weighing: Weighing, values: Floats, design: Floats) -> float:
-    """Return the log-likelihood of the bins under the likeliest floor, the design's coefficients at their best."""
-    factor = cho_factor(weighing.total(0), lower=True, check_finite=False)
-    design = design / np.maximum(np.abs(design).max(axis=0), 1e-300)
-    across = cho_solve(factor, design, check_finite=False)
-    solution = np.linalg.solve(design.T @ across, across.T @ values)
-    rest = values - design @ solution
-    chi2 = float(rest @ cho_solve(factor, rest, check_finite=False))
-    return -float(np.log(np.diag(factor[0])).sum()) - 0.5 * chi2
+def _scale(design: Floats) -> Floats:
+    return np.asarray(np.abs(design).max(axis=0) + 1e-300)
 
 
-def solve(weighing: Weighing, values: Floats, design: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (p,) and covariance (p, p) of the mixture: generalised least squares in every part."""
-    size = np.maximum(np.abs(design).max(axis=0), 1e-300)
-    design = design / size
-    solutions: list[Floats] = []
-    covariances: list[Floats] = []
-    weights = np.array([part[0] for part in weighing.parts])
-    for place in range(len(weighing.parts)):
-        factor = cho_factor(weighing.total(place), lower=True, check_finite=False)
-        across = cho_solve(factor, design, check_finite=False)
-        covariance = np.linalg.inv(design.T @ across)
-        covariances.append(covariance)
-        solutions.append(covariance @ (across.T @ values))
-    mean = np.asarray(weights @ np.stack(solutions))
-    apart = np.stack(solutions) - mean
-    spread = np.einsum("k,ki,kj->ij", weights, apart, apart)
-    covariance = np.einsum("k,kij->ij", weights, np.stack(covariances)) + spread
-    return mean / size, np.asarray(covariance / np.outer(size, size))
+@lru_cache(maxsize=8)
+def _normal(size: int) -> Floats:
+    """Return points that stand for a normal distribution, (_POINTS, size): their mean is 0, their covariance one."""
+    half = np.random.default_rng(size).standard_normal((_POINTS // 2, size))
+    points = np.concatenate([half, -half])
+    return np.asarray(points @ np.linalg.inv(np.linalg.cholesky(points.T @ points / _POINTS)).T)
 
 
-def floor_of(weighing: Weighing, bin_std_m: float, white_std_m: float, sample_rate_hz: float) -> Floor:
-    """Return the mixture in SI units; bins had the white noise ``bin_std_m``."""
-    parts: Sequence[tuple[float, int, float]] = weighing.parts
-    return Floor(
-        tuple((w, weighing.shapes[k], strength * bin_std_m**2) for w, k, strength in parts), white_std_m, sample_rate_hz
-    )
+@lru_cache(maxsize=8)
+def _prior(size: int) -> tuple[Floats, Floats]:
+    """Return mean and precision of the logarithms before anything is seen, ((k + 1),) and (k + 1, k + 1)."""
+    precision = np.zeros((size + 1, size + 1))
+    for k in range(size - 1):
+        spread = SLOW_SPREAD if k < size // 2 else FAST_SPREAD
+        precision[k : k + 2, k : k + 2] += np.array([[1.0, -1.0], [-1.0, 1.0]]) / spread**2
+    precision[size // 2, size // 2] += 1.0 / SPEED_SPREAD**2
+    precision[size, size] = 1.0 / DRAG_SPREAD**2
+    return np.zeros(size + 1), precision
+
+
+def waves_of(time_s: Floats, bin_samples: int, step_s: float, frequency_hz: Floats) -> tuple[Floats, Floats]:
+    """Return cosines and sines, each (n, f), averaged over bins of so many samples at ``time_s``."""
+    turn = np.pi * frequency_hz * step_s
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gain = np.where(turn > 0, np.sin(bin_samples * turn) / (bin_samples * np.sin(turn)), 1.0)
+    angle = 2 * np.pi * time_s[:, None] * frequency_hz[None, :]
+    return gain * np.cos(angle), gain * np.sin(angle)

@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve
 
 from analysis.disturbance import VibrationLine
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 from analysis.reading.flights import SHORTEST_CURVED_S, Flight
-from analysis.reading.floor import Floor, Weighing, floor_of, likelihood, shapes_for, solve, weigh
+from analysis.reading.floor import Floor, Octaves, Sight, Weighing, waves_of
 from analysis.reading.knocks import find_knocks
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BIN_S = 0.25e-3  # at least: a line of 2 kHz still passes
+BIN_S = 0.5e-3  # at least: a line of 900 Hz still passes
 MOST_BINS = 110
 FEWEST_BINS = 4  # of one flight, for a straight line with something left over
 FEWEST_FOR_LINES = 24  # of both flights
@@ -76,11 +76,14 @@ class _Wave:
     sine_m: float
 
 
-def read_flights(motion: Motion, into: tuple[int, int], out: tuple[int, int] | None) -> Quiet | None:
+def read_flights(
+    motion: Motion, into: tuple[int, int], out: tuple[int, int] | None, lines: tuple[VibrationLine, ...] | None = None
+) -> Quiet | None:
     """Read the flights between sample pairs (first, last), inclusive, up to which the contact's edges allow.
 
-    The velocities hold at the edge that faces the contact.  None where the incoming flight is too short for a line.
-    Cost: about 10 ms, and as much again a line.
+    The velocities hold at the edge that faces the contact.  With ``lines``, found on nearly the same flights, no
+    others are looked for.  None where the incoming flight is too short for a line.  Cost: about 10 ms, and as much
+    again a line.
     """
     bins = _binned(motion, into, out)
     if bins.into.sum() < FEWEST_BINS:
@@ -94,21 +97,25 @@ def read_flights(motion: Motion, into: tuple[int, int], out: tuple[int, int] | N
     for a, b in knocked:
         keep[a:b] = False
     bins = _kept(bins, keep)
-    polynomials = _polynomials(bins, zeros)
-    scaled = bins.value_m / bins.std_m
-    waves: list[_Wave] = []
-    weighing = weigh(shapes_for(1.0 / bins.resolution_hz), bins.time_s, scaled, polynomials)
-    if bins.time_s.size >= FEWEST_FOR_LINES:
+    polynomials, drags = _polynomials(bins, zeros)
+    straight, line = _straight_lines(bins, polynomials, drags)
+    sight = _sight(replace(bins, value_m=bins.value_m - line), drags)
+    waves = [_wave(bins, line) for line in lines or ()]
+    weighing = sight.weigh(_design(bins, waves, polynomials))
+    if waves:
+        waves = _refined(bins, sight, waves, polynomials, weighing.best)
+    if lines is None and bins.time_s.size >= FEWEST_FOR_LINES:
         while len(waves) < MOST_LINES and polynomials.shape[1] + 3 * len(waves) + 12 < bins.time_s.size:
-            more = _with_one_more(bins, waves, scaled, polynomials, weighing)
+            more = _with_one_more(bins, sight, waves, polynomials, weighing)
             if more is None:
                 break
             waves, weighing = more
     design = _design(bins, waves, polynomials)
-    solution, covariance = solve(weighing, scaled, design)
-    solution, covariance = solution * bins.std_m, covariance * bins.std_m**2
+    solution, covariance = sight.solve(weighing, design)
+    solution[: straight.size] += straight
     white = bins.std_m * np.sqrt(bins.each)
-    floor = floor_of(weighing, bins.std_m, white, motion.sample_rate_hz)
+    parts = tuple((weight, sight.powers(at)) for weight, at in weighing.parts)
+    floor = Floor(sight.octaves, parts, white, motion.sample_rate_hz)
     flights = _flights(bins, zeros, solution, covariance, white, into, out)
     degree = flights[0].coefficients.size
     plain = np.linalg.inv(polynomials.T @ polynomials) * bins.std_m**2
@@ -178,33 +185,49 @@ def _kept(bins: _Bins, keep: Mask) -> _Bins:
     return replace(bins, time_s=bins.time_s[keep], value_m=bins.value_m[keep], into=bins.into[keep])
 
 
-def _polynomials(bins: _Bins, zeros: tuple[float, float]) -> Floats:
-    """Return the columns of both flights' polynomials about their zeros, in white noises of a bin, SI units."""
+def _straight_lines(bins: _Bins, polynomials: Floats, drags: tuple[int, ...]) -> tuple[Floats, Floats]:
+    """Return coefficients of straight flights, (p,), and the lines, (n,).
+
+    They are ten million times the noise: taken off first, so that sums of squares keep their digits.
+    """
+    free = np.setdiff1d(np.arange(polynomials.shape[1]), drags)
+    scale = np.abs(polynomials).max(axis=0)
+    coefficients = np.zeros(polynomials.shape[1])
+    solution, *_ = np.linalg.lstsq(polynomials[:, free] / scale[free], bins.value_m, rcond=None)
+    coefficients[free] = solution / scale[free]
+    return coefficients, np.asarray(polynomials @ coefficients)
+
+
+def _sight(bins: _Bins, drags: tuple[int, ...]) -> Sight:
+    octaves = Octaves.of(bins.time_s, bins.each * bins.step_s)
+    waves = waves_of(bins.time_s - bins.middle_s, bins.each, bins.step_s, octaves.frequency_hz)
+    return Sight(bins.value_m, bins.std_m, drags, octaves, np.hstack(waves))
+
+
+def _polynomials(bins: _Bins, zeros: tuple[float, float]) -> tuple[Floats, tuple[int, ...]]:
+    """Return the columns of both flights' polynomials about their zeros, in SI units, and which are accelerations."""
     columns: list[Floats] = []
+    drags = []
     for side, zero in ((bins.into, zeros[0]), (~bins.into, zeros[1])):
         if not side.any():
             continue
         tau = bins.time_s - zero
         columns += [side.astype(np.float64), np.where(side, tau, 0.0)]
         if np.ptp(tau[side]) >= SHORTEST_CURVED_S and side.sum() >= 8:
+            drags.append(len(columns))
             columns.append(np.where(side, tau**2 + ((bins.each**2 - 1) / 12.0) * bins.step_s**2, 0.0))
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=1), tuple(drags)
 
 
 def _without_flights(bins: _Bins, zeros: tuple[float, float]) -> Floats:
-    design = _polynomials(bins, zeros)
+    design, _ = _polynomials(bins, zeros)
     scale = np.abs(design).max(axis=0)
     solution, *_ = np.linalg.lstsq(design / scale, bins.value_m, rcond=None)
     return np.asarray(bins.value_m - design / scale @ solution)
 
 
 def _waves_of(bins: _Bins, frequency_hz: Floats) -> tuple[Floats, Floats]:
-    """Return cosines and sines averaged over the bins, each (n, k)."""
-    turn = np.pi * frequency_hz * bins.step_s
-    with np.errstate(invalid="ignore"):
-        gain = np.where(turn > 0, np.sin(bins.each * turn) / (bins.each * np.sin(turn)), 1.0)
-    angle = 2 * np.pi * (bins.time_s - bins.middle_s)[:, None] * frequency_hz[None, :]
-    return gain * np.cos(angle), gain * np.sin(angle)
+    return waves_of(bins.time_s - bins.middle_s, bins.each, bins.step_s, frequency_hz)
 
 
 def _columns(bins: _Bins, wave: _Wave) -> Floats:
@@ -221,28 +244,28 @@ def _bend(bins: _Bins, wave: _Wave) -> tuple[Floats, float]:
 
 
 def _with_one_more(
-    bins: _Bins, waves: list[_Wave], scaled: Floats, polynomials: Floats, weighing: Weighing
+    bins: _Bins, sight: Sight, waves: list[_Wave], polynomials: Floats, weighing: Weighing
 ) -> tuple[list[_Wave], Weighing] | None:
     """Return the waves with one more, and the floors weighed anew; None where none is worth its three numbers.
 
-    A line is looked for above the likeliest floor, then above white noise alone: a strong one has been taken for floor.
+    A line is looked for above the likeliest floor, then above one that nowhere rises towards higher frequencies: a
+    strong one has been taken for floor.
     """
     design = _design(bins, waves, polynomials)
-    before = likelihood(weighing, scaled, design)
-    for above in (weighing, replace(weighing, parts=((1.0, 0, 0.0),))):
-        found = _strongest(bins, above, scaled, design)
+    calm = np.concatenate([np.minimum.accumulate(weighing.best[:-1]), weighing.best[-1:]])
+    for at in (weighing.best, calm):
+        found = _strongest(bins, sight, at, design)
         if found is None:
             continue
-        tried, weighed = [*waves, found], above
-        for _ in range(2):
-            tried, weighed = _refined(bins, tried, scaled, polynomials, weighed)
-        worth = likelihood(weighed, scaled, _design(bins, tried, polynomials)) - before
-        if worth > LINE_WORTH and _is_steady(bins, tried, scaled, polynomials, weighed):
+        tried = _refined(bins, sight, [*waves, found], polynomials, at)
+        weighed = sight.weigh(_design(bins, tried, polynomials), at)
+        if weighed.worth - weighing.worth > LINE_WORTH and _is_steady(bins, sight, tried, polynomials, weighed.best):
+            tried = _refined(bins, sight, tried, polynomials, weighed.best)
             return tried, weighed
     return None
 
 
-def _is_steady(bins: _Bins, waves: list[_Wave], scaled: Floats, polynomials: Floats, weighing: Weighing) -> bool:
+def _is_steady(bins: _Bins, sight: Sight, waves: list[_Wave], polynomials: Floats, at: Floats) -> bool:
     """Tell whether the last wave runs through both flights alike, and stands apart from the others.
 
     What rings in one flight alone was struck by the impact: it is the block's or the plate's, and not to be taken off.
@@ -254,7 +277,7 @@ def _is_steady(bins: _Bins, waves: list[_Wave], scaled: Floats, polynomials: Flo
         return True
     design = _design(bins, waves, polynomials)
     apart = np.where(bins.into, 1.0, 0.0)[:, None] * _columns(bins, last)[:, :2]
-    without, within = likelihood(weighing, scaled, design), likelihood(weighing, scaled, np.hstack([design, apart]))
+    without, within = sight.likelihood(at, design), sight.likelihood(at, np.hstack([design, apart]))
     return 2.0 * (within - without) < STEADY
 
 
@@ -262,14 +285,14 @@ def _design(bins: _Bins, waves: list[_Wave], polynomials: Floats) -> Floats:
     return np.column_stack([polynomials, *(_columns(bins, wave) for wave in waves)])
 
 
-def _strongest(bins: _Bins, weighing: Weighing, scaled: Floats, design: Floats) -> _Wave | None:
-    """Return the sine that explains most beside the design under the likeliest floor, None where it is nothing."""
+def _strongest(bins: _Bins, sight: Sight, at: Floats, design: Floats) -> _Wave | None:
+    """Return the sine that explains most beside the design above a floor, None where it is nothing."""
     shorter = min(float(np.ptp(bins.time_s[side])) for side in (bins.into, ~bins.into) if side.any())
     lowest, highest = LOWEST_LINES / max(shorter, 1e-12), 0.45 / (bins.each * bins.step_s)
     if highest <= lowest:
         return None
     frequency = np.arange(lowest, highest, 0.2 * bins.resolution_hz)
-    factor = cho_factor(weighing.total(0), lower=True, check_finite=False)
+    factor = sight.factor(at)
     design = design / np.abs(design).max(axis=0)
     across = cho_solve(factor, design, check_finite=False)
     inner = np.linalg.inv(design.T @ across)
@@ -278,7 +301,7 @@ def _strongest(bins: _Bins, weighing: Weighing, scaled: Floats, design: Floats) 
     def project(columns: Floats) -> Floats:
         return np.asarray(cho_solve(factor, columns, check_finite=False) - across @ (inner @ (across.T @ columns)))
 
-    rest = project(scaled)
+    rest = project(sight.value_m / sight.white_m)
     pc, ps = project(cosine), project(sine)
     cc, ss, cs = (cosine * pc).sum(axis=0), (sine * ps).sum(axis=0), (cosine * ps).sum(axis=0)
     c, s = cosine.T @ rest, sine.T @ rest
@@ -294,21 +317,19 @@ def _strongest(bins: _Bins, weighing: Weighing, scaled: Floats, design: Floats) 
     return _Wave(float(frequency[best]), float(a) * bins.std_m, float(b) * bins.std_m)
 
 
-def _refined(
-    bins: _Bins, waves: list[_Wave], scaled: Floats, polynomials: Floats, weighing: Weighing
-) -> tuple[list[_Wave], Weighing]:
-    """Return all waves fitted together with their frequencies (Gauss-Newton), and the floors weighed anew."""
-    likeliest = replace(weighing, parts=((1.0, *weighing.parts[0][1:]),))
+def _refined(bins: _Bins, sight: Sight, waves: list[_Wave], polynomials: Floats, at: Floats) -> list[_Wave]:
+    """Return all waves fitted together with their frequencies above one floor (Gauss-Newton)."""
+    known = Weighing(((1.0, at),), at, 0.0)
     most = 0.2 * bins.resolution_hz
     for _ in range(REFINEMENTS):
-        solution, _ = solve(likeliest, scaled, _design(bins, waves, polynomials))
+        solution, _ = sight.solve(known, _design(bins, waves, polynomials))
         moved = []
         for k, wave in enumerate(waves):
-            cosine, sine, bend = solution[polynomials.shape[1] + 3 * k :][:3] * bins.std_m
+            cosine, sine, bend = solution[polynomials.shape[1] + 3 * k :][:3]
             shift = float(np.clip(bend / _bend(bins, wave)[1], -most, most))
             moved.append(_Wave(wave.frequency_hz + shift, float(cosine), float(sine)))
         waves = moved
-    return waves, weigh(weighing.shapes, bins.time_s, scaled, _design(bins, waves, polynomials))
+    return waves
 
 
 def _flights(
@@ -326,6 +347,12 @@ def _flights(
         made.append(Flight(zero, solution[part], covariance[part, part], white_m, *ends))
         place += size
     return made[0], made[1] if len(made) > 1 else None
+
+
+def _wave(bins: _Bins, line: VibrationLine) -> _Wave:
+    turn = line.phase_rad + 2 * np.pi * line.frequency_hz.value * bins.middle_s
+    size = line.amplitude_m.value
+    return _Wave(line.frequency_hz.value, float(size * np.sin(turn)), float(size * np.cos(turn)))
 
 
 def _line(wave: _Wave, covariance: Floats, bend_size: float, middle_s: float) -> VibrationLine:

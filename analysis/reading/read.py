@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.disturbance import Disturbance
+from analysis.disturbance import Disturbance, VibrationLine
 from analysis.doubts import doubts_of_reading
 from analysis.impact import Impact, KineticCor
 from analysis.motion import Motion
@@ -22,7 +22,9 @@ RELEASE_GUARD = 0.05  # of the contact
 SWAY_SHARE = 0.025  # ... beyond the line, over which a floor is not followed
 RELEASE_CLEAR = 0.015  # ... and once the release is known
 EDGE_REACH = 0.4  # of the contact, into which its force is followed from its edge at most
-VIBRATION_M = 1e-9  # rms of lines and floor: above what a quiet laboratory's table does
+SWAYS_M = 1e-9  # rms of a floor that hides the end of a contact
+FLOOR_TIMES = 1.4  # white noise: half of the variance is the floor's
+MATTERS = 4e-6  # of a velocity: what a quiet laboratory's table does is below it
 AGREEMENT_SIGMAS = 3.0  # quasi-static COR and impulse ratio must agree within this
 
 
@@ -39,7 +41,7 @@ def read_impact(motion: Motion) -> Impact:
     quiet = _flights(motion, span, touch, release)
     if quiet is not None and quiet.lines:  # edges are read anew without the lines, and the flights up to them
         touch, release = _edges(without_lines(motion, quiet.lines), span)
-        quiet = _flights(motion, span, touch, release)
+        quiet = _flights(motion, span, touch, release, quiet.lines)
     if quiet is None:
         raise NoImpact("no free flight before the contact: the record starts too late")
     motion = without_lines(motion, quiet.lines)
@@ -47,7 +49,7 @@ def read_impact(motion: Motion) -> Impact:
     v_in = _velocity(flight_in, touch, "before the touch")
     if v_in.value >= 0.0:
         raise NoImpact("the block does not move towards the plate before the contact")
-    if release is not None and _shakes(quiet):
+    if release is not None and quiet.floor.rms_m > max(SWAYS_M, quiet.floor.white_std_m):
         release = _swayed(release, span, quiet, v_in.value, motion)
     if flight_out is None or release is None:
         return _unfinished(touch, v_in, "no_release", "the record ends within the contact")
@@ -123,7 +125,9 @@ def _edges(motion: Motion, span: Span) -> tuple[Edge, Edge | None]:
     return touch, release or _coarse(motion, span.last)
 
 
-def _flights(motion: Motion, span: Span, touch: Edge, release: Edge | None) -> Quiet | None:
+def _flights(
+    motion: Motion, span: Span, touch: Edge, release: Edge | None, lines: tuple[VibrationLine, ...] | None = None
+) -> Quiet | None:
     """Read the flights up to the edges, as far as nothing else happens and no farther than drifts allow."""
     longest = max(round(LONGEST_FLIGHT_S * motion.sample_rate_hz), FEWEST_SAMPLES)
     guard = 1 + round(2.0 * touch.std_s * motion.sample_rate_hz)
@@ -137,7 +141,7 @@ def _flights(motion: Motion, span: Span, touch: Edge, release: Edge | None) -> Q
         first = int(np.searchsorted(motion.time_s, release.time_s)) + guard
         out = (first, min(span.flight_last, first + longest))
         out = out if out[1] - out[0] >= 3 else None
-    return read_flights(motion, into, out)
+    return read_flights(motion, into, out, lines)
 
 
 def _flags(span: Span, quiet: Quiet, motion: Motion) -> list[str]:
@@ -157,7 +161,17 @@ def _flags(span: Span, quiet: Quiet, motion: Motion) -> list[str]:
 
 
 def _shakes(quiet: Quiet) -> bool:
-    return bool(quiet.lines) or quiet.floor.rms_m > max(VIBRATION_M, quiet.floor.white_std_m)
+    """Tell whether what shakes the path matters to a velocity: by what was taken off, or by what could not be."""
+    for flight, plain in zip((quiet.incoming, quiet.outgoing), quiet.plain, strict=True):
+        if flight is None:
+            continue
+        value, std = flight.velocity(flight.time_zero_s)
+        least = MATTERS * abs(value)
+        if any(2 * np.pi * line.frequency_hz.value * line.amplitude_m.value > least for line in quiet.lines):
+            return True
+        if std > max(least, FLOOR_TIMES * plain):
+            return True
+    return False
 
 
 def _swayed(release: Edge, span: Span, quiet: Quiet, velocity_in: float, motion: Motion) -> Edge:

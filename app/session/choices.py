@@ -1,5 +1,6 @@
 """The settings in use and the file they are kept in; read by the rig's threads, changed by the window."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -12,6 +13,7 @@ from app.session.settings import MOST_ADDRESSES, WrongSettings
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import Digitizer
 
+MOST_RECENT = 12
 RIG = (  # what belongs together when it is put right
     ("moving_mass_kg", "moving_mass_u_kg"),
     ("wavelength_vacuum_m", "wavelength_air_m", *AIR),
@@ -46,6 +48,24 @@ class Choices:
         """Offer this oscilloscope in the network from now on."""
         known = (source, *(other for other in self.settings.network_sources if other != source))
         self.change({"network": " ".join(known[:MOST_ADDRESSES])})
+
+    @property
+    def recent(self) -> list[Path]:
+        """Get what was opened lately, newest first."""
+        return [Path(line) for line in self.settings.recent.splitlines() if line]
+
+    def remember_recent(self, paths: Sequence[Path]) -> None:
+        """Offer these to be opened again."""
+        newest = [str(path.absolute()) for path in paths[:MOST_RECENT]]
+        older = [str(path) for path in self.recent if str(path) not in newest]
+        kept = [line for line in (*newest, *older) if "\n" not in line]
+        self.change({"recent": "\n".join(kept[:MOST_RECENT])})
+
+    @property
+    def start_folder(self) -> Path:
+        """Get where questions for files begin: where shots are saved, once that is there."""
+        folder = self.settings.data_folder
+        return folder if folder.is_dir() else Path.home()
 
     def analysis(self) -> AnalysisSettings:
         """Return what concerns the analysis."""

@@ -67,6 +67,14 @@ class SavedElsewhere:
 
 
 @dataclass(frozen=True, slots=True)
+class InSession:
+    """What came of work on the shots of one session, ``turn`` sessions after the first."""
+
+    turn: int
+    result: object
+
+
+@dataclass(frozen=True, slots=True)
 class Reopened:
     """What was kept of a session's shots: (number, shot, version) each; ``missing`` are to be analysed."""
 

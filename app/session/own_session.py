@@ -1,13 +1,55 @@
 """Which file a window keeps its session in: two windows open at once never write the same."""
 
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
 
-from app.session.session import Session
+from app.session.session import SCHEMA, Session
 from instrument.folder_lock import FolderHeld, FolderLock
 from instrument.recording_error import RecordingError
 
 MOST_WINDOWS = 20
+
+
+def named_session(path: Path) -> Session:
+    """Return the session kept in ``path``.  Raises RecordingError where another window has it, or it is none."""
+    give_free = held(path)
+    if not is_session(path):  # it must not be put aside as a spoilt one
+        give_free()
+        raise RecordingError(path, "no such file" if not path.exists() else "this is no session of Levimass")
+    session = Session.reopen(path)
+    session.give_free = give_free
+    return session
+
+
+def is_session(path: Path) -> bool:
+    """Return whether a file is a session, by how it begins."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            return path.suffix == ".json" and SCHEMA in file.read(200)
+    except OSError:
+        return False
+
+
+def held(path: Path) -> Callable[[], None]:
+    """Hold the file of a session for this window; return what gives it free.  Raises RecordingError."""
+    try:
+        return FolderLock(path.parent, f".{path.name}.lock").release
+    except FolderHeld:
+        raise RecordingError(path, "another window has this session open") from None
+
+
+def last_session(name: str, folder: Path) -> Session:
+    """Return the session of this name, where it can be had; else the one without a name, in ``folder``."""
+    if name:
+        try:
+            session = named_session(Path(name))
+        except RecordingError as error:
+            session = own_session(folder)
+            session.problem = session.problem or f"{error}: the session without a name is open"
+            return session
+        return session
+    return own_session(folder)
 
 
 def own_session(folder: Path) -> Session:

@@ -176,6 +176,24 @@ class Session:
             self.problem = problem
             self.revision += 1  # whoever looks tells it
 
+    def become(self, other: "Session") -> None:
+        """Go on as another session, in its own file; what stood here is on disk first."""
+        if self._path is not None:
+            self._write(self._path, self._entries, self._effects)
+        self.give_free()
+        self._path, self._entries, self._effects = other._path, other._entries, other._effects
+        self.give_free, self.problem = other.give_free, other.problem
+        self._undo, self._next = [], 0
+        self.revision += 1
+
+    def move_to(self, path: Path, give_free: Callable[[], None]) -> None:
+        """Keep the session in another file from now on; the one before stays as it is."""
+        if self._path is not None:
+            self._write(self._path, self._entries, self._effects)
+        self.give_free()
+        self._path, self.give_free = path, give_free
+        self._set(self._entries)
+
     @classmethod
     def reopen(cls, path: Path) -> "Session":
         """Return the session kept at ``path``, its shots not read yet; an unreadable file is set aside, not lost."""

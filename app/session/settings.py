@@ -53,6 +53,9 @@ class Settings:
     site: str = USUAL_SITE  # of the simulated bench
     network: str = ""  # oscilloscopes in the network that answered, newest first, blanks between them
     tour_done: bool = False
+    session: str = ""  # the named one that is open
+    recent: str = ""  # recordings and sessions opened lately, newest first, a line each
+    window: str = ""  # how it was left: ``app.window.window_state``
 
     def __post_init__(self) -> None:
         air = (self.temperature_c, self.pressure_pa, self.humidity_percent)
@@ -66,7 +69,7 @@ class Settings:
             raise WrongSettings("the part before the trigger must be shorter than the shot")
         if not isinstance(self.tour_done, bool):
             raise WrongSettings(f"tour_done: {shown(self.tour_done)} is neither true nor false")
-        for key in ("source", "network"):
+        for key in ("source", "network", "session", "recent", "window"):
             if not isinstance(getattr(self, key), str):
                 raise WrongSettings(f"{key}: {shown(getattr(self, key))} is not a text")
         for field in FIELDS:

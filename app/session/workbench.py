@@ -16,10 +16,11 @@ from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Diagnosis
 from analysis.shot import AnalysisSettings, Shot
 from app.session.cut_off import cut_off
-from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Reopened, SavedElsewhere
+from app.session.event import Diagnosed, Event, Filled, InSession, Kind, Loaded, Opened, Reopened, SavedElsewhere
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.load import unanalysed
 from app.session.model_in_use import load_model, model_words
+from app.session.own_session import held, named_session, own_session
 from app.session.put_to_test import put_to_test
 from app.session.results import Key, Results
 from app.session.saver import Saver
@@ -28,7 +29,7 @@ from app.session.settings import correction_words
 from app.session.shot_work import open_shot, refit_shot, report_text, write_csv, write_model, write_report
 from app.words.verdict import verdict_words
 from instrument.apart.work import WorkApart
-from instrument.recording_error import PartlySaved
+from instrument.recording_error import PartlySaved, RecordingError
 from instrument.recording_file import find_recordings, rewrite_note
 
 AT_ONCE = 10  # kept results are read and shown
@@ -61,6 +62,8 @@ class Workbench:
         self._paths_ahead: dict[str, str] = {}  # of shots saved elsewhere before they were analysed, by name
         self.known: SavedModel | None = None  # the model file in use
         self._results = results
+        self._turn = 0  # how many sessions were before this one: what was asked in those is not of this
+        self._usual = session.path.parent if session.path is not None else None
         self.diagnoses: list[Diagnosed] = []  # the newest last
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
@@ -89,6 +92,45 @@ class Workbench:
         self.session.give_free()
         return ended
 
+    # sessions ---------------------------------------------------------------------------------------------------
+
+    def open_session(self, path: Path) -> str | None:
+        """Go on with the session kept in a file; return why not, or None."""
+        if self.session.path is not None and path.absolute() == self.session.path.absolute():
+            return None
+        try:
+            other = named_session(path)
+        except RecordingError as error:
+            return str(error)
+        self._go_on(other)
+        return other.problem
+
+    def usual_session(self) -> str | None:
+        """Go on with the session that has no name; return why not, or None."""
+        if self._usual is None:
+            return "this window keeps no session"
+        self._go_on(own_session(self._usual))
+        return self.session.problem
+
+    def save_session(self, path: Path) -> str | None:
+        """Keep the session in another file from now on; return why not, or None."""
+        if path.absolute() == (self.session.path or Path()).absolute():
+            return None
+        try:
+            self.session.move_to(path, held(path))
+        except RecordingError as error:
+            return str(error)
+        return self.session.problem
+
+    def _go_on(self, other: Session) -> None:
+        for kind in ("open", "refit", "diagnosis", "kept"):
+            self.jobs.cancel(kind)
+            self.errands.cancel(kind)
+        self._turn += 1
+        self.diagnoses = []
+        self.session.become(other)
+        self.read_unread()
+
     # what is asked for ------------------------------------------------------------------------------------------
 
     def open_paths(self, paths: Sequence[Path]) -> int:
@@ -109,8 +151,10 @@ class Workbench:
         keys = {entry.number: self._key(entry) for entry in unread}
         for start in range(0, len(unread), AT_ONCE):  # the last first: the session opens there
             some = unread[::-1][start : start + AT_ONCE]
-            self.errands.submit("kept results", partial(_reopened, results, [e.number for e in some], keys), "kept")
-        self.errands.submit("kept diagnoses", partial(_diagnoses, results, keys), "kept")
+            self._submit(
+                self.errands, "kept results", partial(_reopened, results, [e.number for e in some], keys), "kept"
+            )
+        self._submit(self.errands, "kept diagnoses", partial(_diagnoses, results, keys), "kept")
 
     def _key(self, entry: Entry) -> Key:
         """Return what an entry's result is kept under."""
@@ -225,7 +269,7 @@ class Workbench:
         def work(report: Report, cancelled: Asked) -> Diagnosed:
             return Diagnosed(self._do(judging, report, cancelled), ids)
 
-        self.jobs.submit("diagnosis", work, "diagnosis")
+        self._submit(self.jobs, "diagnosis", work, "diagnosis")
         return None
 
     def set_note(self, number: int, note: str) -> None:
@@ -324,6 +368,10 @@ class Workbench:
 
     def _take(self, job: Job) -> None:
         result = job.result
+        if isinstance(result, InSession):
+            if result.turn != self._turn:
+                return
+            result = result.result
         if isinstance(result, Event):
             self._waiting.append(result)
         elif isinstance(result, Diagnosed):
@@ -386,6 +434,11 @@ class Workbench:
             return self._apart.run(work, report, cancelled)
         return work(progress=report, cancelled=cancelled)
 
+    def _submit(self, jobs: Jobs, name: str, work: Callable[[Report, Asked], object], kind: str) -> None:
+        """Queue work on the shots of the session now open: once another is, its result concerns nobody."""
+        turn = self._turn
+        jobs.submit(name, lambda report, cancelled: InSession(turn, work(report, cancelled)), kind)
+
     def _submit_export(self, name: str, write: Callable[..., str]) -> None:
         def work(report: Report, cancelled: Asked) -> Event:
             return Event(Kind.EXPORTED, self._do(write, report, cancelled))
@@ -398,7 +451,7 @@ class Workbench:
         def work(report: Report, cancelled: Asked) -> Opened:
             return Opened(self._do(opening, report, cancelled), copy_of)
 
-        self.jobs.submit(f"{path.name}", work, "open")
+        self._submit(self.jobs, path.name, work, "open")
 
     def _submit_fill(self, entry: Entry) -> None:
         number, effects = entry.number, self.session.effects
@@ -407,7 +460,7 @@ class Workbench:
         def work(report: Report, cancelled: Asked) -> Filled:
             return Filled(((number, self._do(opening, report, cancelled)),))
 
-        self.jobs.submit(entry.name, work, "open")
+        self._submit(self.jobs, entry.name, work, "open")
 
     def _submit_refit(self, entries: Sequence[Entry]) -> None:
         wanted = self.session.effects
@@ -423,7 +476,7 @@ class Workbench:
                 done.append((entry.number, self._do(partial(refit_shot, shot, effects), report, cancelled)))
             return Filled(tuple(done))
 
-        self.jobs.submit("fit with the new model", work, "refit")
+        self._submit(self.jobs, "fit with the new model", work, "refit")
 
 
 def _reopened(

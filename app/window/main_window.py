@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from analysis.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.log import ProgramLog, note
-from app.session.own_session import own_session
+from app.session.own_session import last_session
 from app.session.prepare import run_once
 from app.session.results import Results
 from app.session.rig import Open, Rig
@@ -21,9 +21,10 @@ from app.session.saver import Saver
 from app.session.session import Entry
 from app.session.warm import Kernels
 from app.session.workbench import Workbench
-from app.window import menus
+from app.window import menus, window_state
 from app.window.layout import Layout
 from app.window.presenters.diagnosis import DiagnosisPresenter
+from app.window.presenters.files import FilesPresenter
 from app.window.presenters.help import HelpPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.model import ModelPresenter
@@ -59,7 +60,7 @@ class MainWindow(QMainWindow):
         log: ProgramLog,
     ) -> None:
         super().__init__()
-        self.log = log
+        self.log, self._choices = log, choices
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
         self.rig, self.workbench, self.theme = rig, workbench, theme
@@ -68,9 +69,11 @@ class MainWindow(QMainWindow):
         self.setCentralWidget(self.panels)
         self.rig_presenter = RigPresenter(rig, choices, self.panels, self)
         self.selection_presenter = SelectionPresenter(workbench, self.panels, self)
-        self.session_presenter = SessionPresenter(workbench, self.panels, self.selection_presenter, self)
+        self.session_presenter = SessionPresenter(workbench, choices, self.panels, self.selection_presenter, self)
         self.diagnosis_presenter = DiagnosisPresenter(workbench, self.panels, self)
-        self.view_presenter = ViewPresenter(self.panels, self)
+        self.view_presenter = ViewPresenter(self.panels, lambda: choices.start_folder, self)
+        self.files_presenter = FilesPresenter(workbench, choices, self.panels, self)
+        self.files_presenter.recordings_wanted.connect(self.session_presenter.open_paths)
         self.setup_presenter = SetupPresenter(rig, choices, workbench.errands, self.panels, self)
         self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
         self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
@@ -85,6 +88,7 @@ class MainWindow(QMainWindow):
             self.session_presenter,
             self.view_presenter,
             self.model_presenter,
+            self.files_presenter,
             self.help_presenter,
         ):
             presenter.said.connect(self.say)
@@ -99,11 +103,12 @@ class MainWindow(QMainWindow):
             self.diagnosis_presenter,
             self.view_presenter,
             self.model_presenter,
+            self.files_presenter,
             self.setup_presenter,
             self.tour_presenter,
             self.help_presenter,
         )
-        self.actions_by_name = menus.bind(self, (*presenters, self))
+        self.actions_by_name = menus.bind(self, (*presenters, self), {"recent": self.files_presenter.recent})
         if workbench.session.problem:
             self.say(workbench.session.problem, Tone.WARNING)
         for words in choices.warnings:
@@ -195,6 +200,7 @@ class MainWindow(QMainWindow):
             event.ignore()
             return
         self._timer.stop()
+        self._choices.change({"window": window_state.taken(self, self.panels)})
         self.workbench.close()
         self.rig.close()
         event.accept()
@@ -222,7 +228,7 @@ def open_window(
     def opened(source: str) -> Digitizer:
         return open_apart(at_site(source, site or choices.settings.site))
 
-    session = own_session(folder)
+    session = last_session(choices.settings.session, folder)
 
     def analysis() -> AnalysisSettings:
         settings = choices.analysis()
@@ -241,6 +247,7 @@ def open_window(
     theme.setParent(window)
     room = window.screen().availableSize()
     window.resize(min(1480, room.width()), min(920, room.height()))
+    window_state.restore(window, window.panels, choices.settings.window)
     return window
 
 

@@ -1,14 +1,21 @@
 """Menus and keys made from the table of commands; Enter presses the button in focus (space is ARM, everywhere)."""
 
+from collections.abc import Mapping
+
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
-from PySide6.QtWidgets import QAbstractButton, QMainWindow, QToolButton, QWidget
+from PySide6.QtWidgets import QAbstractButton, QMainWindow, QMenu, QToolButton, QWidget
 
 from app.window.commands import COMMANDS, MENUS
 
 
-def bind(window: QMainWindow, presenters: tuple[QObject, ...]) -> dict[str, QAction]:
-    """Make the menus; return each action by its method's name, which the first presenter that has it carries out."""
+def bind(
+    window: QMainWindow, presenters: tuple[QObject, ...], below: Mapping[str, QMenu] | None = None
+) -> dict[str, QAction]:
+    """Make the menus; return each action by its method's name, which the first presenter that has it carries out.
+
+    ``below`` are the menus that open from one of them, by their name in the table.
+    """
     bar = window.menuBar()
     more = bar.findChild(QToolButton, "qt_menubar_ext_button")  # Qt's own, where the bar is too narrow
     if more is not None:
@@ -17,6 +24,9 @@ def bind(window: QMainWindow, presenters: tuple[QObject, ...]) -> dict[str, QAct
     menus = {name: bar.addMenu(f"&{name}") for name in MENUS}
     actions: dict[str, QAction] = {}
     for command in COMMANDS:
+        if command.action in (below or {}):
+            menus[command.menu].addMenu((below or {})[command.action])
+            continue
         action = QAction(command.words, window)
         action.setShortcuts([QKeySequence(key) for key in command.keys])
         action.setShortcutContext(Qt.ShortcutContext.WindowShortcut)

@@ -13,6 +13,7 @@ from pytestqt.qtbot import QtBot
 
 from analysis.recording import Channel, Recording, Role, Setup
 from analysis.shot import AnalysisSettings
+from app.session.choices import Choices
 from app.session.cut_off import cut_off
 from app.session.log import NAME, ProgramLog, note
 from app.session.session import Session
@@ -105,7 +106,7 @@ def away(qtbot: QtBot, tmp_path: Path) -> Iterator[tuple[Workbench, Layout, Sess
     qtbot.addWidget(panels)
     workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
     selection = SelectionPresenter(workbench, panels, panels)
-    yield workbench, panels, SessionPresenter(workbench, panels, selection, panels)
+    yield workbench, panels, SessionPresenter(workbench, Choices(tmp_path / "settings.json"), panels, selection, panels)
     workbench.close()
 
 

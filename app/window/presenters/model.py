@@ -35,7 +35,11 @@ class ModelPresenter(QObject):
         self._workbench, self._choices, self._panels, self._front = workbench, choices, panels, front
         self._shown: tuple[SavedModel | None, Fit | None] = (None, None)
         self._taken: SavedModel | None = None
-        self._folder = Path.home()
+        self._chosen: Path | None = None
+
+    @property
+    def _folder(self) -> Path:
+        return self._chosen or self._choices.start_folder
 
     def refresh(self) -> None:
         """Say how the shot in front agrees with the model file, where one is in use."""
@@ -73,7 +77,7 @@ class ModelPresenter(QObject):
         ask(self._panels, "Save the model", Want.NEW_FILE, self._save_asked, self._folder / "model.toml", KINDS)
 
     def _save_asked(self, paths: list[Path]) -> None:
-        self._folder = paths[0].parent
+        self._chosen = paths[0].parent
         self._workbench.save_model(self._panels.table.numbers, paths[0])
 
     @Slot()
@@ -87,9 +91,9 @@ class ModelPresenter(QObject):
         ask(self._panels, "Put a model to the test", Want.FILE, self._foretell_asked, self._folder, KINDS)
 
     def _foretell_asked(self, paths: list[Path]) -> None:
-        self._folder = paths[0].parent
+        self._chosen = paths[0].parent
         self._workbench.foretell(self._panels.table.numbers, paths[0])
 
     def _load_asked(self, paths: list[Path]) -> None:
-        self._folder = paths[0].parent
+        self._chosen = paths[0].parent
         self._workbench.load_model(paths[0])

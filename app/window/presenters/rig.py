@@ -138,7 +138,8 @@ class RigPresenter(QObject):
         """Open another source; for a recording, ask which."""
         if name == "replay:":
             self._offer_sources()
-            ask(self._panels, "Recording to play back", Want.FILE, self._replay_asked, Path.home(), RECORDINGS)
+            start = self._choices.start_folder
+            ask(self._panels, "Recording to play back", Want.FILE, self._replay_asked, start, RECORDINGS)
             return
         if name != self._rig.source:
             self._rig.open(name)

@@ -8,6 +8,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
 from app.report.pdf import document_of
+from app.session.choices import Choices
 from app.session.event import Event, Kind
 from app.session.workbench import Workbench
 from app.window.file_question import Want, ask
@@ -35,12 +36,20 @@ class SessionPresenter(QObject):
     arrived = Signal(object)
     mapping_wanted = Signal(object)  # paths of files whose channels are not known yet
 
-    def __init__(self, workbench: Workbench, panels: Layout, selection: SelectionPresenter, parent: QObject) -> None:
+    def __init__(
+        self,
+        workbench: Workbench,
+        choices: Choices,
+        panels: Layout,
+        selection: SelectionPresenter,
+        parent: QObject,
+    ) -> None:
         super().__init__(parent)
         self._workbench, self._panels, self._selection = workbench, panels, selection
         self._seen = -1
         self._choose_next = False  # whether the next shot that was opened comes to the front
-        self._folder = Path.home()
+        self._choices = choices
+        self._chosen: Path | None = None  # the folder of the last question
         self.rig_doing: str | None = None  # what the rig's own analysis is at, for the line of work
         self.rig_share: float | None = None
         table = panels.table
@@ -107,6 +116,10 @@ class SessionPresenter(QObject):
         if tabs.currentIndex() == Layout.LIVE and not stay:  # whoever reads another page is not torn from it
             tabs.setCurrentIndex(Layout.SHOT)
 
+    @property
+    def _folder(self) -> Path:
+        return self._chosen or self._choices.start_folder
+
     # what is pressed --------------------------------------------------------------------------------------------
 
     @Slot()
@@ -117,7 +130,8 @@ class SessionPresenter(QObject):
     def open_paths(self, paths: list[Path]) -> None:
         """Open recordings and folders of recordings."""
         if paths:
-            self._folder = paths[0].parent
+            self._chosen = paths[0].parent
+            self._choices.remember_recent(paths)
             for path in [path for path in paths if path.is_file() and not path.name.lower().endswith(ENDINGS)]:
                 self.said.emit(f"{path.name} is no recording: {', '.join(ENDINGS)} are", Tone.BAD)
                 paths = [other for other in paths if other != path]
@@ -141,7 +155,7 @@ class SessionPresenter(QObject):
 
     def export_to(self, folder: Path) -> None:
         """Export the selected shots, or all, to a folder."""
-        self._folder = folder
+        self._chosen = folder
         self._workbench.export(self._panels.table.numbers, folder)
 
     @Slot(list)
@@ -155,7 +169,7 @@ class SessionPresenter(QObject):
         ask(self._panels, "Save the report", Want.NEW_FILE, self._report_asked, start, "HTML (*.html);;PDF (*.pdf)")
 
     def _report_asked(self, paths: list[Path]) -> None:
-        self._folder = paths[0].parent
+        self._chosen = paths[0].parent
         self._workbench.report(self._panels.table.numbers, paths[0])
 
     @Slot()

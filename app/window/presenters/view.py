@@ -1,5 +1,6 @@
 """Pages, views, cursors, sheets, and plots saved as files."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
@@ -19,10 +20,11 @@ class ViewPresenter(QObject):
 
     said = Signal(str, Tone)
 
-    def __init__(self, panels: Layout, parent: QObject) -> None:
+    def __init__(self, panels: Layout, start: Callable[[], Path], parent: QObject) -> None:
         super().__init__(parent)
         self._panels = panels
-        self._folder = Path.home()
+        self._start = start  # where questions for files begin
+        self._folder: Path | None = None
         self._asked: PlotView | None = None
         p = panels
         for plot in panels.findChildren(PlotView):
@@ -167,7 +169,7 @@ class ViewPresenter(QObject):
 
     @Slot(object, str)
     def _ask_and_save(self, plot: PlotView, kind: str) -> None:
-        start, kinds = self._folder / f"plot.{kind}", f"{kind.upper()} (*.{kind})"
+        start, kinds = (self._folder or self._start()) / f"plot.{kind}", f"{kind.upper()} (*.{kind})"
         self._asked = plot
         ask(self._panels, f"Save the plot as {kind.upper()}", Want.NEW_FILE, self._save_asked, start, kinds)
 

@@ -39,6 +39,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("Shots", "Write a note on the shot", "edit_note", ("N",), True),
     Command("Shots", "Re-analyse as copies with the present settings", "reanalyse_selected", ("Ctrl+R",)),
     Command("Shots", "Copy the selected lines as a table", "copy_shots", ("Ctrl+C",)),
+    Command("Shots", "Show only shots with some words", "filter_shots", ("Ctrl+F",)),
+    Command("Shots", "Choose the columns …", "choose_columns", ("Ctrl+Shift+F",)),
     Command("Shots", "Take the selected shots off the list", "remove_selected", ("Del",), True),
     Command("Shots", "Undo the last note, removal or change of the model", "undo", ("Ctrl+Z",)),
     Command("View", "LIVE", "show_live", ("Ctrl+1",)),

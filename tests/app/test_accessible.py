@@ -138,7 +138,16 @@ def test_keys_work_wherever_the_focus_is_but_never_steal_what_is_typed(window, q
     window.panels.tabs.setCurrentIndex(page)
     qtbot.wait(20)
     tab_bar = window.panels.tabs.tabBar()
-    for widget in [*_reachable(window), tab_bar]:
+    fields = [w for w in _reachable(window) if isinstance(w, QLineEdit)]
+    for field in fields:  # what is typed there stays there; Enter gives the keyboard back
+        field.setFocus()
+        window.pressed.actions.clear()
+        qtbot.keyClicks(field, "tr 2")
+        assert field.text() == "tr 2" and window.pressed.actions == []
+        qtbot.keyClick(field, Qt.Key.Key_Return)
+        assert not field.hasFocus()
+        field.clear()
+    for widget in [*(w for w in _reachable(window) if w not in fields), tab_bar]:
         for command in COMMANDS:
             for key in command.keys:
                 (stroke,) = QKeySequence(key)

@@ -32,7 +32,7 @@ def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_pa
     workbench.open_paths = lambda paths: opened.extend(paths) or len(paths)  # type: ignore[method-assign,func-returns-value]
     try:
         presenter = MappingPresenter(workbench, choices, panels)
-        session = SessionPresenter(workbench, panels, SelectionPresenter(workbench, panels, panels), panels)
+        session = SessionPresenter(workbench, choices, panels, SelectionPresenter(workbench, panels, panels), panels)
         session.mapping_wanted.connect(presenter.ask)
         sheet = panels.mapping
         session.open_paths([path])

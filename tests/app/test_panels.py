@@ -208,6 +208,45 @@ def test_the_table_shows_shots_and_passes_notes_on(qtbot, shot):
     assert table.numbers == [1, 2]
 
 
+def test_the_table_sorts_filters_groups_and_hides_columns(qtbot):
+    session, table = Session(), SessionTable()
+    qtbot.addWidget(table)
+    for number, (name, speed) in enumerate((("paper-2", 0.3), ("steel-1", 0.1), ("paper-10", 0.2)), 1):
+        session.add(synthetic.shot(name, speed, number, count=9000))
+    session.set_verdict(2, "adequate")
+    table.show_session(session)
+    table.show()
+    table.select([1])
+    click = table.table.horizontalHeader().sectionClicked.emit
+    click(3)  # v in
+    assert table.shown == [1, 3, 2] and table.numbers == [1]
+    click(3)
+    assert table.shown == [2, 3, 1]
+    click(3)
+    assert table.shown == [1, 2, 3]
+    click(9)
+    assert table.shown[0] == 2  # what has no verdict stands last, both ways
+    click(9)
+    assert table.shown[0] == 2
+    click(9)
+    qtbot.keyClicks(table.filter, "paper")
+    assert table.shown == [1, 3] and table.numbers == [1]
+    table.select([2])  # what is to be seen is not kept back
+    assert table.numbers == [2] and table.filter.text() == ""
+    table.group.setCurrentIndex(table.group.findData("series"))
+    assert [row if isinstance(row, str) else row.number for row in table.model.rows] == [
+        "paper   (2)", 1, 3, "steel   (1)", 2,
+    ]  # fmt: skip
+    assert table.numbers == [2] and table.table.columnSpan(0, 0) > 5
+    session.add(synthetic.shot("steel-2", 0.25, 2, count=9000))
+    table.show_session(session)
+    assert table.numbers == [2] and table.shown == [1, 3, 2, 4]
+    table.show_column(3, False)
+    assert "v in" not in table.as_text().partition("\n")[0] and table.as_text().count("\n") == 2
+    table.select([])
+    assert table.as_text().count("\n") == 5
+
+
 def test_compare_overlays_and_shows_the_trend_against_speed(qtbot):
     session = Session()
     for index, speed in enumerate((0.2, 0.25, 0.3), 1):

@@ -3,9 +3,11 @@
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
+from PySide6.QtGui import QFont
 
-from analysis.quantity import NotSeen, Reading
+from analysis.quantity import NotSeen, Quantity, Reading
 from app.session.session import Entry
+from app.window.panels.session_order import Order, ordered
 from app.words.wording import DASH, concise_text, flag_words, how_text, value_text
 
 COLUMNS = (
@@ -45,6 +47,36 @@ def _reading(entry: Entry, column: int) -> Reading | None:
     }[column]
 
 
+def _sorted_by(entry: Entry, column: int) -> float | str | None:
+    """Return what a column sorts by: a number's value, a word as it is; None where there is nothing."""
+    shot = entry.shot
+    if 3 <= column <= 8:
+        reading = _reading(entry, column)
+        return reading.value if isinstance(reading, Quantity) else None
+    texts = {
+        1: (shot.started_at or "") if shot is not None else "",
+        2: entry.name,
+        9: entry.verdict,
+        10: ", ".join(shot.flags) if shot is not None else "",
+        NOTE: entry.note,
+    }
+    return float(entry.number) if column == 0 else texts[column]
+
+
+def _identity(row: Entry | str) -> int | str:
+    return row.number if isinstance(row, Entry) else row
+
+
+def _heading(words: str, column: int, role: int) -> Any:
+    if role == Qt.ItemDataRole.DisplayRole:
+        return words if column == 0 else ""
+    if role == Qt.ItemDataRole.FontRole:
+        font = QFont()
+        font.setBold(True)
+        return font
+    return None
+
+
 class SessionModel(QAbstractTableModel):
     """The session as Qt's views want it; editing a note goes through ``note_edited``."""
 
@@ -52,28 +84,48 @@ class SessionModel(QAbstractTableModel):
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self.entries: tuple[Entry, ...] = ()
+        self.entries: tuple[Entry, ...] = ()  # all, in the order in which they were taken
+        self.rows: tuple[Entry | str, ...] = ()  # as they stand, a heading before each group
+        self.order = Order()
 
     def show_entries(self, entries: tuple[Entry, ...]) -> None:
         """Show these; rows that only changed keep their place and selection."""
-        if [e.number for e in entries] == [e.number for e in self.entries]:
-            self.entries = entries
-            if entries:
-                self.dataChanged.emit(self.index(0, 0), self.index(len(entries) - 1, NOTE))
-            return
-        same = [e.number for e in entries[: len(self.entries)]] == [e.number for e in self.entries]
-        if same:
-            self.beginInsertRows(QModelIndex(), len(self.entries), len(entries) - 1)
-            self.entries = entries
-            self.endInsertRows()
-            return
-        self.beginResetModel()
         self.entries = entries
-        self.endResetModel()
+        self._arrange()
+
+    def arrange(self, order: Order) -> None:
+        """Show the entries in another order."""
+        self.order = order
+        self._arrange()
+
+    def _arrange(self) -> None:
+        before, rows = list(map(_identity, self.rows)), ordered(self.entries, self.order, _sorted_by, self._searched)
+        after = list(map(_identity, rows))
+        if after == before:
+            self.rows = rows
+            if rows:
+                self.dataChanged.emit(self.index(0, 0), self.index(len(rows) - 1, NOTE))
+        elif after[: len(before)] == before:
+            self.beginInsertRows(QModelIndex(), len(before), len(rows) - 1)
+            self.rows = rows
+            self.endInsertRows()
+        else:
+            self.beginResetModel()
+            self.rows = rows
+            self.endResetModel()
+
+    def entry_at(self, row: int) -> Entry | None:
+        """Return the entry in a row; a heading is none."""
+        found = self.rows[row] if row < len(self.rows) else None
+        return found if isinstance(found, Entry) else None
+
+    def _searched(self, entry: Entry) -> str:
+        flags = " ".join(flag_words(flag) for flag in entry.shot.flags) if entry.shot is not None else ""
+        return " ".join((*(self._text(entry, column) for column in (0, 1, 2, 9, 10, NOTE)), flags))
 
     def rowCount(self, parent: QModelIndex | None = None) -> int:
-        """Return the number of shots."""
-        return 0 if parent is not None and parent.isValid() else len(self.entries)
+        """Return the number of rows, headings of groups among them."""
+        return 0 if parent is not None and parent.isValid() else len(self.rows)
 
     def columnCount(self, parent: QModelIndex | None = None) -> int:
         """Return the number of columns."""
@@ -89,14 +141,17 @@ class SessionModel(QAbstractTableModel):
         return None
 
     def flags(self, index: QModelIndex) -> Qt.ItemFlag:
-        """Let notes be edited."""
+        """Let notes be edited; a heading is only read."""
+        if self.entry_at(index.row()) is None:
+            return Qt.ItemFlag.ItemIsEnabled
         flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
         return flags | Qt.ItemFlag.ItemIsEditable if index.column() == NOTE else flags
 
     def data(self, index: QModelIndex, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return what a cell says."""
-        entry = self.entries[index.row()]
-        column = index.column()
+        entry, column = self.rows[index.row()], index.column()
+        if isinstance(entry, str):
+            return _heading(entry, column, role)
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
             return self._text(entry, column)
         if role == Qt.ItemDataRole.ToolTipRole:
@@ -139,7 +194,7 @@ class SessionModel(QAbstractTableModel):
         """Pass an edited note on."""
         if role != Qt.ItemDataRole.EditRole or index.column() != NOTE:
             return False
-        entry = self.entries[index.row()]
-        if str(value) != entry.note:
+        entry = self.entry_at(index.row())
+        if entry is not None and str(value) != entry.note:
             self.note_edited.emit(entry.number, str(value))
         return True

@@ -1,5 +1,9 @@
 """The shots of the session: select one to see it, several to compare; notes are edited in place."""
 
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
 from PySide6.QtCore import (
     QItemSelection,
     QItemSelectionModel,
@@ -9,18 +13,22 @@ from PySide6.QtCore import (
 )
 from PySide6.QtWidgets import (
     QAbstractItemView,
+    QComboBox,
     QFrame,
     QHBoxLayout,
     QHeaderView,
     QLabel,
+    QLineEdit,
+    QMenu,
     QPushButton,
     QTableView,
     QVBoxLayout,
     QWidget,
 )
 
-from app.session.session import Session
+from app.session.session import Entry, Session
 from app.window.panels.session_model import COLUMNS, NOTE, SessionModel
+from app.window.panels.session_order import GROUPS, Order
 
 
 class SessionTable(QFrame):
@@ -70,6 +78,7 @@ class SessionTable(QFrame):
             button.clicked.connect(slot)
             bar.addWidget(button)
             self._buttons.append(button)
+        self._add_order(bar)
         column.addLayout(bar)
         self.model = SessionModel(self)
         self.model.note_edited.connect(self._note)
@@ -96,9 +105,97 @@ class SessionTable(QFrame):
         for index, (_, letters) in enumerate(COLUMNS):
             self.table.setColumnWidth(index, int(letter * letters))
         header.setStretchLastSection(True)
+        header.setSectionsClickable(True)
+        header.sectionClicked.connect(self._sort_by)
+        header.setToolTip("Click: sort by this column; again: the other way; once more: as they were taken")
         column.addWidget(self.table, 1)
         self.table.selectionModel().selectionChanged.connect(self._changed)
         self._enable()
+
+    def _add_order(self, bar: QHBoxLayout) -> None:
+        """Add what sorts the shots out: words to find, groups, columns."""
+        self.filter = QLineEdit(self)
+        self.filter.setPlaceholderText("filter")
+        self.filter.setAccessibleName("Words that the shots shown must have")
+        self.filter.setToolTip("Show only shots with these words in name, time, verdict, flags or note  (Ctrl+F)")
+        self.filter.setMaximumWidth(14 * self.fontMetrics().horizontalAdvance("n"))
+        self.group = QComboBox(self)
+        self.group.setAccessibleName("How the shots are grouped")
+        self.group.setToolTip("Stand shots together that are alike in this")
+        self.group.addItem("no groups", "")
+        for name, (words, _) in GROUPS.items():
+            self.group.addItem(f"by {words}", name)
+        self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.group.setMinimumContentsLength(8)
+        self.columns = QPushButton("Columns …", self)
+        self.columns.setToolTip("Choose which columns are shown  (Ctrl+Shift+F)")
+        self.filter.textChanged.connect(self._arrange)
+        self.filter.returnPressed.connect(self._give_back)
+        self.group.currentIndexChanged.connect(self._arrange)
+        self.columns.clicked.connect(self.choose_columns)
+        for place, widget in enumerate((self.filter, self.group, self.columns), 1):
+            bar.insertWidget(place, widget)
+
+    @Slot()
+    def _give_back(self) -> None:
+        """Give the keyboard to the table, so that space is ARM again."""
+        self.table.setFocus()
+
+    @property
+    def shown(self) -> list[int]:
+        """Get the numbers of the shots that are not sorted out, as they stand."""
+        return [row.number for row in self.model.rows if isinstance(row, Entry)]
+
+    @Slot()
+    def _arrange(self) -> None:
+        order = replace(self.model.order, words=self.filter.text(), group=str(self.group.currentData()))
+        self._reorder(order)
+
+    @Slot(int)
+    def _sort_by(self, column: int) -> None:
+        """Sort by a column, the other way at the second click, not at all at the third."""
+        now = self.model.order
+        if now.column != column:
+            now = replace(now, column=column, falling=False)
+        else:
+            now = replace(now, falling=True) if not now.falling else replace(now, column=None, falling=False)
+        header = self.table.horizontalHeader()
+        header.setSortIndicatorShown(now.column is not None)
+        if now.column is not None:
+            way = Qt.SortOrder.DescendingOrder if now.falling else Qt.SortOrder.AscendingOrder
+            header.setSortIndicator(now.column, way)
+        self._reorder(now)
+
+    def _reorder(self, order: Order) -> None:
+        self._keeping_selection(lambda: self.model.arrange(order))
+        self._changed()
+
+    def _keeping_selection(self, change: Callable[[], None]) -> None:
+        """Let the same shots be selected after the rows were laid anew, and headings go over the whole width."""
+        before, rows = self._numbers, self.model.rows
+        change()
+        if len(rows) and rows != self.model.rows[: len(rows)] and not self._selected_numbers():
+            self.select([number for number in before if number in self.shown])
+        self.table.clearSpans()
+        for row, entry in enumerate(self.model.rows):
+            if not isinstance(entry, Entry):
+                self.table.setSpan(row, 0, 1, len(COLUMNS))
+
+    @Slot()
+    def choose_columns(self) -> None:
+        """Open the menu of columns."""
+        menu = QMenu(self)
+        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        for column, (words, _) in enumerate(COLUMNS[1:], 1):  # the number stays: it is what a shot is called by
+            action = menu.addAction(words)
+            action.setCheckable(True)
+            action.setChecked(not self.table.isColumnHidden(column))
+            action.toggled.connect(partial(self.show_column, column))
+        menu.popup(self.columns.mapToGlobal(self.columns.rect().bottomLeft()))
+
+    def show_column(self, column: int, shown: bool) -> None:
+        """Show or hide a column."""
+        self.table.setColumnHidden(column, not shown)
 
     @property
     def numbers(self) -> list[int]:
@@ -107,11 +204,12 @@ class SessionTable(QFrame):
 
     def _selected_numbers(self) -> list[int]:
         rows = sorted({index.row() for index in self.table.selectionModel().selectedRows()})
-        return [self.model.entries[row].number for row in rows if row < len(self.model.entries)]
+        found = (self.model.entry_at(row) for row in rows)
+        return sorted(entry.number for entry in found if entry is not None)
 
     def show_session(self, session: Session) -> None:
         """Show the session's entries."""
-        self.model.show_entries(session.entries)
+        self._keeping_selection(lambda: self.model.show_entries(session.entries))
         self._numbers = self._selected_numbers()
         self._can_undo = session.can_undo
         count = len(session.entries)
@@ -122,8 +220,10 @@ class SessionTable(QFrame):
         """Select these shots and show the last of them."""
         flag = QItemSelectionModel.SelectionFlag
         chosen, last = QItemSelection(), None
-        for row, entry in enumerate(self.model.entries):
-            if entry.number in numbers:
+        if numbers and self.filter.text() and not set(numbers) & set(self.shown):
+            self.filter.clear()  # what is to be seen was sorted out
+        for row, entry in enumerate(self.model.rows):
+            if isinstance(entry, Entry) and entry.number in numbers:
                 last = self.model.index(row, 0)
                 chosen.select(last, last)
         model = self.table.selectionModel()
@@ -134,9 +234,11 @@ class SessionTable(QFrame):
 
     def as_text(self) -> str:
         """Return the selected lines, or all, as the table shows them: a line of heads, cells parted by tabs."""
-        rows = [row for row, e in enumerate(self.model.entries) if not self._numbers or e.number in self._numbers]
-        lines = [[name for name, _ in COLUMNS]]
-        lines += [[str(self.model.index(row, n).data()) for n in range(len(COLUMNS))] for row in rows]
+        shown = [n for n in range(len(COLUMNS)) if not self.table.isColumnHidden(n)]
+        chosen = set(self._numbers) or set(self.shown)
+        rows = [row for row, e in enumerate(self.model.rows) if isinstance(e, Entry) and e.number in chosen]
+        lines = [[COLUMNS[n][0] for n in shown]]
+        lines += [[str(self.model.index(row, n).data()) for n in shown] for row in rows]
         return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
     def edit_note(self) -> None:

@@ -243,6 +243,17 @@ class SessionPresenter(QObject):
         self._panels.table.edit_note()
 
     @Slot()
+    def filter_shots(self) -> None:
+        """Bring the keyboard to the words that sort shots out."""
+        self._panels.table.filter.setFocus()
+        self._panels.table.filter.selectAll()
+
+    @Slot()
+    def choose_columns(self) -> None:
+        """Open the menu of the table's columns."""
+        self._panels.table.choose_columns()
+
+    @Slot()
     def previous_shot(self) -> None:
         """Select the shot before."""
         self._step(-1)
@@ -253,10 +264,12 @@ class SessionPresenter(QObject):
         self._step(1)
 
     def _step(self, by: int) -> None:
-        numbers = [entry.number for entry in self._workbench.session.entries]
+        numbers = self._panels.table.shown
         if numbers:
             front = self._selection.front()
-            place = numbers.index(front.number) + by if front is not None else len(numbers) - 1
+            place = (
+                numbers.index(front.number) + by if front is not None and front.number in numbers else len(numbers) - 1
+            )
             self._panels.table.select([numbers[max(0, min(place, len(numbers) - 1))]])
 
     @Slot()

@@ -20,6 +20,7 @@ FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one")
 CHI2_FAR = 2.0  # times one, or this part of it
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
 _PULSE = ("force_peak_n", "force_fwhm_s", "cor_impulse", "stiffness_slope_n_per_m")
+_BOUNCES = ("cor_kinetic.force_peaks", "cor_kinetic.onsets", "cor_kinetic.flights")
 _FITTED = (
     "plate_stiffness_n_per_m",
     "plate_mass_kg",
@@ -35,10 +36,11 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "no_release": ("velocity_out_m_per_s", "cor_quasi_static", "contact_time_s"),
         "momentum_disagrees": ("force_peak_n", "velocity_in_m_per_s", "velocity_out_m_per_s"),
         "impulse_disagrees": ("cor_quasi_static", "cor_impulse"),
-        "bounces_disturbed": ("cor_kinetic.force_peaks", "cor_kinetic.onsets", "cor_kinetic.flights"),
+        "bounces_disturbed": _BOUNCES,
         "flight_cut": _VELOCITIES,
         "vibration": (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
         "knock": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
+        "samples_lost": (*_PULSE, *_BOUNCES, "contact_time_s", "deflection_max_m"),
         "rate_doubtful": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
         "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
         "chi2_far_from_one": _FITTED,

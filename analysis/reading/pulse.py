@@ -1,5 +1,7 @@
 """The force pulse as a whole: its top, its width without the bounce spikes, its impulse, its slope."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
@@ -20,7 +22,33 @@ SPLIT_NOISE = 0.6  # of a velocity's noise is left in the turning point, a line 
 SWAY_S = 1e-4  # spacing of the samples in which a swaying floor is followed
 _TRAPEZOID = 1e-5  # of an impulse: what a sum over samples may be off
 NEAR_S = 0.3e-3  # of flight before the touch that tells where it happened
+HOLE_SHARE = 0.02  # of the contact: a hole that short is closed
 TOP_FRACTION = 0.04  # of the contact time, to each side of the top, that a parabola follows
+
+
+def with_short_holes_closed(motion: Motion, contact_s: float) -> Motion:
+    """Return the motion with its force carried over holes of at most HOLE_SHARE of the contact.
+
+    What the force did there is not known, but its impulse is: m times the change of velocity across.  A straight line
+    from side to side, raised until it has that impulse.
+    """
+    known = np.isfinite(motion.force_n) & np.isfinite(motion.velocity_m_per_s)
+    if known.all() or not known.any():
+        return motion
+    edges = np.flatnonzero(np.diff(known.astype(np.int8)))
+    if not known[0]:
+        edges = edges[1:]
+    force, step = motion.force_n.copy(), 1.0 / motion.sample_rate_hz
+    for before, last in zip(edges[::2], edges[1::2], strict=False):
+        after, missing = last + 1, last - before
+        if missing * step > max(HOLE_SHARE * contact_s, 2.5 * step):
+            continue
+        inside = np.arange(before + 1, after)
+        line = np.interp(inside, [before, after], [force[before], force[after]])
+        impulse = motion.moving_mass_kg * (motion.velocity_m_per_s[after] - motion.velocity_m_per_s[before])
+        straight = 0.5 * (force[before] + force[after]) * (after - before) * step
+        force[inside] = line + (impulse - straight) / (missing * step)
+    return replace(motion, force_n=force)
 
 
 def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
@@ -168,7 +196,8 @@ def read_slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise
     """
     span = release.time_s - touch.time_s
     low, high = (touch.time_s + f * span for f in SLOPE_SPAN)
-    index = np.flatnonzero((motion.time_s >= low) & (motion.time_s <= high) & np.isfinite(motion.force_n))
+    seen = motion.valid & np.isfinite(motion.force_n)
+    index = np.flatnonzero((motion.time_s >= low) & (motion.time_s <= high) & seen)
     if index.size < 8:
         return NotSeen("too few samples inside the contact")
     deflection = flight.position_m(np.array([touch.time_s]))[0] - motion.displacement_m[index]

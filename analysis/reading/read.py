@@ -53,6 +53,7 @@ def read_impact(motion: Motion) -> Impact:
         release = _swayed(release, span, quiet, v_in.value, motion)
     if flight_out is None or release is None:
         return _unfinished(touch, v_in, "no_release", "the record ends within the contact")
+    motion = pulse.with_short_holes_closed(motion, release.time_s - touch.time_s)
     turnaround = pulse.find_turnaround(motion, touch, release)
     if turnaround is None:
         return _unfinished(touch, v_in, "no_turn", "the block does not turn round")

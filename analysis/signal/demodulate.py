@@ -1,5 +1,7 @@
 """From a recording to its motion: both beats read in one pass, phase to displacement, and what it is worth."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,8 @@ from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_
 from analysis.signal.fold import folded_harmonic
 from analysis.signal.joining import joined
 from analysis.signal.leak import find_leak, leak_phase
+from analysis.signal.losses import FLAG as SAMPLES_LOST
+from analysis.signal.losses import find_losses, suspicious
 from analysis.signal.plan import plans
 from analysis.signal.rest import Rest, smooth
 from analysis.signal.survey import survey
@@ -67,6 +71,12 @@ def demodulate(
             break
     assert best is not None
     _, grid, tracks = best
+    if len(tracks) > 1 and SAMPLES_LOST not in recording.flags and suspicious(tracks[1]):
+        lost = find_losses(recording, _mean_hz(tracks[1], grid))
+        if lost:
+            gaps = tuple(sorted((*recording.gaps, *lost), key=lambda gap: gap.sample_start))
+            mended = replace(recording, gaps=gaps, flags=(*recording.flags, SAMPLES_LOST))
+            return demodulate(mended, settings, progress, cancelled)
     return _motion(recording, settings, wavelength_m, grid, tracks)
 
 
@@ -99,6 +109,11 @@ def _missed(track: Track, grid: Grid) -> int:
     """Return how many motion samples show a beat that faded or left the band it was read through."""
     outside = np.count_nonzero(np.abs(track.offset_hz(grid)) > track.wanted.tuning.half_width_hz)
     return int(np.count_nonzero(track.hole) + outside)
+
+
+def _mean_hz(track: Track, grid: Grid) -> float:
+    """Return a beat's usual frequency: jumps of its phase do not count."""
+    return float(track.oscillator_hz + np.nanmedian(np.diff(track.phase_cycles)) * grid.rate_hz)
 
 
 def _motion(

@@ -10,6 +10,7 @@ from analysis.signal.filters import derivative_filters
 MEANINGS = {
     "clipped": "the beat is cut off, at the digitizer's rail or before it: lower the gain",
     "gap": "samples were lost; short gaps are bridged by the predicted motion",
+    "samples_lost": "the digitizer lost samples without a word: found by the jumps of both beats, bridged like gaps",
     "gap_unknown": "samples were lost, how many is not known: only the longest part is analysed",
     "truncated": "the data file is shorter than its metadata say",
     "longer_than_declared": "the data file is longer than its metadata say",

@@ -1,0 +1,59 @@
+"""Samples that a digitizer drops without a word: found, counted, and the shot read as if they were there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.pipeline import analyse
+from analysis.quantity import Quantity
+from analysis.shot import AnalysisSettings
+from analysis.signal.demodulate import demodulate
+from analysis.signal.losses import find_losses
+from tests.analysis.collision import Rig
+from tests.analysis.disturbance import without_samples
+from tests.beats import REST_HZ, recording_of
+
+SHORT = Rig(duration_s=0.02)
+LOST = {30_000: 1, 61_440: 2, 90_001: 12, 90_301: 3, 120_500: 256, 150_000: 4}
+
+
+@pytest.mark.parametrize("snr_db", [35.0, 22.0])
+def test_each_loss_is_found_to_a_few_samples_and_counted(snr_db: float) -> None:
+    recording = without_samples(recording_of(SHORT, snr_db=snr_db), LOST)
+    found = {gap.sample_start: gap.samples_lost for gap in find_losses(recording, REST_HZ)}
+    stored = np.array(list(LOST)) - np.concatenate([[0], np.cumsum(list(LOST.values()))[:-1]])
+    assert list(found.values()) == list(LOST.values())
+    assert np.abs(np.array(list(found)) - stored).max() <= 3
+
+
+def test_nothing_is_lost_where_nothing_was_lost() -> None:
+    recording = recording_of(SHORT)
+    assert find_losses(recording, REST_HZ) == ()
+    assert "samples_lost" not in demodulate(recording, AnalysisSettings()).flags
+
+
+def test_a_rest_beat_that_wobbles_has_lost_nothing() -> None:
+    """A laser whose rest phase moves by a tenth of a cycle within a tenth of a millisecond."""
+    recording = recording_of(SHORT)
+    time = np.arange(recording.samples) / recording.sample_rate_hz
+    counts = recording.counts.copy()
+    wobble = 0.05 * np.tanh((time - 0.01) / 5e-5)
+    counts[:, 0] = np.round(0.7 * 2048 * np.cos(2 * np.pi * (REST_HZ * time + wobble)))
+    assert find_losses(replace(recording, counts=counts), REST_HZ) == ()
+
+
+def test_readings_hold_although_samples_were_lost_in_the_contact() -> None:
+    whole = recording_of(Rig(duration_s=0.06, touch_s=0.012003))
+    lossy = without_samples(whole, {200_000: 2, 261_000: 4, 300_000: 1})
+    shot = analyse(lossy)
+    assert {"samples_lost", "gap"} <= set(shot.flags)
+    assert "rest_unsteady" not in shot.flags
+    assert shot.impact is not None
+    reference = analyse(whole).impact
+    assert reference is not None
+    for name in ("velocity_in_m_per_s", "velocity_out_m_per_s", "force_peak_n", "contact_time_s"):
+        one, other = getattr(shot.impact, name), getattr(reference, name)
+        assert isinstance(one, Quantity)
+        assert isinstance(other, Quantity)
+        assert abs(one.value - other.value) < 5.0 * np.hypot(one.std, other.std), name

@@ -57,6 +57,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("View", "Gap between the bodies (Fig. 7)", "view_gap", ("4",)),
     Command("View", "Raw signals", "view_raw", ("5",)),
     Command("View", "Reset the view", "reset_view", ("0",), True),
+    Command("View", "Back to what the plot showed before", "view_back", ("Alt+Left",)),
+    Command("View", "Forward again", "view_forward", ("Alt+Right",)),
     Command("View", "Two cursors", "toggle_cursors", ("C",)),
     Command("View", "Copy what lies between the cursors", "copy_cursors", ("Ctrl+Shift+C",)),
     Command("View", "Copy the plot as a picture", "copy_plot", ("Ctrl+Shift+X",)),
@@ -83,6 +85,7 @@ ON_PLOT = (
 MOUSE = (
     ("wheel", "zoom along the axis; over the left one, or with Ctrl, in value"),
     ("drag", "move along the axis"),
+    ("Shift and drag", "draw the box to zoom to"),
     ("click on a bounce", "zoom to it"),
     ("right click", "the plot's own menu"),
 )

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QLocale, Qt
+from PySide6.QtCore import QLocale, QPointF, QRectF, Qt
 from PySide6.QtGui import QAccessible, QGuiApplication
 
 from analysis.drive.curves import drive_curves
@@ -85,6 +85,55 @@ def test_arrows_move_zoom_and_step_the_cursors(panels, qtbot):
     qtbot.keyClick(plot, Qt.Key.Key_Left, SHIFT)
     qtbot.keyClick(plot, Qt.Key.Key_Right, CTRL)
     assert plot.cursors.places == pytest.approx((a - 0.01 * (right - left), b + 0.01 * (right - left)))
+
+
+@pytest.mark.parametrize("name", ["stack", "deflection"])
+def test_box_wheel_back_and_forward(panels, name):
+    panels.tabs.setCurrentIndex(Layout.SHOT)
+    panels.shot.set_view("whole" if name == "stack" else name)
+    panels.shot.reset()
+    plot = getattr(panels.shot, name)
+    view = plot.plots[1].view if name == "stack" else plot.plot.getViewBox()
+    whole = plot.states
+    (left, right), (low, high) = view.viewRange()
+    view.zoom_to(QRectF(left + 0.4 * (right - left), low, 0.2 * (right - left), 0.5 * (high - low)))
+    box = plot.states
+    assert np.ptp(plot.span) == pytest.approx(0.2 * (right - left))
+    assert np.ptp(view.viewRange()[1]) == pytest.approx(0.5 * (high - low))
+    assert plot.step_view(-1) and np.allclose(_flat(plot.states), _flat(whole))
+    assert not plot.step_view(-1)
+    assert plot.step_view(1) and np.allclose(_flat(plot.states), _flat(box))
+    assert not plot.step_view(1)
+
+    x, y = view.viewRange()
+    view.wheelEvent(_Wheel(Qt.KeyboardModifier.ControlModifier))
+    assert view.viewRange()[0] == x and view.viewRange()[1] != y  # one axis alone
+    y = view.viewRange()[1]
+    view.wheelEvent(_Wheel(Qt.KeyboardModifier.NoModifier))
+    assert view.viewRange()[0] != x and view.viewRange()[1] == y
+    plot.tell((object(),), "another shot")
+    assert not plot.step_view(-1)
+
+
+def _flat(states):
+    return [value for x, y, by_hand in states for value in (*x, *y, by_hand)]
+
+
+class _Wheel:
+    def __init__(self, held):
+        self._held = held
+
+    def modifiers(self):
+        return self._held
+
+    def delta(self):
+        return 120
+
+    def pos(self):
+        return QPointF(40.0, 40.0)
+
+    def accept(self):
+        pass
 
 
 def test_the_cursors_give_the_stiffness_as_the_slope_of_each_branch(panels):

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QWidget
 from app.window.plots.crisp import CrispCurve
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.plain_axis import PlainAxis
-from app.window.plots.plot_view import PlotView, Span
+from app.window.plots.plot_view import PlotView, Span, ViewState
 from app.window.plots.time_plot import AXIS_WIDTH, QuietView
 from app.window.theme import Colours
 
@@ -81,6 +81,8 @@ class PlainPlot(PlotView):
         self.plot = NamedPlot(*value, axes)
         self.addItem(self.plot)
         self.plot.hideButtons()
+        self.plot.getViewBox().moved.connect(self.note_view)
+        self.plot.getViewBox().placed.connect(self.note_now)
         for axis_item in axes.values():
             axis_item.enableAutoSIPrefix(False)
         self.label_value(*value)
@@ -121,6 +123,18 @@ class PlainPlot(PlotView):
         if self._whole is not None:
             x, y = self._whole
             self.plot.getViewBox().setRange(xRange=x, yRange=y, padding=0)
+            self.note_now()
+
+    @property
+    def states(self) -> tuple[ViewState, ...]:
+        """Get what is in view."""
+        x, y = self.plot.getViewBox().viewRange()
+        return (((x[0], x[1]), (y[0], y[1]), True),)
+
+    def bring(self, states: tuple[ViewState, ...]) -> None:
+        """Bring back what was in view."""
+        ((x, y, _),) = states
+        self.plot.getViewBox().setRange(xRange=x, yRange=y, padding=0)
 
     @property
     def span(self) -> Span:

@@ -1,17 +1,21 @@
 """What every plot of the window has: two cursors, keys while it is in focus, and a menu that saves it."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import pyqtgraph as pg
-from PySide6.QtCore import QPoint, Qt, Signal, Slot
+from PySide6.QtCore import QPoint, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QHideEvent, QKeyEvent, QShowEvent
 from PySide6.QtWidgets import QMenu, QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis, Cursors
 from app.window.plots.legend import Look
+from app.window.plots.view_history import ViewHistory
 from app.window.theme import Colours
 
 Span = tuple[float, float]
+ViewState = tuple[Span, Span, bool]  # x, y, and whether y was set by hand
+SETTLED_MS = 300  # without another movement: this is what a person wanted to see
 PAN = 0.1  # of the view, a press of an arrow key
 ZOOM = 0.8
 NUDGE = 0.01  # of the view, a press that moves a cursor
@@ -33,6 +37,11 @@ class PlotView(pg.GraphicsLayoutWidget):
         self.ci.layout.setSpacing(2)
         self.ci.layout.setContentsMargins(4, 4, 10, 4)
         self.cursors = Cursors(self, axis)
+        self._history = ViewHistory[tuple[ViewState, ...]]()
+        self._settling = QTimer(self)
+        self._settling.setSingleShot(True)
+        self._settling.setInterval(SETTLED_MS)
+        self._settling.timeout.connect(self.note_now)
 
     @property
     def span(self) -> Span:
@@ -49,6 +58,8 @@ class PlotView(pg.GraphicsLayoutWidget):
 
     def tell(self, shots: Sequence[object], words: str) -> None:
         """Say whose curves are drawn from now on: every picture of them carries the words."""
+        if self.shows != tuple(shots):
+            self._history.clear()
         self.shows = tuple(shots)
         self.setAccessibleDescription(words)
 
@@ -56,6 +67,36 @@ class PlotView(pg.GraphicsLayoutWidget):
         """Set the colours."""
         self.setBackground(colours.plot)
         self.cursors.dress(colours)
+
+    # where one was ----------------------------------------------------------------------------------------------
+
+    @property
+    def states(self) -> tuple[ViewState, ...]:
+        """Get what is in view of each plot."""
+        raise NotImplementedError
+
+    def bring(self, states: tuple[ViewState, ...]) -> None:
+        """Bring back what was in view of each plot."""
+        raise NotImplementedError
+
+    @Slot()
+    def note_view(self) -> None:
+        """Remember what is in view, once nothing moves any more."""
+        self._settling.start()
+
+    @Slot()
+    def note_now(self) -> None:
+        """Remember it now."""
+        self._history.note(self.states)
+
+    def step_view(self, by: int) -> bool:
+        """Go back (-1) or forward (1) to what was in view; return whether there was something."""
+        self._settling.stop()
+        self.note_now()
+        states = self._history.step(by)
+        if states is not None:
+            self.bring(states)
+        return states is not None
 
     # cursors ----------------------------------------------------------------------------------------------------
 
@@ -92,6 +133,9 @@ class PlotView(pg.GraphicsLayoutWidget):
         left, right = self.span
         width = right - left
         key, held = event.key(), event.modifiers()
+        if held & Qt.KeyboardModifier.AltModifier:  # back and forward are the window's
+            event.ignore()
+            return
         side = int(key == Qt.Key.Key_Right) - int(key == Qt.Key.Key_Left)
         if side and held & (Qt.KeyboardModifier.ShiftModifier | Qt.KeyboardModifier.ControlModifier):
             if not self.cursors.shown:
@@ -99,10 +143,12 @@ class PlotView(pg.GraphicsLayoutWidget):
             self.cursors.step("A" if held & Qt.KeyboardModifier.ShiftModifier else "B", side * NUDGE * width)
         elif side:
             self.show_span(left + side * PAN * width, right + side * PAN * width)
+            self.note_view()
         elif key in (Qt.Key.Key_Up, Qt.Key.Key_Plus, Qt.Key.Key_Down, Qt.Key.Key_Minus):
             closer = key in (Qt.Key.Key_Up, Qt.Key.Key_Plus)
             middle, half = 0.5 * (left + right), 0.5 * width * (ZOOM if closer else 1 / ZOOM)
             self.show_span(middle - half, middle + half)
+            self.note_view()
         elif key == Qt.Key.Key_Home:
             self.reset()
         else:
@@ -124,6 +170,8 @@ class PlotView(pg.GraphicsLayoutWidget):
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         menu.addAction("Reset the view", self.reset)
+        menu.addAction("Back", partial(self.step_view, -1))
+        menu.addAction("Forward", partial(self.step_view, 1))
         cursors = menu.addAction("Cursors")
         cursors.setCheckable(True)
         cursors.setChecked(self.cursors.shown)

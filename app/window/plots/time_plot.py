@@ -1,14 +1,17 @@
 """One plot over time: fixed axis width, the y range fitted to what is in view, nothing that costs frames."""
 
 import math
+from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QPointF, Qt, Signal, Slot
+from pyqtgraph import Point
+from PySide6.QtCore import QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QPen
 
 from app.window.pens import straight
 from app.window.plots.curve import Band, PointCurve, SampledCurve
 from app.window.plots.plain_axis import PlainAxis
+from app.window.plots.plot_view import ViewState
 from app.window.theme import Colours
 
 _ROOM = 1.5  # of a steady axis: that many times the values' span, so that noise does not move it
@@ -17,10 +20,12 @@ AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned
 
 
 class QuietView(pg.ViewBox):
-    """A view box whose drag zooms a rectangle in time, and whose clicks reach the panel."""
+    """A view box whose clicks reach the panel; a drag moves along one axis, with Shift it draws the box to zoom to."""
 
     clicked = Signal(float, float)
     y_taken = Signal(bool)
+    moved = Signal()  # by hand, and perhaps on
+    placed = Signal()  # by hand, and done
 
     def __init__(self) -> None:
         super().__init__(enableMenu=False, defaultPadding=0.0)
@@ -40,14 +45,36 @@ class QuietView(pg.ViewBox):
         if chosen == 1:
             self.y_taken.emit(True)
         super().wheelEvent(event, axis=chosen)
+        self.moved.emit()
 
     def mouseDragEvent(self, event: object, axis: int | None = None) -> None:
-        """Drag in time; over the left axis, or with Ctrl, drag the value."""
+        """Drag in time; over the left axis, or with Ctrl, drag the value; with Shift draw a box to zoom to."""
+        if axis is None and event.modifiers() & Qt.KeyboardModifier.ShiftModifier:  # type: ignore[attr-defined]
+            self._draw_box(event)
+            return
         held = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
         chosen = 1 if (axis == 1 or held) else 0
         if chosen == 1:
             self.y_taken.emit(True)
         super().mouseDragEvent(event, axis=chosen)
+        self.moved.emit()
+
+    def _draw_box(self, event: Any) -> None:
+        """Draw the box, and zoom to it where the button is let go."""
+        event.accept()
+        if not event.isFinish():
+            self.updateScaleBox(event.buttonDownPos(), event.pos())
+            return
+        self.rbScaleBox.hide()
+        box = QRectF(Point(event.buttonDownPos(event.button())), Point(event.pos()))
+        self.zoom_to(self.childGroup.mapRectFromParent(box.normalized()))
+
+    def zoom_to(self, box: QRectF) -> None:
+        """Show what lies in a box given in the plot's own units; a flat one is none."""
+        if box.width() > 0.0 and box.height() > 0.0:
+            self.y_taken.emit(True)
+            self.setRange(xRange=(box.left(), box.right()), yRange=(box.top(), box.bottom()), padding=0)
+            self.placed.emit()
 
 
 class TimePlot(pg.PlotItem):
@@ -127,6 +154,19 @@ class TimePlot(pg.PlotItem):
         line.setPen(straight("#888888", Qt.PenStyle.DotLine))
         line.setZValue(-5)
         self.addItem(line, ignoreBounds=True)
+
+    @property
+    def state(self) -> ViewState:
+        """Get what is in view, and whether the value axis was set by hand."""
+        (left, right), (low, high) = self.view.viewRange()
+        return (left, right), (low, high), self._y_by_hand
+
+    def bring(self, state: ViewState) -> None:
+        """Bring back what was in view."""
+        x, y, by_hand = state
+        self._y_by_hand = True  # while the time changes
+        self.view.setRange(xRange=x, yRange=y, padding=0)
+        self._y_by_hand = by_hand
 
     def free_y(self) -> None:
         """Let the value axis follow the data again."""

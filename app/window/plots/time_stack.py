@@ -4,7 +4,7 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis
-from app.window.plots.plot_view import PlotView, Span
+from app.window.plots.plot_view import PlotView, Span, ViewState
 from app.window.plots.time_plot import TimePlot
 from app.window.theme import Colours
 
@@ -34,6 +34,8 @@ class TimeStack(PlotView):
             before.showLabel(False)
         self.plots.append(plot)
         plot.view.clicked.connect(self._clicked)
+        plot.view.moved.connect(self.note_view)
+        plot.view.placed.connect(self.note_now)
         plot.dress(self.colours)
         self.cursors.join(plot)
         return plot
@@ -56,6 +58,17 @@ class TimeStack(PlotView):
         self.show_span(left, right)
         for plot in self.plots:
             plot.fit_y()
+        self.note_now()
+
+    @property
+    def states(self) -> tuple[ViewState, ...]:
+        """Get what is in view of each plot."""
+        return tuple(plot.state for plot in self.plots)
+
+    def bring(self, states: tuple[ViewState, ...]) -> None:
+        """Bring back what was in view of each plot."""
+        for plot, state in zip(self.plots, states, strict=True):
+            plot.bring(state)
 
     def show_span(self, left: float, right: float) -> None:
         """Show the time from left to right; a value axis that a person set stays."""

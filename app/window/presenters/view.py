@@ -130,6 +130,21 @@ class ViewPresenter(QObject):
             plot.reset()
 
     @Slot()
+    def view_back(self) -> None:
+        """Go back to what the plot in front showed before."""
+        self._step_view(-1)
+
+    @Slot()
+    def view_forward(self) -> None:
+        """Go forward again."""
+        self._step_view(1)
+
+    def _step_view(self, by: int) -> None:
+        plot = self._plot()
+        if plot is not None and not plot.step_view(by):
+            self.said.emit("Nothing was in view before" if by < 0 else "Nothing was in view after", Tone.NEUTRAL)
+
+    @Slot()
     def toggle_cursors(self) -> None:
         """Cursors on the plot in front, on or off."""
         plot = self._plot()

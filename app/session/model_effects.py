@@ -13,6 +13,7 @@ class ModelEffects:
 
     collision: tuple[str, ...] = ()
     drive: tuple[str, ...] = ()
+    tried: tuple[str, ...] = ()  # those of both that no diagnosis named
 
     def of(self, base: str) -> tuple[str, ...]:
         """Return the effects in the model of shots with this base."""
@@ -20,7 +21,13 @@ class ModelEffects:
 
     def with_effects(self, base: str, effects: tuple[str, ...]) -> "ModelEffects":
         """Return the same with other effects for shots with this base."""
-        return replace(self, **{"drive" if base == "driven" else "collision": effects})
+        changed = replace(self, **{"drive" if base == "driven" else "collision": effects})
+        there = (*changed.collision, *changed.drive)
+        return replace(changed, tried=tuple(name for name in self.tried if name in there))
+
+    def trying(self, names: Iterable[str]) -> "ModelEffects":
+        """Return the same with these marked as tried."""
+        return replace(self, tried=(*self.tried, *(name for name in names if name not in self.tried)))
 
 
 def known_effects(names: Iterable[object]) -> tuple[str, ...]:

@@ -164,7 +164,11 @@ class Session:
 
     def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects) -> None:
         shots = [_to_json(entry) for entry in entries if entry.path]
-        accepted = {"effects": list(effects.collision), "drive_effects": list(effects.drive)}
+        accepted = {
+            "effects": list(effects.collision),
+            "drive_effects": list(effects.drive),
+            "tried": list(effects.tried),
+        }
         document = {"schema": SCHEMA, **accepted, "shots": shots}
         problem = None
         try:
@@ -205,7 +209,7 @@ class Session:
             if (schema := document.text("schema", 100)) != SCHEMA:
                 raise document.refuse("schema", f"{shown(schema)} is not {SCHEMA}")
             session._entries = tuple(_from_json(item) for item in document.objects("shots") or ())
-            accepted = (known_effects(_names(document, key)) for key in ("effects", "drive_effects"))
+            accepted = (known_effects(_names(document, key)) for key in ("effects", "drive_effects", "tried"))
             session._effects = ModelEffects(*accepted)
         except RecordingError as error:
             aside = path.with_name(path.name + ".unreadable")

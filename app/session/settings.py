@@ -48,6 +48,8 @@ class Settings:
     model: str = "paper"
     rest: str = "smoothed"
     folder: str = ""
+    sound: bool = False  # at the trigger
+    flash: bool = False
     appearance: str = "system"
     source: str = "bench"
     site: str = USUAL_SITE  # of the simulated bench
@@ -85,6 +87,9 @@ class Settings:
                     raise WrongSettings(f"{field.words}: {shown(value)} is outside {field.low:g} to {field.high:g}")
             elif field.kind == "choice" and value not in {stored for stored, _ in field.choices}:
                 raise WrongSettings(f"{field.words}: {shown(value)} is none of the choices")
+            elif field.kind == "flag":
+                if not isinstance(value, bool):
+                    raise WrongSettings(f"{field.words}: {shown(value)} is neither true nor false")
             elif not isinstance(value, str):
                 raise WrongSettings(f"{field.words}: {shown(value)} is not a text")
 
@@ -188,6 +193,10 @@ FIELDS: tuple[Field, ...] = (
           "Empty: learned from the signal", optional=True),
     Field("switch_high_v", "Light switch", "High threshold", "number", "V", 1.0, -100.0, 100.0,
           "Empty: learned from the signal", optional=True),
+    Field("sound", "At the trigger", "a sound", "flag",
+          hover="The system's own sound when the light switch fires"),
+    Field("flash", "At the trigger", "a flash of the banner", "flag",
+          hover="The banner flashes once when the light switch fires"),
     Field("bandwidth_hz", "Analysis", "Bandwidth", "number", "kHz", 1e-3, 10.0, 1e6,
           "Of velocity and force; noise of force grows with its power 2.5"),
     Field("model", "Analysis", "Base model", "choice", choices=(

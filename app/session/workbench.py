@@ -290,16 +290,21 @@ class Workbench:
         now = self.effects_of(base)
         self._use(base, (*now, *(name for name in names if name not in now)))
 
+    def try_effect(self, base: str, name: str) -> None:
+        """Add an effect that no diagnosis named; it stays marked so."""
+        if name not in self.effects_of(base):
+            self._use(base, (*self.effects_of(base), name), tried=(name,))
+
     def remove_effect(self, base: str, name: str) -> None:
         """Take an effect out again."""
         self._use(base, tuple(effect for effect in self.effects_of(base) if effect != name))
 
-    def _use(self, base: str, effects: tuple[str, ...]) -> None:
+    def _use(self, base: str, effects: tuple[str, ...], tried: Sequence[str] = ()) -> None:
         """Fit every shot for itself with the model: so do ``--model FILE`` and a session that is opened again.
 
         The joint fit of a diagnosis is its evidence, and what a model file keeps; it is no shot's own.
         """
-        self.session.set_effects(self.session.effects.with_effects(base, effects))
+        self.session.set_effects(self.session.effects.with_effects(base, effects).trying(tried))
         self._submit_refit([entry for entry in self.session.entries if entry.shot is not None])
 
     def undo(self) -> str | None:

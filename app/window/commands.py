@@ -50,6 +50,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("View", "DIAGNOSIS", "show_diagnosis", ("Ctrl+5",)),
     Command("View", "BUDGET: where each uncertainty comes from", "show_budget", ("Ctrl+6", "B")),
     Command("View", "PAPER", "show_paper", ("Ctrl+7",)),
+    Command("View", "LARGE: the numbers for the far end of the table", "show_large", ("Ctrl+8", "L")),
     Command("View", "Uncertainties: combined, or from noise alone", "toggle_noise_only", ("U",)),
     Command("View", "Whole shot", "view_whole", ("1",), True),
     Command("View", "First contact (Fig. 5)", "view_contact", ("2",)),

@@ -10,6 +10,7 @@ from app.window.panels.compare import ComparePanel
 from app.window.panels.controls import Controls
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.key_sheet import KeySheet
+from app.window.panels.large import LargePanel
 from app.window.panels.live import LivePanel
 from app.window.panels.mapping_sheet import MappingSheet
 from app.window.panels.model import ModelPanel
@@ -30,7 +31,7 @@ from app.window.theme import Theme
 class Layout(QWidget):
     """All panels, placed; the two sheets lie over them and are hidden."""
 
-    LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS, BUDGET, PAPER = range(7)
+    LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS, BUDGET, PAPER, LARGE = range(8)
 
     def __init__(self, theme: Theme, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -45,6 +46,7 @@ class Layout(QWidget):
         self.diagnosis = DiagnosisPanel(c, self)
         self.budget = BudgetPanel(self)
         self.paper = PaperPanel(c, self)
+        self.large = LargePanel(c, self)
         self.numbers = NumbersPanel(c, self)
         self.model = ModelPanel(c, self)
         self.table = SessionTable(self)
@@ -62,6 +64,7 @@ class Layout(QWidget):
             ("DIAGNOSIS", self.diagnosis),
             ("BUDGET", self.budget),
             ("PAPER", self.paper),
+            ("LARGE", self.large),
         ):
             index = self.tabs.addTab(page, name)
             self.tabs.setTabToolTip(index, f"{name}  (Ctrl+{index + 1})")
@@ -120,6 +123,7 @@ class Layout(QWidget):
             self.spectrum,
             self.diagnosis,
             self.paper,
+            self.large,
             self.numbers,
             self.model,
             self.work.notices,

@@ -114,7 +114,7 @@ def test_every_button_and_field_says_in_a_line_what_it_is_for(window):
     assert [w.accessibleName() or getattr(w, "text", str)() for w in silent] == []
 
 
-@pytest.mark.parametrize("page", range(7))
+@pytest.mark.parametrize("page", range(8))
 def test_tab_reaches_everything_on_a_page_and_comes_round(window, qtbot, page):
     window.panels.tabs.setCurrentIndex(page)
     qtbot.wait(20)
@@ -133,7 +133,7 @@ def test_tab_reaches_everything_on_a_page_and_comes_round(window, qtbot, page):
     assert missed == []
 
 
-@pytest.mark.parametrize("page", range(7))
+@pytest.mark.parametrize("page", range(8))
 def test_keys_work_wherever_the_focus_is_but_never_steal_what_is_typed(window, qtbot, page):
     window.panels.tabs.setCurrentIndex(page)
     qtbot.wait(20)
@@ -203,7 +203,7 @@ def test_nothing_but_the_window_ever_comes_up_and_the_keyboard_stays(window, qtb
     panels.table.table.setFocus()
 
     def shown_on_every_page():
-        for page in range(7):
+        for page in range(8):
             panels.tabs.setCurrentIndex(page)
             panels.diagnosis.show_diagnosis(found, [shot])
             panels.diagnosis.show_diagnosis(found, [shot], ("quadratic_drag",))

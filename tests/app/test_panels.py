@@ -15,6 +15,7 @@ from app.session.session import Session
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
+from app.window.panels.large import LargePanel
 from app.window.panels.notice import NoticeLine
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_table import NOTE, SessionTable
@@ -283,6 +284,56 @@ def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot
     assert not panel.diagnose.isEnabled() and panel.cancel.isVisible()
     panel.show_progress(None, 0.0)
     assert panel.diagnose.isEnabled()
+
+
+def test_what_stays_open_offers_the_next_step(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.resize(900, 700)
+    panel.show()
+    found = synthetic.diagnosis(shot)
+    panel.show_diagnosis(found, [shot])
+    assert not panel.next_steps.isVisible()
+    candidates = tuple(replace(c, parameters={"size_n": Quantity(1.0, 0.1)}) for c in found.candidates)
+    left = replace(found, verdict=Verdict.UNEXPLAINED, effects=(), candidates=candidates)
+    panel.show_diagnosis(left, [shot])
+    assert panel.next_steps.isVisible() and "Next shot: two more shots at 0.4 m/s" in panel.next_steps.words
+    assert [button.text() for button in panel.next_steps.buttons] == [
+        "Try quadratic drag on the block", "Try viscous drag on the block", "Try Coulomb friction on the block",
+    ]  # fmt: skip
+    with qtbot.waitSignal(panel.try_wanted) as tried:
+        panel.next_steps.buttons[1].click()
+    assert tried.args == ["viscous_drag"]
+    panel.mark_tried(("viscous_drag",))
+    panel.show_diagnosis(left, [shot], ("viscous_drag",))
+    words = " ".join(label.text() for label in panel.effects.findChildren(QLabel))
+    assert "tried: no diagnosis named it" in words
+    assert all("viscous" not in button.text() for button in panel.next_steps.buttons)
+    panel.next_steps.offer_law()
+    panel.show_diagnosis(replace(left, verdict=Verdict.PARTLY_EXPLAINED, separating_shot=""), [shot])
+    assert panel.next_steps.buttons[-1].text() == "Propose a law …" and "other speeds" in panel.next_steps.words
+    with qtbot.waitSignal(panel.next_steps.law_wanted):
+        panel.next_steps.buttons[-1].click()
+
+
+def test_large_numbers_fill_the_page_and_are_never_cut(qtbot, shot):
+    panel = LargePanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show()
+    panel.show_shot(replace(shot, flags=("momentum_disagrees",)), "Shot 7   shot-0007")
+    for size in ((420, 300), (900, 300), (1500, 900)):
+        panel.resize(*size)
+        qtbot.wait(20)
+        for label in panel.findChildren(QLabel):
+            assert label.fontMetrics().horizontalAdvance(label.text()) <= label.width(), (size, label.text())
+    assert panel.findChildren(QLabel)[1].font().pixelSize() > 60
+    assert panel.text("COR") == "0.987556" and panel.text("contact") == "28.71" and panel.text("v in") == "-0.265000"
+    assert MARKS[Tone.WARNING] in panel._title.text()
+    tiny = replace(shot.impact, force_peak_n=Quantity(1.2e-6, 1e-8))
+    panel.show_shot(replace(shot, impact=tiny), "")
+    assert panel.text("F max") == "1.2e-6"
+    panel.show_shot(None, "")
+    assert panel.text("COR") == "–"
 
 
 def test_several_effects_are_added_by_one_press(qtbot):

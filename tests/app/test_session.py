@@ -109,3 +109,12 @@ def test_a_second_window_keeps_a_session_of_its_own(tmp_path):
     assert [(entry.name, entry.note) for entry in third.entries] == [("shot-2", "seen")]
     again.give_free()
     third.give_free()
+
+
+def test_an_effect_that_was_tried_stays_marked_until_it_is_taken_out(tmp_path):
+    session = Session(tmp_path / "session.json")
+    effects = session.effects.with_effects("paper", ("tilt", "adhesion")).trying(["adhesion"])
+    session.set_effects(effects)
+    again = Session.reopen(tmp_path / "session.json")
+    assert again.effects.tried == ("adhesion",) and again.effects.of("paper") == ("tilt", "adhesion")
+    assert again.effects.with_effects("paper", ("tilt",)).tried == ()

@@ -234,6 +234,23 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     qtbot.waitUntil((tmp_path / "report.html").exists, timeout=WAIT_MS)
 
 
+def test_the_trigger_is_heard_and_seen_only_if_asked_for(opened, qtbot, monkeypatch):
+    heard = []
+    monkeypatch.setattr("app.window.presenters.rig.QApplication.beep", lambda: heard.append(1))
+    window = opened()
+    flashed = []
+    flash = window.panels.banner.flash
+    monkeypatch.setattr(window.panels.banner, "flash", lambda: (flashed.append(1), flash()))
+    for chosen in (False, True):
+        window.rig_presenter._choices.change({"sound": chosen, "flash": chosen})
+        _ready(qtbot, window)
+        count = len(window.workbench.session.entries)
+        qtbot.keyClick(window, Qt.Key.Key_Space)
+        qtbot.waitUntil(lambda count=count: len(window.workbench.session.entries) == count + 1, timeout=WAIT_MS)
+        assert (heard, flashed) == (([1], [1]) if chosen else ([], []))
+    qtbot.waitUntil(lambda: not window.panels.banner.flashing, timeout=WAIT_MS)
+
+
 def test_live_is_held_still_by_a_key_until_the_next_arming(opened, qtbot):
     window = opened()
     _ready(qtbot, window)

@@ -1,6 +1,6 @@
 """The state of the instrument, readable from two metres: one word, one sign, one colour, and what to do."""
 
-from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
@@ -14,6 +14,7 @@ SIGNS = {
     Tone.WARNING: "!",
     Tone.BAD: "✗",
 }
+FLASH_MS = 400  # one change, slow: nothing flickers
 FACTORS = (1.15, 1.0, 0.85)  # of the system's font, for the sentence
 
 
@@ -26,6 +27,10 @@ class Banner(QFrame):
         super().__init__(parent)
         self._colours = colours
         self._tone = Tone.NEUTRAL
+        self._flashing = QTimer(self)
+        self._flashing.setSingleShot(True)
+        self._flashing.setInterval(FLASH_MS)
+        self._flashing.timeout.connect(self._flashed)
         self.setObjectName("banner")
         row = QHBoxLayout(self)
         row.setContentsMargins(8, 4, 12, 4)
@@ -81,9 +86,26 @@ class Banner(QFrame):
         """Set the colours."""
         self._colours = colours
         background, text = colours.tones[self._tone]
+        if self._flashing.isActive():
+            background, text = text, background
         self.setStyleSheet(
             f"#banner {{ background: {background}; border-radius: 6px; }} #banner QLabel {{ color: {text}; }}"
         )
+
+    @Slot()
+    def flash(self) -> None:
+        """Turn the banner's colours round for a moment."""
+        self._flashing.start()
+        self.dress(self._colours)
+
+    @property
+    def flashing(self) -> bool:
+        """Get whether it is flashing now."""
+        return self._flashing.isActive()
+
+    @Slot()
+    def _flashed(self) -> None:
+        self.dress(self._colours)
 
     def offer_saving(self, unsaved: int) -> None:
         """Show the button that saves elsewhere while shots are only in memory."""

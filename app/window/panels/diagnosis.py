@@ -16,6 +16,7 @@ from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.shot import Shot
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.effect_rows import EffectRows
+from app.window.panels.next_steps import NextSteps
 from app.window.panels.residuals import Residuals
 from app.window.plots.plot_view import PlotView
 from app.window.theme import MARKS, Colours, Tone, sized
@@ -46,6 +47,7 @@ class DiagnosisPanel(QWidget):
     cancel_wanted = Signal()
     add_wanted = Signal(list)  # names of effects
     remove_wanted = Signal(str)
+    try_wanted = Signal(str)  # a candidate that did not pass
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -53,6 +55,7 @@ class DiagnosisPanel(QWidget):
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
         self._model_effects: tuple[str, ...] = ()
+        self._tried: tuple[str, ...] = ()
         self._version = ""  # of the program that made it, where it was kept
         self._busy = False
         around = QVBoxLayout(self)
@@ -104,6 +107,9 @@ class DiagnosisPanel(QWidget):
         self.effects.add_wanted.connect(self.add_wanted)
         self.effects.remove_wanted.connect(self.remove_wanted)
         column.addWidget(self.effects)
+        self.next_steps = NextSteps(self)
+        self.next_steps.try_wanted.connect(self.try_wanted)
+        column.addWidget(self.next_steps)
         split = self._evidence = QSplitter(Qt.Orientation.Horizontal, self)
         left = QWidget(split)
         left.setMinimumWidth(10 * self.fontMetrics().horizontalAdvance("M"))
@@ -149,6 +155,10 @@ class DiagnosisPanel(QWidget):
         self.bars.dress(colours)
         self.show_diagnosis(self._diagnosis, self._shots, self._model_effects, self._version)
 
+    def mark_tried(self, tried: tuple[str, ...]) -> None:
+        """Say which effects in the model no diagnosis named; the next ``show_diagnosis`` shows it."""
+        self._tried = tried
+
     def show_progress(self, what: str | None, fraction: float) -> None:
         """Show what is being done; None: nothing is."""
         busy = what is not None
@@ -183,7 +193,8 @@ class DiagnosisPanel(QWidget):
         self._of.setText(f"of {names}{more}{kept}" if diagnosis is not None and shots else "")
         self._version = version
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
-        self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects)
+        self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects, self._tried)
+        self.next_steps.show_diagnosis(diagnosis, model_effects)
         self._evidence.setVisible(diagnosis is not None)
         if diagnosis is None:
             self._verdict.setText(
@@ -213,7 +224,8 @@ class DiagnosisPanel(QWidget):
         lines = [f"Remainder: {diagnosis.remainder}"] if diagnosis.remainder else []
         if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:
             lines.append("χ²/ν is against the noise that this residual shows, what is unexplained included: so near 1")
-        lines += [f"What would separate these: {diagnosis.separating_shot}"] if diagnosis.separating_shot else []
+        told = diagnosis.separating_shot and not self.next_steps.isVisibleTo(self)
+        lines += [f"What would separate these: {diagnosis.separating_shot}"] if told else []
         lines += [f"What this data could not show: {'; '.join(blind)}"] if blind else []
         self._blind.setText(local_words("\n".join(lines)))
         self.residuals.show_diagnosis(diagnosis, shots)

@@ -9,6 +9,8 @@ from analysis.diagnosis.result import FoundEffect
 from app.window.clear_layout import clear_layout
 from app.words.wording import effect_words, parameter_words
 
+TRIED = "tried: no diagnosis named it"
+
 
 class EffectRows(QWidget):
     """One row an effect, and one button for all where several are missing."""
@@ -21,8 +23,8 @@ class EffectRows(QWidget):
         self._column = QVBoxLayout(self)
         self._column.setContentsMargins(0, 0, 0, 0)
 
-    def show_effects(self, found: Sequence[FoundEffect], in_model: tuple[str, ...]) -> None:
-        """Show what was found, then what is in the model besides."""
+    def show_effects(self, found: Sequence[FoundEffect], in_model: tuple[str, ...], tried: Sequence[str] = ()) -> None:
+        """Show what was found, then what is in the model besides; ``tried`` are those that no diagnosis named."""
         focused = self.window().focusWidget()
         held = focused.property("effect") if focused is not None and self.isAncestorOf(focused) else None
         clear_layout(self._column)
@@ -40,7 +42,7 @@ class EffectRows(QWidget):
             self._column.addWidget(button, 0, Qt.AlignmentFlag.AlignRight)
         for name in in_model:
             if name not in {effect.name for effect in found}:
-                self._add_row(name, "", True)
+                self._add_row(name, TRIED if name in tried else "", True)
         if held is not None:  # whoever works by keys stays at this effect
             for button in self._buttons():
                 if button.property("effect") == held:

@@ -20,6 +20,7 @@ class DiagnosisPresenter(QObject):
         p.diagnosis.cancel_wanted.connect(self._cancel)
         p.diagnosis.add_wanted.connect(self._add)
         p.diagnosis.remove_wanted.connect(self._remove)
+        p.diagnosis.try_wanted.connect(self._try)
 
     def refresh(self) -> None:
         """Bring progress, the newest diagnosis and the effects in the model to the screen."""
@@ -33,6 +34,7 @@ class DiagnosisPresenter(QObject):
         if self._shown[0] is found and self._shown[1] == effects:
             return
         self._shown = (found, effects)
+        self._panels.diagnosis.mark_tried(self._workbench.session.effects.tried)
         if found is None:
             self._panels.diagnosis.show_diagnosis(None, [], effects)
             return
@@ -55,6 +57,10 @@ class DiagnosisPresenter(QObject):
     @Slot(list)
     def _add(self, names: list[str]) -> None:
         self._workbench.add_effects(self._base(), names)
+
+    @Slot(str)
+    def _try(self, name: str) -> None:
+        self._workbench.try_effect(self._base(), name)
 
     @Slot(str)
     def _remove(self, name: str) -> None:

@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtWidgets import QApplication
 
 from analysis.quantity import Quantity
 from app.session.choices import Choices
@@ -16,6 +17,7 @@ from app.window.file_question import Want, ask
 from app.window.layout import Layout
 from app.window.theme import Tone
 from app.words.wording import duration, value_text
+from instrument.acquisition import State
 from instrument.snapshot import Snapshot
 from instrument.sources import is_bench
 
@@ -34,6 +36,7 @@ class RigPresenter(QObject):
         super().__init__(parent)
         self._rig, self._choices, self._panels = rig, choices, panels
         self._last_shot = ""
+        self._before = (State.IDLE, 0)  # state and shots at the last look
         panels.controls.arm_wanted.connect(self.arm)
         panels.controls.abort_wanted.connect(self.abort)
         panels.controls.rearm_changed.connect(self._rearm_changed)
@@ -65,7 +68,20 @@ class RigPresenter(QObject):
             p.live.show_live(snapshot.live)
             p.live.show_raw(snapshot.live, self._rig.channels)
         self._take_finished(snapshot)
+        self._signal_trigger(snapshot)
         return snapshot
+
+    def _signal_trigger(self, snapshot: Snapshot) -> None:
+        """Let the trigger be heard and seen, as was chosen, once a shot."""
+        before, now = self._before, (snapshot.state, snapshot.shots)
+        self._before = now
+        fired = now[0] is State.TRIGGERED and before[0] is not State.TRIGGERED
+        missed = now[1] > before[1] and before[0] is State.ARMED  # it came and went between two looks
+        if fired or missed:
+            if self._choices.settings.sound:
+                QApplication.beep()
+            if self._choices.settings.flash:
+                self._panels.banner.flash()
 
     def _take_finished(self, snapshot: Snapshot) -> None:
         for finished in self._rig.take_finished(snapshot):

@@ -94,6 +94,7 @@ class SelectionPresenter(QObject):
             p.numbers.show_shot(
                 shot, _called(entry) if entry is not None else "", entry.version if entry is not None else ""
             )
+            p.large.show_shot(shot, _called(entry) if entry is not None else "")
             p.model.show_shot(shot)
         verdict = entry.verdict if entry is not None else ""
         fit = shot.fit if shot is not None else None

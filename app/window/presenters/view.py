@@ -79,6 +79,11 @@ class ViewPresenter(QObject):
         self._panels.tabs.setCurrentIndex(Layout.PAPER)
 
     @Slot()
+    def show_large(self) -> None:
+        """Bring the large numbers to the front."""
+        self._panels.tabs.setCurrentIndex(Layout.LARGE)
+
+    @Slot()
     def view_whole(self) -> None:
         """Show the whole shot, or all of the overlaid ones."""
         if self._panels.tabs.currentIndex() == Layout.COMPARE:

@@ -1,0 +1,111 @@
+"""LARGE: the numbers that matter, in letters as large as the page, for whoever stands at the far end of the table."""
+
+from collections.abc import Callable
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent
+from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
+
+from analysis.impact import Impact
+from analysis.quantity import Quantity, Reading
+from analysis.shot import Shot
+from app.window.theme import MARKS, Colours, Tone
+from app.words.wording import DASH, MILD_FLAGS, local, number
+
+MOST_DIGITS = 7  # more are not read from afar
+ROWS: tuple[tuple[str, str, float, Callable[[Impact], Reading]], ...] = (
+    ("COR", "", 1.0, lambda impact: impact.cor_quasi_static),
+    ("v in", "m/s", 1.0, lambda impact: impact.velocity_in_m_per_s),
+    ("v out", "m/s", 1.0, lambda impact: impact.velocity_out_m_per_s),
+    ("F max", "N", 1.0, lambda impact: impact.force_peak_n),
+    ("contact", "ms", 1e3, lambda impact: impact.contact_time_s),
+)
+LEAST_PX, SPARE = 12, 0.92
+
+
+class LargePanel(QWidget):
+    """Five lines and a title, their font as large as the widest line allows."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._doubtful = False
+        grid = QGridLayout(self)
+        grid.setContentsMargins(16, 6, 16, 6)
+        self._title = QLabel(self)
+        grid.addWidget(self._title, 0, 0, 1, 3)
+        self._cells: list[tuple[QLabel, QLabel, QLabel]] = []
+        for line, (name, unit, *_) in enumerate(ROWS, 1):
+            cells = QLabel(name, self), QLabel(DASH, self), QLabel(unit, self)
+            cells[1].setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+            cells[1].setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+            cells[1].setAccessibleName(f"{name} {unit}".strip())
+            for place, cell in enumerate(cells):
+                cell.setMinimumSize(1, 1)  # the font follows the page, never the page the font
+                grid.addWidget(cell, line, place)
+            self._cells.append(cells)
+        self._title.setMinimumSize(1, 1)
+        grid.setColumnStretch(1, 1)
+        self.show_shot(None, "")
+
+    def show_shot(self, shot: Shot | None, title: str) -> None:
+        """Show a shot's numbers, rounded to their uncertainty; its doubts as a mark at the title."""
+        self._doubtful = shot is not None and any(flag not in MILD_FLAGS for flag in shot.flags)
+        self._title.setText((f"{MARKS[Tone.WARNING]} " if self._doubtful else "") + (title or "No shot yet"))
+        impact = shot.impact if shot is not None else None
+        for (_, _, scale, find), (_, value, _) in zip(ROWS, self._cells, strict=True):
+            value.setText(plain_digits(find(impact), scale) if impact is not None else DASH)
+        self.dress(self._colours)
+        self._fit()
+
+    def text(self, name: str) -> str:
+        """Return what is shown for a number."""
+        return next(value.text() for label, value, _ in self._cells if label.text() == name)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self._title.setStyleSheet(f"color: {colours.signs[Tone.WARNING]}" if self._doubtful else "")
+        for _, _, unit in self._cells:
+            unit.setStyleSheet(f"color: {colours.faint}")
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Fill the page."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Take the largest font in which every line has room."""
+        margins = self.layout().contentsMargins()
+        width = self.width() - margins.left() - margins.right() - 2 * self.layout().spacing()
+        height = self.height() - margins.top() - margins.bottom()
+        font = QFont(self.font())
+        font.setBold(True)
+        font.setPixelSize(100)
+        metrics = QFontMetricsF(font)
+        columns = [max(metrics.horizontalAdvance(cells[place].text()) for cells in self._cells) for place in range(3)]
+        lines = len(ROWS) + 1.4
+        size = SPARE * min(100.0 * width / (sum(columns) + 1.0), 100.0 * height / (lines * metrics.height()))
+        font.setPixelSize(max(LEAST_PX, int(size)))
+        for cells in self._cells:
+            for cell in cells:
+                cell.setFont(font)
+        title = QFont(self.font())
+        title.setPixelSize(max(LEAST_PX, int(0.5 * size)))
+        room = QFontMetricsF(title).horizontalAdvance(self._title.text())
+        title.setPixelSize(max(LEAST_PX, int(title.pixelSize() * min(1.0, width / (room + 1.0)))))
+        self._title.setFont(title)
+
+
+def plain_digits(reading: Reading, scale: float = 1.0) -> str:
+    """Return a number to its first uncertain digit, at most ``MOST_DIGITS``; a dash where none was read."""
+    if not isinstance(reading, Quantity):
+        return DASH
+    text = str(reading.scaled(scale)).partition(" ±")[0]
+    if text.startswith("("):  # so large or small that it has an exponent
+        return number(reading.value * scale, 3)
+    if "." in text:
+        digits = sum(letter.isdigit() for letter in text)
+        decimals = len(text.partition(".")[2])
+        text = f"{reading.value * scale:.{max(0, decimals - max(1, digits - MOST_DIGITS))}f}"
+    return local(text)

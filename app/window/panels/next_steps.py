@@ -1,0 +1,91 @@
+"""What to do where a diagnosis leaves something open: try a candidate, propose a law, take the shot that tells."""
+
+from PySide6.QtCore import Signal, Slot
+from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
+
+from analysis.diagnosis.result import Diagnosis, Verdict
+from app.window.clear_layout import clear_layout
+from app.window.flow_layout import FlowLayout
+from app.words.wording import effect_words, local_words
+
+MOST_TRIED = 3
+OPEN = (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED)
+ANOTHER_SHOT = (
+    "shots at other speeds, half and twice as fast, beside these: what depends on speed, place or time parts there; "
+    "and one straight after another, to see whether it repeats"
+)
+
+
+class NextSteps(QWidget):
+    """A heading, buttons, and the next shot in words; nothing where the diagnosis leaves nothing open."""
+
+    try_wanted = Signal(str)  # name of a candidate that did not pass
+    law_wanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._lawful = False
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(2)
+        heading = QLabel("NEXT STEP", self)
+        heading.setProperty("heading", True)
+        column.addWidget(heading)
+        row = QWidget(self)
+        self._row = FlowLayout(row)
+        column.addWidget(row)
+        self._shot = QLabel(self)
+        self._shot.setWordWrap(True)
+        column.addWidget(self._shot)
+        self.hide()
+
+    def offer_law(self) -> None:
+        """Show the button that proposes a law, for a window that has the sheet for it."""
+        self._lawful = True
+
+    @property
+    def words(self) -> str:
+        """Get what is said of the next shot."""
+        return self._shot.text()
+
+    @property
+    def buttons(self) -> list[QPushButton]:
+        """Get the buttons, from the left."""
+        widgets = (self._row.itemAt(place).widget() for place in range(self._row.count()))
+        return [widget for widget in widgets if isinstance(widget, QPushButton)]
+
+    def show_diagnosis(self, diagnosis: Diagnosis | None, in_model: tuple[str, ...]) -> None:
+        """Offer what is left to do after a diagnosis."""
+        clear_layout(self._row)
+        self.setVisible(diagnosis is not None and diagnosis.verdict in OPEN)
+        if diagnosis is None or diagnosis.verdict not in OPEN:
+            return
+        named = {effect.name for effect in diagnosis.effects} | set(in_model)
+        left = [c for c in diagnosis.candidates if c.name not in named and c.parameters]
+        for candidate in sorted(left, key=lambda c: -abs(c.score))[:MOST_TRIED]:
+            button = self._button(
+                f"Try {effect_words(candidate.name)}",
+                f"Put it into the model though it did not pass{f' ({candidate.remark})' if candidate.remark else ''}; "
+                "it stays marked as tried",
+            )
+            button.setProperty("effect", candidate.name)
+            button.clicked.connect(self._try)
+        if self._lawful:
+            button = self._button("Propose a law …", "Type a law of your own; it is fitted and judged like the others")
+            button.clicked.connect(self._law)
+        self._shot.setText(f"Next shot: {local_words(diagnosis.separating_shot or ANOTHER_SHOT)}")
+
+    def _button(self, words: str, tip: str) -> QPushButton:
+        button = QPushButton(words, self)
+        button.setToolTip(tip)
+        self._row.addWidget(button)
+        button.show()
+        return button
+
+    @Slot()
+    def _try(self) -> None:
+        self.try_wanted.emit(str(self.sender().property("effect")))
+
+    @Slot()
+    def _law(self) -> None:
+        self.law_wanted.emit()

@@ -181,7 +181,7 @@ def looks_like(misfit: LackOfFit, what: str = "it") -> str:
 
 
 def _nm(value: float) -> str:
-    return f"{value:.2g} nm" if value < 1000 else f"{value / 1000:.2g} um"
+    return f"{value:.2g} nm" if value < 1000 else f"{value / 1000:.2g} µm"
 
 
 def _line(fitted: Fitted) -> float | None:

@@ -12,6 +12,7 @@ from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
 from app.words.physics_words import effect_words, parameter_parts
+from app.words.prefixes import prefix_for
 from instrument.recording_error import one_line
 
 VERDICTS = {
@@ -22,10 +23,10 @@ VERDICTS = {
     Verdict.UNEXPLAINED: "unexplained: a significant remainder stays",
 }
 ERRORS = (
-    ("displacement_rms_m", "displacement, rms (nm)", 1e9),
-    ("velocity_rms_m_per_s", "velocity, rms (µm/s)", 1e6),
-    ("force_rms_n", "force, rms (mN)", 1e3),
-    ("reduced_chi2", "reduced χ²", 1.0),
+    ("displacement_rms_m", "displacement, rms", "m"),
+    ("velocity_rms_m_per_s", "velocity, rms", "m/s"),
+    ("force_rms_n", "force, rms", "N"),
+    ("reduced_chi2", "reduced χ²", ""),
 )
 
 
@@ -107,8 +108,13 @@ def _errors(diagnosis: Diagnosis) -> Markup:
 
 def error_rows(columns: Sequence[tuple[str, Errors]]) -> list[list[str]]:
     """Return a row an error that was seen, a column a model."""
-    rows = [(words, [scale * getattr(e, name) for _, e in columns]) for name, words, scale in ERRORS]
-    return [[words, *(f"{v:.4g}" for v in values)] for words, values in rows if np.isfinite(values).any()]
+    rows = []
+    for name, words, unit in ERRORS:
+        values = [getattr(errors, name) for _, errors in columns]
+        if np.isfinite(values).any():
+            scale, told = prefix_for(float(np.nanmax(np.abs(values))), unit) if unit else (1.0, "")
+            rows.append([f"{words} ({told})" if told else words, *(f"{scale * value:.4g}" for value in values)])
+    return rows
 
 
 def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:

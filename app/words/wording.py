@@ -10,6 +10,7 @@ from analysis.quantity import NotSeen, Quantity, Reading
 from app.words.physics_words import effect_words as effect_words
 from app.words.physics_words import flag_words as flag_words
 from app.words.physics_words import parameter_parts as parameter_parts
+from app.words.prefixes import prefix_for
 
 DASH = "–"
 LONGEST_NAME = 24  # characters of a shot's name beside others
@@ -118,3 +119,11 @@ def room(size_bytes: float) -> str:
 def kept_words(version: str) -> str:
     """Return that a result was kept from before, and by which version of the program it was made."""
     return f"kept from before, as version {version} made it"
+
+
+def with_prefix(value: float | None, unit: str, digits: int = 3) -> str:
+    """Return "111 µm" for 1.11e-4 m; a dash, without a unit, where there is none."""
+    if value is None or not math.isfinite(value):
+        return DASH
+    factor, words = prefix_for(value, unit)
+    return f"{number(factor * value, digits)} {words}"

@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLay
 
 from analysis.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
-from app.words.wording import effect_words, number
+from app.words.wording import effect_words, number, with_prefix
 
 LACKING_CHI2 = 1.5  # above, what is left over is more than noise by far
 
@@ -74,7 +74,7 @@ class ModelPanel(QFrame):
             return
         lacking = fit.reduced_chi2 > LACKING_CHI2
         self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}" if lacking else "")
-        words = f"χ²/ν {number(fit.reduced_chi2, 4)}   noise {number(1e9 * fit.noise_std_m, 3)} nm a sample"
+        words = f"χ²/ν {number(fit.reduced_chi2, 4)}   noise {with_prefix(fit.noise_std_m, 'm')} a sample"
         self._fit.setText(f"{MARKS[Tone.WARNING]} {words}\nthe model lacks something: diagnose" if lacking else words)
         self._fit.setToolTip("Near 1: what is left over is noise. Far above: the model lacks something, diagnose it.")
 

@@ -11,7 +11,8 @@ from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.wording import DASH, number, short_name
+from app.words.prefixes import prefix_for
+from app.words.wording import DASH, number, short_name, with_prefix
 
 CELL = "<td align='right' style='padding: 0 6px'>"
 
@@ -82,12 +83,14 @@ class Residuals(QWidget):
             np.full_like(motion.displacement_m, diagnosis.fit_after.noise_std_m) if known else motion.displacement_std_m
         )
         start, step = 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz
-        for fit, curve, band in zip(
-            (diagnosis.fit_before, diagnosis.fit_after), self._curves, self._bands, strict=True
-        ):
+        fits = (diagnosis.fit_before, diagnosis.fit_after)
+        for fit, plot, curve, band in zip(fits, self._plots, self._curves, self._bands, strict=True):
             if shown < len(fit.shots):
-                curve.show_samples(start, step, 1e9 * np.asarray(fit.shots[shown].residual_m))
-                band.show_band(start, step, 2e9 * noise_m)
+                left = np.asarray(fit.shots[shown].residual_m)
+                factor, unit = prefix_for(float(np.nanmax(np.abs(left), initial=0.0)), "m")
+                plot.count_in(unit)
+                curve.show_samples(start, step, factor * left)
+                band.show_band(start, step, 2.0 * factor * noise_m)
         self.reset()
 
     @Slot()
@@ -115,9 +118,9 @@ def _cells(errors: Errors | None) -> str:
     if errors is None:
         return f"{CELL}{DASH}</td>" * 4
     values = (
-        f"{number(1e9 * errors.displacement_rms_m, 3)} nm",
-        f"{number(1e6 * errors.velocity_rms_m_per_s, 3)} µm/s",
-        f"{number(1e3 * errors.force_rms_n, 3)} mN",
+        with_prefix(errors.displacement_rms_m, "m"),
+        with_prefix(errors.velocity_rms_m_per_s, "m/s"),
+        with_prefix(errors.force_rms_n, "N"),
         number(errors.reduced_chi2, 4),
     )
     return "".join(f"{CELL}{value}</td>" for value in values)

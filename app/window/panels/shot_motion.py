@@ -11,11 +11,12 @@ from app.report.shot_times import contact_span_ms, time_zero
 from app.window.pens import thin, under
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from app.words.prefixes import prefix_for
 
 RESIDUALS = (
-    ("force", "Residual of force", "mN", 1e3),
-    ("velocity", "Residual of velocity", "µm/s", 1e6),
-    ("displacement", "Residual of displacement", "nm", 1e9),
+    ("force", "Residual of force", "N"),
+    ("velocity", "Residual of velocity", "m/s"),
+    ("displacement", "Residual of displacement", "m"),
 )
 BOUNCE_MS = 0.6  # on either side of a bounce that was clicked on
 
@@ -40,8 +41,8 @@ class MotionView(QObject):
         self.kind = QComboBox(parent)
         self.kind.setAccessibleName("Which residual the lowest plot shows")
         self.kind.setToolTip("Slow effects show in displacement, where the optics' noise is white; fast ones in force")
-        for _, words, unit, _ in RESIDUALS:
-            self.kind.addItem(f"{words} ({unit})")
+        for _, words, _ in RESIDUALS:
+            self.kind.addItem(words)
         policy = self.kind.sizePolicy()
         policy.setRetainSizeWhenHidden(True)  # the plots of the other views start at the same height
         self.kind.setSizePolicy(policy)
@@ -94,9 +95,7 @@ class MotionView(QObject):
         if shot is None or shot.motion is None:
             return
         motion, fit = shot.motion, shot.fit
-        kind, _, unit, scale = RESIDUALS[self.kind.currentIndex()]
-        self.residual.unit = unit
-        self.residual.setLabel("left", f"residual ({unit})")
+        kind, _, unit = RESIDUALS[self.kind.currentIndex()]
         if fit is None or not fit.shots:
             self._residual.clear_samples()
             self._band.show_band(0.0, 1.0, np.empty(0))
@@ -109,6 +108,8 @@ class MotionView(QObject):
         else:
             rest, std = motion.force_n - overlay.force_n, motion.force_std_n
         start, step = _grid(motion, time_zero(shot)[0])
+        scale, words = prefix_for(float(np.nanmax(np.abs(rest), initial=0.0)), unit)
+        self.residual.count_in(words)
         self._residual.show_samples(start, step, scale * rest)
         self._band.show_band(start, step, 2 * scale * std)
         self.residual.free_y()

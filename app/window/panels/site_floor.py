@@ -11,7 +11,7 @@ from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.log_plot import LogPlot
 from app.window.theme import Colours
-from app.words.wording import local
+from app.words.wording import local, with_prefix
 
 FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
 UM_PER_S = 1e6
@@ -24,7 +24,7 @@ def line_words(floor: SiteFloor) -> list[str]:
     """Return the strongest lines, one each, with what probably makes them."""
     strongest = sorted(floor.lines, key=lambda line: -line.amplitude_m * line.frequency_hz)[:MOST_LINES]
     return [
-        local(f"{line.frequency_hz:.2f} Hz  {1e9 * line.amplitude_m:.1f} nm  {line.cause}")
+        f"{local(f'{line.frequency_hz:.2f}')} Hz  {with_prefix(line.amplitude_m, 'm')}  {line.cause}"
         for line in sorted(strongest, key=lambda line: line.frequency_hz)
     ]
 

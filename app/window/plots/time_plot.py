@@ -168,6 +168,11 @@ class TimePlot(pg.PlotItem):
         self.view.setRange(xRange=x, yRange=y, padding=0)
         self._y_by_hand = by_hand
 
+    def count_in(self, unit: str) -> None:
+        """Say in which unit the curves are from now on."""
+        self.unit = unit
+        self.setLabel("left", f"{self.title} ({unit})")
+
     def free_y(self) -> None:
         """Let the value axis follow the data again."""
         self._y_by_hand = False

@@ -16,7 +16,8 @@ from analysis.quantity import Quantity
 ABOVE_SIGMAS = 2.0
 MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
-FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one")
+FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one", "plate_shaken")
+SHAKEN = "vibration"  # the reading's flag: where it stands, the plate swings before it is touched
 CHI2_FAR = 2.0  # times one, or this part of it
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
 _PULSE = ("force_peak_n", "force_fwhm_s", "cor_impulse", "stiffness_slope_n_per_m")
@@ -44,6 +45,7 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "rate_doubtful": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
         "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
         "chi2_far_from_one": _FITTED,
+        "plate_shaken": _FITTED,
         "fit_not_converged": _FITTED,
     }
 )
@@ -70,9 +72,12 @@ def doubts_of_reading(impact: Impact, momentum: tuple[Quantity, Quantity] | None
 
 def doubts_of_fit(impact: Impact, fit: Fit) -> tuple[str, ...]:
     """Return the flags of a shot whose fit contradicts its readings, or does not describe it at all."""
-    if not fit.converged or len(fit.shots) != 1:
+    if not fit.converged:
         return ()
-    flags = []
+    # the model's plate is at rest until it is touched: its own ± does not hold a swing
+    flags = [FIT_DOUBTS[2]] if SHAKEN in impact.flags else []
+    if len(fit.shots) != 1:
+        return tuple(flags)
     own = fit.shots[0]
     pairs = (
         (impact.velocity_in_m_per_s, own.velocity_in_m_per_s),

@@ -12,6 +12,7 @@ from analysis.diagnosis.foretold import Foretold
 from analysis.diagnosis.foretold import to_result as foretold_result
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.result import to_result as diagnosis_result
+from analysis.disturbance import Disturbance
 from analysis.fit import Fit
 from analysis.laws.own import called
 from analysis.quantity import to_json
@@ -77,11 +78,32 @@ def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
         "stiffness_slope_n_per_m",
     ):
         entry[key] = to_json(getattr(impact, key)) if impact else None
+    entry["disturbance"] = disturbance_result(impact.disturbance if impact else None)
     entry["fit"] = fit_result(shot.fit)
     entry["budget"] = budget_result(budget(shot, others=others)) if impact else None
     entry["seconds"] = {key: shot.seconds.get(key, 0.0) for key in ("load", "demodulate", "impact", "fit")}
     finite: dict[str, Any] = _finite(entry)
     return finite
+
+
+def disturbance_result(disturbance: Disturbance | None) -> dict[str, Any] | None:
+    """Return what moved the path beside the block, and its share of the variance of each number that it concerns."""
+    if disturbance is None:
+        return None
+    return {
+        "lines": [
+            {
+                "frequency_hz": to_json(line.frequency_hz),
+                "amplitude_m": to_json(line.amplitude_m),
+                "phase_rad": line.phase_rad,
+            }
+            for line in disturbance.lines
+        ],
+        "floor_rms_m": disturbance.floor_rms_m,
+        "floor_rms_m_per_s": disturbance.floor_rms_m_per_s,
+        "knocks_s": [list(knock) for knock in disturbance.knocks_s],
+        "variance_shares": dict(disturbance.shares),
+    }
 
 
 def fit_result(fit: Fit | None) -> dict[str, Any] | None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from analysis.motion import Motion
 from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
 from analysis.reading.flights import Flight, fit_flight
+from analysis.reading.floor import Floor
 
 Floats = NDArray[np.float64]
 
@@ -17,6 +18,9 @@ FLIGHT_FRACTION = 0.03  # of the first contact's force: below it the block count
 EARLY_FRACTION = 0.4  # of the whole contact in which bounces are looked for
 STRAIGHT_SIGMAS = 4.0  # rms about a flight's line, in units of the record's white noise
 SHORTEST_FLIGHT = 5  # samples
+BENT_OVER = 0.5  # of a flight: how far apart a floor's three places are that tell how it bends its line
+BENDS = 1.4  # times the white noise
+ROUNDED_SAMPLES = 1.0
 LONG_FLIGHT = 24  # samples, after trimming
 LINE_TRIM = 0.12  # of a long flight, left out at each end of its line: the contact may begin before it shows
 EDGE_REACH_SAMPLES = 40  # of contact beyond a long flight: it is followed while its force keeps its sign
@@ -35,7 +39,7 @@ class Bounces:
     disturbed: bool = False  # a flight is not straight: something else moves the block, and its edges mean little
 
 
-def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight) -> Bounces:
+def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, floor: Floor) -> Bounces:
     """Find the flights inside the early contact, and between them the contacts with their force peaks.
 
     A flight shows as a force that stands at nothing; its edges then come to a fraction of a sample from how the
@@ -47,7 +51,7 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight) 
     inside = np.flatnonzero((time >= touch.time_s) & (time <= end))
     onsets, releases = [touch], list[Edge]()
     quiet = motion.displacement_m[flight_in.first : flight_in.last + 1]
-    noise = max(white_noise_std(quiet), 1e-15)  # slow vibration bends no flight of a millisecond
+    noise = max(white_noise_std(quiet), 1e-15)
     disturbed = False
     if inside.size >= 2 * SUPPORTS[0] and motion.valid[inside].all():
         force, std = _local_force(motion, inside, noise)
@@ -56,9 +60,12 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight) 
         for first, last in _runs(free, shortest=SHORTEST_FLIGHT):
             if time[inside[first]] - onsets[-1].time_s < 3.0 / motion.sample_rate_hz:
                 continue  # the force has not risen yet
-            edges = _flight_edges(motion, int(inside[first]), int(inside[last]), noise)
+            lasts = (last - first) / motion.sample_rate_hz
+            bent = float(np.hypot(noise, floor.curve_std_m(BENT_OVER * lasts)))
+            levels = (bent, float(np.hypot(noise, floor.bend_std_m(BENT_OVER * lasts))))
+            edges = _flight_edges(motion, int(inside[first]), int(inside[last]), noise, levels)
             if edges is not None and _is_flight(edges, releases, onsets, 1.0 / motion.sample_rate_hz):
-                disturbed = disturbed or not _is_straight(motion, edges, noise)
+                disturbed = disturbed or not _is_straight(motion, edges, bent)
                 releases.append(edges[0])
                 onsets.append(edges[1])
     return Bounces(tuple(onsets), tuple(releases), _peaks(motion, onsets, releases, end, noise), disturbed)
@@ -120,28 +127,42 @@ def _runs(mask: NDArray[np.bool_], shortest: int) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= shortest and b < mask.size - 1]
 
 
-def _flight_edges(motion: Motion, first: int, last: int, std_m: float) -> tuple[Edge, Edge] | None:
+def _flight_edges(
+    motion: Motion, first: int, last: int, noise_m: float, levels_m: tuple[float, float]
+) -> tuple[Edge, Edge] | None:
     """Return the release before and the onset after the flight about samples ``first`` to ``last``.
 
-    A long flight has a straight line of its own, which each edge leaves; a short one is fitted whole.
+    A long flight has a line of its own, which each edge leaves; a short one is fitted whole.  ``levels_m`` are how
+    far a straight line and a parabola through it may be off: the line is bent where a floor bends the flight.
     """
     trim = round(LINE_TRIM * (last - first))
     if last - first - 2 * trim >= LONG_FLIGHT:
-        line = fit_flight(motion, first + trim, last - trim, nearest=(first + last) // 2)
+        curved = levels_m[0] > BENDS * noise_m
+        line = fit_flight(motion, first + trim, last - trim, nearest=(first + last) // 2, curved=curved)
         if line is None:
             return None
-        line = replace(line, noise_std_m=std_m)
+        line = replace(line, noise_std_m=levels_m[1] if curved else levels_m[0])
         reach = trim + EDGE_REACH_SAMPLES
         release = edge_of_line(motion, line, until=line.first - reach)
         onset = edge_of_line(motion, line, until=line.last + reach)
-        return None if release is None or onset is None else (release, onset)
+        if release is None or onset is None:
+            return None
+        if not curved:
+            return release, onset
+        # the force is far into its rise before it stands clear of what the floor does: its shape counts by then
+        unsure = ROUNDED_SAMPLES / motion.sample_rate_hz
+        return _less_sure(release, unsure), _less_sure(onset, unsure)
     low, high = max(first - EDGE_SAMPLES, 0), min(last + EDGE_SAMPLES + 1, motion.time_s.size)
     time = motion.time_s[low:high]
     step = 1.0 / motion.sample_rate_hz
     room = max(6, round(0.45 * (last - first))) * step
     release_range = (time[0] + 2 * step, motion.time_s[first] + room)
     onset_range = (motion.time_s[last] - room, time[-1] - 2 * step)
-    return edges_of_short_flight(time, motion.displacement_m[low:high], std_m, release_range, onset_range)
+    return edges_of_short_flight(time, motion.displacement_m[low:high], levels_m[0], release_range, onset_range)
+
+
+def _less_sure(edge: Edge, std_s: float) -> Edge:
+    return Edge(edge.time_s, float(np.hypot(edge.std_s, std_s)))
 
 
 def white_noise_std(displacement_m: Floats) -> float:

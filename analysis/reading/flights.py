@@ -46,11 +46,12 @@ class Flight:
         return float(row @ self.coefficients), float(np.sqrt(row @ self.covariance @ row))
 
 
-def fit_flight(motion: Motion, first: int, last: int, *, nearest: int) -> Flight | None:
+def fit_flight(motion: Motion, first: int, last: int, *, nearest: int, curved: bool = False) -> Flight | None:
     """Fit the flight between samples ``first`` and ``last`` (inclusive), its zero at sample ``nearest``.
 
-    Quadratic where the flight is long enough, so that drag and tilt do not bend the velocity at its end; straight
-    where it is short.  All noise counts as white.  None with fewer than 4 valid samples.
+    Quadratic where the flight is long enough, so that drag and tilt do not bend the velocity at its end, or where it
+    is said to be ``curved``; straight where it is short.  All noise counts as white.  None with fewer than 4 valid
+    samples.
     """
     index = np.arange(max(first, 0), min(last, motion.time_s.size - 1) + 1)
     index = index[motion.valid[index] & np.isfinite(motion.displacement_m[index])]
@@ -58,7 +59,7 @@ def fit_flight(motion: Motion, first: int, last: int, *, nearest: int) -> Flight
         return None
     zero = float(motion.time_s[min(max(nearest, 0), motion.time_s.size - 1)])
     tau = motion.time_s[index] - zero
-    degree = 2 if tau[-1] - tau[0] >= SHORTEST_CURVED_S and index.size >= 12 else 1
+    degree = 2 if (curved or tau[-1] - tau[0] >= SHORTEST_CURVED_S) and index.size >= 12 else 1
     scale = float(np.abs(tau).max())
     design = np.vander(tau / scale, degree + 1, increasing=True)
     values = motion.displacement_m[index]

@@ -105,6 +105,11 @@ class Floor:
         half = np.pi * self.octaves.frequency_hz * lag_s
         return float(np.sqrt(self._power @ (4.0 * np.sin(half) ** 2)))
 
+    def curve_std_m(self, lag_s: float) -> float:
+        """Return the std of the floor's second difference: what a straight line through it misses one step beyond."""
+        half = np.pi * self.octaves.frequency_hz * lag_s
+        return float(np.sqrt(self._power @ (2.0 * np.sin(half)) ** 4))
+
     def bend_std_m(self, lag_s: float) -> float:
         """Return the std of the floor's third difference: what a parabola through it misses one step beyond."""
         half = np.pi * self.octaves.frequency_hz * lag_s

@@ -64,7 +64,7 @@ def read_impact(motion: Motion) -> Impact:
         motion.moving_mass_kg * flight_out.acceleration_m_per_s2,
     )
     impulse = pulse.read_impulse_ratio(motion, turnaround, touch, release, drag, noise)
-    bounces = find_bounces(motion, touch, release, flight_in)
+    bounces = find_bounces(motion, touch, release, flight_in, noise)
     flags = _flags(span, quiet, motion)
     if _disturbed(bounces):
         flags.append("bounces_disturbed")

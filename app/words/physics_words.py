@@ -56,6 +56,7 @@ FLAG_WORDS = {
     "momentum_disagrees": "the impulse of the force is not m (v_out - v_in)",
     "fit_disagrees": "the model's velocities contradict those read, beyond their uncertainties",
     "chi2_far_from_one": "the model leaves far more, or far less, than the noise: its uncertainties do not hold",
+    "plate_shaken": "the table shakes the plate before it is touched: the ± of the fitted parameters do not hold that",
     "fit_not_converged": "the model's fit did not converge: its numbers are withheld",
     "mass_disagrees": "force and motion contradict the stated mass: the fitted one is used",
     "fit_failed": "the model could not be fitted: its numbers are withheld",

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from analysis.doubts import concerning
 from analysis.fit import Fit
 from analysis.fitted_shot import fit_again, with_fit
 from analysis.quantity import NotSeen, Quantity
@@ -66,3 +67,13 @@ def test_a_joint_fit_is_each_shots_own_in_its_part() -> None:
     parts = tuple(replace(shot.fit.shots[0], reduced_chi2=value) for value in (1.5, 2.5))
     mine = replace(shot.fit, shots=parts, reduced_chi2=2.0).of_shot(1)
     assert mine.shots == (parts[1],) and mine.reduced_chi2 == 2.5
+
+
+def test_where_the_table_shakes_the_fitted_numbers_say_so_and_only_they() -> None:
+    shot = synthetic.shot()
+    assert shot.impact is not None
+    shaken = replace(shot, impact=replace(shot.impact, flags=("vibration",)), flags=("vibration",))
+    fitted = with_fit(shaken, of_fit(0.4))
+    assert "plate_shaken" in concerning("plate_mass_kg", fitted.flags)
+    assert concerning("stiffness_slope_n_per_m", fitted.flags) == ()
+    assert "plate_shaken" not in with_fit(replace(fitted, impact=shot.impact), of_fit(0.4)).flags

@@ -131,3 +131,14 @@ def test_the_first_collision_after_the_trigger_is_read() -> None:
     assert span is not None
     assert motion.time_s[span.turn] == pytest.approx(0.012003 + 14.3e-3, abs=1e-3)
     assert all_right(read_impact(motion))
+
+
+def test_bounces_of_a_plate_in_a_building_are_not_read_from_what_the_floor_does() -> None:
+    """A flight of a millisecond is bent by a nanometre: as much as the first samples of a contact."""
+    quiet = read_impact(motion_of(RIG)).cor_kinetic.onsets
+    assert isinstance(quiet, Quantity)
+    for seed in (1, 2, 3):
+        onsets = read_impact(disturbed_motion(RIG, Disturbance(criterion="VC-C", seed=seed))).cor_kinetic.onsets
+        assert isinstance(onsets, Quantity)
+        assert abs(onsets.value - 0.500) < 5.0 * onsets.std, seed
+        assert onsets.std < 0.03

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit attack bench bench-loop bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app
+.PHONY: run test lint types unit attack bench bench-loop bench-drives bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -41,6 +41,10 @@ bench-streaming: $(READY)
 
 bench-loop: $(READY)
 	$(BIN)/python -m tests.benchmarks.loop --seed 2 --keep .bench/loop.jsonl --page docs/closed-loop-benchmark.md
+
+# clean drives of several kinds: how many are given a law that they have not?
+bench-drives: $(READY)
+	$(BIN)/python -m tests.benchmarks.drives --count 84
 
 # 3,000 shots in buildings: do the 95 % intervals hold?  About an hour on two cores
 bench-coverage: $(READY)

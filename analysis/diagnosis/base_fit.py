@@ -8,7 +8,7 @@ from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.forward_selection import Trail, better, climb, explore
-from analysis.diagnosis.free_parameters import TrialEffect
+from analysis.diagnosis.free_parameters import TrialEffect, trials_named
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.hypothesis_fit import Fitted, finish, fit, search
 from analysis.diagnosis.quick_shot import too_fast
@@ -23,14 +23,17 @@ from analysis.shot import AnalysisError, Stop
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
 
-def base_fit(data: JointData, given: Fit, stop: Stop) -> Fitted:
-    """Return the base model's best fit at the diagnosis' rate, from one that is given."""
+def base_fit(data: JointData, given: Fit, taken_along: Sequence[str], stop: Stop) -> Fitted:
+    """Return the base model's best fit at the diagnosis' rate, from one that is given.
+
+    ``taken_along`` are the effects that each shot has for itself and that are no finding.
+    """
     names = data.base.names
     own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
-    point = Point(
-        np.array([given.parameters[name].value for name in names]), np.array(own), tuple({} for _ in data.shots)
-    )
-    hypothesis = Hypothesis(data, ())
+    along = trials_named(taken_along)
+    values = tuple({kind.name: kind.starts[0] for kind in along} for _ in data.shots)
+    point = Point(np.array([given.parameters[name].value for name in names]), np.array(own), values)
+    hypothesis = Hypothesis(data, along)
     point = _slow_enough(hypothesis, point)
     quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in data.shots])
     if quick.size < 100:

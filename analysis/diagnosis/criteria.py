@@ -54,6 +54,9 @@ class Criteria:
     small_sample: float = _is(
         1.35, "ratio", "of a shared shape's quantiles to chi^2's", "bootstrap of 3 shots of 60 ms"
     )
+    own_flights: float = _is(
+        0.05, "probability", "that no law of all shots bends flights so: below it their own are tried", _CONVENTION
+    )
     rough_correlation: float = _is(0.15, "1", "autocorrelation of what is no noise at all", _SIMULATED)
     rough_ratio: float = _is(2.5, "ratio", "of power in the loudest phase to the quietest, the same", _SIMULATED)
     law_fall: float = _is(

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,12 +22,14 @@ from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
 from analysis.diagnosis.law_learning import learn_law
+from analysis.diagnosis.own_flights import own_flights
 from analysis.diagnosis.profile import with_profile_std
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.samples import together
 from analysis.fit import Fit
+from analysis.model.effects import findings
 from analysis.model.fitting import base_named, fit_shots
 from analysis.motion import Motion
 from analysis.quantity import Quantity
@@ -60,12 +63,20 @@ def diagnose(
     if model == "driven":
         return diagnose_driven(motions, accepted, progress, cancelled)
     catalogue = trial_effects([*laws, *(name for name in accepted if "{" in name)])
+    accepted = findings(accepted)
     tell("fitting the base model", 0.0)
     data = JointData(together(motions), base_named(model))
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop)
-    before = accept(base_fit(data, fit_before, stop), catalogue, accepted, stop)
-    tell("scoring the catalogue", 0.15)
-    best, trail = explored(before, fit_before, motions, catalogue, stop)
+
+    def search(along: Sequence[str]) -> tuple[Fitted, Trail]:
+        start = accept(base_fit(data, fit_before, along, stop), catalogue, accepted, stop)
+        tell("scoring the catalogue", 0.15)
+        return explored(start, fit_before, motions, catalogue, stop)
+
+    best, trail = search(())
+    if along := own_flights(data.shots):
+        # Laws that all shots share are asked first; each shot's own bends are to explain more than they cost.
+        best, trail = min((best, trail), search(along), key=lambda ended: ended[0].bic)
     best, trail = seen_finely(best, trail, motions) or (best, trail)
     before, data = trail.start, trail.start.hypothesis.data
     held = choose(data, in_turn=best is not before) if hold_out is None else (hold_out,)
@@ -102,17 +113,18 @@ def diagnose(
     tell("errors before and after", 0.9)
     error_before, error_after = (_errors(motions, f, after.floor) for f in (before, after))
     fall = error_after.displacement_rms_m / error_before.displacement_rms_m
+    after_fit = as_fit(after, motions, model, 0.0)
     diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=words.verdict(verdict, effects, left, fall, learned),
+        sentence=words.verdict(verdict, effects, left, fall, learned) + words.taken_along(after_fit),
         effects=tuple(effects),
         candidates=_candidates(best, trail),
         error_before=error_before,
         error_after=error_after,
         error_held_out_before=_held(motions, data, held, told[0] if told else None, after.floor),
         error_held_out_after=_held(motions, data, held, told[1] if told else None, after.floor),
-        fit_before=fit if fit is not None and not accepted else as_fit(before, motions, model, 0.0),
-        fit_after=as_fit(after, motions, model, time.perf_counter() - began),
+        fit_before=fit if fit is not None and not before.names else as_fit(before, motions, model, 0.0),
+        fit_after=replace(after_fit, seconds=time.perf_counter() - began),
         remainder=left,
         blind_spots=_blind(at, catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
         separating_shot=_separating(effects, data),

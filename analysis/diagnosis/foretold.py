@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.diagnosis.cross_validation import shared_places
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.free_parameters import TrialEffect, trial_effects
+from analysis.diagnosis.free_parameters import TrialEffect, trials_named
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.hypothesis_fit import learn_floor, residuals, square_of
 from analysis.diagnosis.model_file import SavedModel
@@ -23,6 +23,7 @@ from analysis.drive.regress import Table, rms
 from analysis.drive.repeat import Floor as DriveFloor
 from analysis.drive.run import prepare as prepare_drive
 from analysis.fitted_shot import fit_jointly
+from analysis.model.effects import findings
 from analysis.model.fitting import base_named, prepare
 from analysis.model.least_squares import Infeasible, minimise
 from analysis.model.response import Model
@@ -62,9 +63,10 @@ class Foretold:
 def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel, stop: Stop | None = None) -> Foretold:
     """Return what ``model`` and its base leave of ``motions`` (shots' ``names`` beside them).
 
-    Every saved parameter is held; a shot's speed, touch and offset (a drive's constant force) are its own and are
-    fitted on it.  The base is the base as it was fitted to the shots that the model is from; a file that does not say
-    has its base fitted to these very shots, which is more than fair to it.  Raises AnalysisError, Cancelled.
+    Every saved parameter is held; a shot's speed, touch and offset (a drive's constant force), and its flights' bend
+    where the model's shots had one each, are its own and are fitted on it.  The base is the base as it was fitted to
+    the shots that the model is from; a file that does not say has its base fitted to these very shots, which is more
+    than fair to it.  Raises AnalysisError, Cancelled.
     """
     if not motions:
         raise AnalysisError("no shot was fitted, so there is nothing to foretell")
@@ -130,12 +132,14 @@ def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors
 def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
     data = JointData(together([motion]), base_named(model.base))
     start = own_start(prepare(motion), Model(data.base))[:OWN]
-    rows = {row.name: row for row in trial_effects()}
-    bare = _own_fitted(Hypothesis(data, ()), base, start)
-    effects = tuple(rows[name] for name in model.effects)
+    # What each shot has for itself, it has under the base model as well.
+    along = trials_named(name for name in model.effects if name not in findings(model.effects))
+    bare = _own_fitted(Hypothesis(data, along), base, start)
+    effects = trials_named(model.effects)
     whole = _own_fitted(Hypothesis(data, effects, _fixed(effects)), model.parameters, start)
     floor, _ = learn_floor(data, residuals(*whole))
-    out = [errors([motion], data.shots, h.full(h.unpack(z)), floor, OWN) for h, z in (bare, whole)]
+    own = OWN + sum(len(kind.own) for kind in along)
+    out = [errors([motion], data.shots, h.full(h.unpack(z)), floor, own) for h, z in (bare, whole)]
     return out[0], out[1]
 
 

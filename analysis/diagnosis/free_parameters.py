@@ -49,6 +49,11 @@ def trial_effect(row: Effect) -> TrialEffect:
     )
 
 
+def trials_named(names: Iterable[str]) -> tuple[TrialEffect, ...]:
+    """Return effects by name as they are searched, what is only taken along and ``laws.own`` keys among them."""
+    return tuple(trial_effect(named(name)) for name in names)
+
+
 def trial_effects(laws: Iterable[str] = ()) -> Sequence[TrialEffect]:
     """Return the catalogue as it is searched, and beside it the ``laws`` of these keys (``laws.own``)."""
     rows = (*CATALOGUE.values(), *(named(key) for key in dict.fromkeys(laws)))

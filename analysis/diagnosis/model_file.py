@@ -17,6 +17,7 @@ from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive.catalogue import LAWS
 from analysis.fit import Fit
 from analysis.laws.own import is_law
+from analysis.model.effects import TAKEN_ALONG, findings
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError
 
@@ -54,7 +55,7 @@ def saved(fit: Fit, shots: Sequence[str], diagnosis: Diagnosis | None = None) ->
     if diagnosis is not None:
         given = {name: getattr(diagnosis, f"error_{name}") for name in _ERRORS}
         errors = {name: value for name, value in given.items() if value is not None}
-    bare = diagnosis.fit_before if diagnosis is not None and not diagnosis.fit_before.effects else None
+    bare = diagnosis.fit_before if diagnosis is not None and not findings(diagnosis.fit_before.effects) else None
     base = dict(bare.parameters) if bare is not None and bare.converged else {}
     return SavedModel(fit.model, fit.effects, dict(fit.parameters), fit.covariance, tuple(shots), errors, base)
 
@@ -98,7 +99,7 @@ def from_text(text: str) -> SavedModel:
         raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
     effects = _strings(data, "effects")
     own = set(filter(is_law, effects))
-    known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()}
+    known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()} | set(TAKEN_ALONG)
     if unknown := [name for name in effects if name not in known]:
         raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
     parameters, base_parameters = _read_quantities(data, "parameters"), _read_quantities(data, "base_parameters")

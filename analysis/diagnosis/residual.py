@@ -150,24 +150,29 @@ def _bumps(shot: Samples) -> Floats:
 
 
 def describe(fitted: Fitted) -> str:
-    """Return in words where the remainder is large, how it goes with the speed, and its strongest line."""
+    """Return in words where the remainder is large, how it goes with the speed, and its strongest line.
+
+    Sizes are what stands above the sensor's white noise: of a camera the whole is mostly that.
+    """
     shots = fitted.hypothesis.data.shots
+    noise_m = fitted.floor.white_m
     square: dict[str, list[float]] = {}
-    sizes, speeds = [], []
+    above, speeds = [], []
     for shot, residual in zip(shots, fitted.residual_m, strict=True):
-        sizes.append(float(np.sqrt(np.mean(residual[shot.valid] ** 2))))
+        white = (noise_m * shot.weight) ** 2
+        above.append(float(np.mean(residual[shot.valid] ** 2)) - white)
         speeds.append(abs(shot.course.velocity_in_m_per_s))
         for name, here in _phase_of(shot):
             if here.sum() > 5:
-                square.setdefault(name, []).append(float(np.mean(residual[here] ** 2)))
-    rms = {name: math.sqrt(float(np.mean(values))) * 1e9 for name, values in square.items()}
-    loud = sorted(rms, key=lambda name: -rms[name])
+                square.setdefault(name, []).append(float(np.mean(residual[here] ** 2)) - white)
+    rms = {name: _root(values) * 1e9 for name, values in square.items()}
+    loud = sorted((name for name in rms if rms[name] > 0.0), key=lambda name: -rms[name])
     parts = [
-        f"{_nm(math.sqrt(float(np.mean(np.square(sizes)))) * 1e9)} rms in displacement, "
-        + ", ".join(f"{name} {_nm(rms[name])}" for name in loud[:3])
+        f"{_nm(_root(above) * 1e9)} rms in displacement above the white noise of {_nm(noise_m * 1e9)}"
+        + "".join(f", {name} {_nm(rms[name])}" for name in loud[:3])
     ]
-    if len(shots) > 1 and max(speeds) / min(speeds) > 1.15:
-        slope = float(np.polyfit(np.log(speeds), np.log(sizes), 1)[0])
+    if len(shots) > 1 and max(speeds) / min(speeds) > 1.15 and min(above) > 0.0:
+        slope = float(np.polyfit(np.log(speeds), 0.5 * np.log(above), 1)[0])
         parts.append(f"its size goes as the speed to the power {slope:.1f}")
     line = _line(fitted)
     if line is not None:
@@ -178,6 +183,11 @@ def describe(fitted: Fitted) -> str:
 def looks_like(misfit: LackOfFit, what: str = "it") -> str:
     """Return the freedom that ``what`` misses most, in words that continue a description, or nothing."""
     return f"; {what} looks like {misfit.shape}" if misfit.significant else ""
+
+
+def _root(squares: Sequence[float]) -> float:
+    """Return the root of the mean of squares less a noise's, nothing where the noise was more."""
+    return math.sqrt(max(0.0, float(np.mean(squares))))
 
 
 def _nm(value: float) -> str:

@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.fit import Fit
 from analysis.laws.own import from_key
-from analysis.model.effects import named
+from analysis.model.effects import TAKEN_ALONG, named
 from analysis.quantity import Quantity
 from analysis.units import parts
 
@@ -87,6 +88,20 @@ def verdict(
     if effects:
         return f"The model lacks {listed}, and more that stays unexplained: {remainder}.{cured}"
     return f"Unexplained: something is missing that no effect of the catalogue accounts for: {remainder}."
+
+
+def taken_along(fit: Fit) -> str:
+    """Return what each shot was given for itself beside its start, as a further sentence, or nothing."""
+    own: dict[str, list[float]] = {}
+    for shot in fit.shots:
+        for full, quantity in shot.own_parameters.items():
+            if full.split(".")[0] in TAKEN_ALONG:
+                own.setdefault(full, []).append(quantity.value)
+    if not own:
+        return ""
+    spans = [f"{stem(full.split('.')[1])} the contact {min(v):.2g} to {max(v):.2g}" for full, v in own.items()]
+    name, _, parameter = next(iter(own)).partition(".")
+    return f" Each shot has its own {plain(name)}: {', '.join(spans)} {unit_of(parameter)}."
 
 
 def separating(name: str, others: Sequence[str], speeds: Sequence[float]) -> str:

@@ -95,19 +95,32 @@ def _lag(place: Floats) -> int | None:
 
 
 def _records(table: Table) -> Iterator[Pass]:
-    """Yield (samples, the same of another record) where two records share their motion or their force."""
-    first = {int(r): np.flatnonzero(table.record == r) for r in np.unique(table.record)}
+    """Yield (samples, the same of another record) where two records share their motion or their force.
+
+    Each record's time counts from its own beginning, whatever its clock says.
+    """
     force = table.force()
-    numbers = sorted(first)
-    for one, other in itertools.pairwise(numbers):
-        a, b = first[one], first[other]
-        begin = (float(table.time_s[a[0]]), float(table.time_s[b[0]]))
-        if a.size != b.size or a.size < _LEAST_SAMPLES or abs(begin[0] - begin[1]) > 1e-6 * max(1.0, *map(abs, begin)):
+    places = {int(record): _places(table, int(record)) for record in np.unique(table.record)}
+    for one, other in itertools.combinations(places, 2):
+        (rate, when, first), (other_rate, then, second) = places[one], places[other]
+        if abs(other_rate / rate - 1.0) > 1e-6:
             continue
+        common, a, b = np.intersect1d(when, then, assume_unique=True, return_indices=True)
+        if common.size < max(_LEAST_SAMPLES, LEAST_OVERLAP * min(when.size, then.size)):
+            continue
+        a, b = first[a], second[b]
         moved = _share(table.displacement_m[a], table.displacement_m[b])
         driven = _share(force[a], force[b])
         if min(moved, driven) < ALIKE:
             yield a, b, "what records of one input repeat to", None
+
+
+def _places(table: Table, record: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
+    """Return a record's sample rate, its samples' numbers from its beginning, and their places in the table."""
+    runs = [run for run in table.runs if run.record == record]
+    rate, begin = runs[0].sample_rate_hz, min(float(run.time_s[0]) for run in runs)
+    at = np.flatnonzero(table.record == record)
+    return rate, np.round((table.time_s[at] - begin) * rate).astype(np.int64), at
 
 
 def _share(one: Floats, other: Floats) -> float:

@@ -13,7 +13,7 @@ from analysis.fit import Fit
 from analysis.model import guesses, starts
 from analysis.model.build_fit import Estimate, Part, Path, build_fit
 from analysis.model.effect_starts import effect_starts
-from analysis.model.effects import MOST_AT_ONCE, named
+from analysis.model.effects import MOST_AT_ONCE, findings, named
 from analysis.model.least_squares import Infeasible, Minimum, covariance
 from analysis.model.parameters import Floats, Variant
 from analysis.model.response import DEFAULT_WAVELENGTH_M, OWN_NAMES, Base, Model, ShotData, respond
@@ -54,7 +54,7 @@ def fit_shots(
     began = time.perf_counter()
     if not motions:
         raise ValueError("no shot to fit")
-    if len(effects) > MOST_AT_ONCE or len(set(effects)) != len(effects):
+    if len(findings(effects)) > MOST_AT_ONCE or len(set(effects)) != len(effects):
         raise ValueError(f"effects must be at most {MOST_AT_ONCE} different ones")
     given = dict(start or {})
     base = base_named(model)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.model import general, oscillators
-from analysis.model.effects import CATALOGUE, Effect
-from analysis.model.effects.row import Acts, Sensed
+from analysis.model.effects import CATALOGUE, Effect, named
+from analysis.model.effects.row import Sensed
 from analysis.model.parameters import Floats
 from analysis.model.response import OWN_NAMES, ShotData, respond
 from analysis.model.search import Problem
@@ -62,15 +62,15 @@ def candidates(problem: Problem, parameters: Floats, names: Iterable[str] | None
     already in the model do to the oscillator's response is of second order and left out).
     """
     have = {effect.name for effect in problem.model.effects}
-    rows = [CATALOGUE[name] for name in (CATALOGUE if names is None else names) if name not in have]
+    rows = [named(name) for name in (CATALOGUE if names is None else names) if name not in have]
     singles: list[tuple[Effect, dict[str, float]]] = []
     for row in rows:
         if row.name in oscillators.KINDS and not problem.model.base.one_body:
             yield from _oscillating(problem, parameters, row)
         elif row.sensor is not None:
             yield from _sensed(problem, parameters, row)
-        elif row.acts is Acts.AT_START:
-            yield _moving_plate(problem, parameters, row)
+        elif row.own:
+            yield _each_shots_own(problem, parameters, row)
         elif row.one_body or not problem.model.base.one_body:
             singles += [(row, point) for point in grid(row)]
     room = max(1, 3 - sum(effect.kernel is not None for effect in problem.model.effects))
@@ -129,7 +129,8 @@ def _oscillating(problem: Problem, parameters: Floats, effect: Effect) -> Iterat
         )
 
 
-def _moving_plate(problem: Problem, parameters: Floats, effect: Effect) -> Candidate:
+def _each_shots_own(problem: Problem, parameters: Floats, effect: Effect) -> Candidate:
+    """Return the candidate whose parameters are all each shot's own and linear: a state of the plate, or a force."""
     columns = []
     for index in range(len(problem.shots)):
         shot, own, values = _situation(problem, parameters, index)
@@ -139,7 +140,11 @@ def _moving_plate(problem: Problem, parameters: Floats, effect: Effect) -> Candi
             for e in problem.model.effects
             if e.kernel is not None
         ]
-        run = general.solve(collision, active, shot.time_s - own[1], directions=[6, 5])
+        directions = [6, 5]
+        if effect.kernel is not None:
+            directions = [general.direction(len(active), place) for place in range(len(effect.parameters))]
+            active.append(general.Active(effect, (0.0,) * len(effect.parameters)))
+        run = general.solve(collision, active, shot.time_s - own[1], directions=directions)
         columns.append(run.displacement_derivatives)
     return Candidate(effect.name, {}, tuple(columns), own=True)
 

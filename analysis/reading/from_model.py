@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.free_parameters import trial_effects
+from analysis.diagnosis.free_parameters import trials_named
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.samples import take
 from analysis.fit import Fit
@@ -93,11 +93,11 @@ def _pulse(fit: Fit, motion: Motion) -> _Pulse:
     """Return the model's first contact and how well it is known: derivatives by differences of a solved shot."""
     shot = fit.shots[0]
     data = JointData((take(motion),), base_named(fit.model))
-    rows = {row.name: row for row in trial_effects()}
-    hypothesis = Hypothesis(data, tuple(rows[name] for name in fit.effects))
+    hypothesis = Hypothesis(data, trials_named(fit.effects))
     own = np.array([q.value for q in (shot.velocity_in_m_per_s, shot.touch_time_s, shot.offset_m)])
     names = list(fit.parameters)
     at = np.array([fit.parameters[name].value for name in names])
+    mine = {name: quantity.value for name, quantity in shot.own_parameters.items()}
     fine = np.linspace(*_around(shot.touch_time_s.value, fit, motion), _GRID)
     fine_shot = replace(data.shots[0], time_s=fine, used=np.ones(_GRID, dtype=np.bool_))
     hypothesis = replace(hypothesis, data=replace(data, shots=(fine_shot,)))
@@ -105,7 +105,7 @@ def _pulse(fit: Fit, motion: Motion) -> _Pulse:
     def pulse(parameters: Floats, speed: float) -> Floats:
         known = dict(zip(names, parameters, strict=True))
         values: dict[str, dict[str, float]] = {row.name: dict(row.starts[0]) for row in hypothesis.effects}
-        for name, value in known.items():
+        for name, value in [*mine.items(), *known.items()]:
             effect, _, parameter = name.partition(".")
             if parameter:
                 values[effect][parameter] = float(value)

@@ -7,6 +7,7 @@ from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, fro
 from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
 from analysis.fitted_shot import fit_jointly
+from analysis.model.effects import findings
 from analysis.shot import AnalysisError, Shot
 from app.session.model_effects import ModelEffects
 from app.words.wording import effect_words, local, parameter_parts
@@ -33,7 +34,7 @@ def save_model(
     if len(bases) > 1:
         raise AnalysisError(f"the shots use different base models ({', '.join(bases)}): select shots of one")
     effects = accepted.of(bases[0])
-    if diagnosis is not None and set(diagnosis.fit_after.effects) == set(effects):
+    if diagnosis is not None and set(findings(diagnosis.fit_after.effects)) == set(findings(effects)):
         fit = diagnosis.fit_after
     else:
         diagnosis = None

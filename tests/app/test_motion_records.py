@@ -1,16 +1,18 @@
 """Motion records as a new user brings them: the page's examples run, and what is wrong is said in words that help."""
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from analysis.shot import AnalysisError
 from app.command_line.cli import main
 from instrument.bench.blind import drawn, records
 from instrument.bench.noise import Noise, NoiseKind
+from tests.analysis.camera import Camera
 from tests.analysis.drive.slider import Drive
-from tests.analysis.reading.test_from_model import camera
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
 EXAMPLES = re.findall(r"```toml\n(model = .*?)```\n\n```text\n(.*?)\n```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -23,7 +25,7 @@ def seen(model: str) -> Columns:
         motion = Drive(seconds=8.0).motion()
         return {"time_s": motion.time_s, "displacement_m": motion.displacement_m, "force_n": motion.force_n}
     if model == "contact":
-        motion, _, _ = camera(30e-6)
+        motion = Camera().motion(30e-6)
         return {"time_s": motion.time_s, "displacement_m": motion.displacement_m}
     (record, *_) = records(drawn((), 11, Noise(NoiseKind.FLOOR)))
     return {"time_s": record.time_s, "displacement_m": record.displacement_m}
@@ -74,6 +76,26 @@ def test_a_wrong_sign_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     status, _, err = said(written(tmp_path, 'model = "contact"\nmoving_mass_kg = 0.0912', columns), capsys)
     assert status == 1
     assert "reverse its sign" in err
+
+
+def test_a_shot_that_could_not_be_fitted_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is read and written out like any other, but it was not fitted: the status and a line say so."""
+
+    def refuse(*_: object) -> None:
+        raise AnalysisError("no motion of the contact model comes near these shots")
+
+    path = written(tmp_path, 'model = "contact"\nmoving_mass_kg = 0.0912', seen("contact"))
+    monkeypatch.setattr("analysis.fitted_shot.fit_jointly", refuse)
+    status, out, err = said(path, capsys, "--json", str(tmp_path / "out.json"))
+    assert status == 1
+    assert "r.csv" in err and "not fitted: no motion of the contact model comes near these shots" in err
+    assert "fit_failed" in out
+    (shot,) = json.loads((tmp_path / "out.json").read_text())["shots"]
+    assert shot["fit"] is None
+    assert shot["velocity_in_m_per_s"]["value"] < 0.0
+    assert "fit_failed" in shot["flags"]
 
 
 def test_no_force_column_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,13 +2,19 @@
 
 from collections.abc import Iterable, Mapping
 
-from analysis.model.effects import in_contact, on_block, on_plate, on_sensor
+from analysis.model.effects import in_contact, on_block, on_plate, on_sensor, taken_along
 from analysis.model.effects.row import Acts, Effect, Parameter
 
 CATALOGUE: Mapping[str, Effect] = {
     row.name: row for rows in (on_block.ROWS, on_plate.ROWS, in_contact.ROWS, on_sensor.ROWS) for row in rows
 }
+TAKEN_ALONG: Mapping[str, Effect] = {row.name: row for row in taken_along.ROWS}  # each shot's own, no finding
 MOST_AT_ONCE = 3
+
+
+def findings(names: Iterable[str]) -> tuple[str, ...]:
+    """Return those of the named effects that a diagnosis may find: not what is only taken along."""
+    return tuple(name for name in names if name not in TAKEN_ALONG)
 
 
 def sensors(names: Iterable[str]) -> list[Effect]:
@@ -27,10 +33,12 @@ def named(name: str) -> Effect:
         from analysis.laws.own import from_key  # the catalogue does without it
 
         return from_key(name).effect
+    if name in TAKEN_ALONG:
+        return TAKEN_ALONG[name]
     try:
         return CATALOGUE[name]
     except KeyError:
         raise ValueError(f"no effect {name!r}; there are {', '.join(CATALOGUE)}") from None
 
 
-__all__ = ["CATALOGUE", "MOST_AT_ONCE", "Acts", "Effect", "Parameter", "named", "sensors"]
+__all__ = ["CATALOGUE", "MOST_AT_ONCE", "TAKEN_ALONG", "Acts", "Effect", "Parameter", "findings", "named", "sensors"]

@@ -1,5 +1,6 @@
 """The closed loop on a driven slider: synthetic ones of known truth, and the EMPS benchmark where it is present."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,14 @@ from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.drive.curves import drive_curves
 from analysis.drive.fit import fit_driven
+from analysis.drive.regress import Table, regress
+from analysis.drive.repeat import Floor, floor
+from analysis.drive.run import low_pass, prepare
+from analysis.motion import Motion
 from analysis.shot import AnalysisError
 from analysis.signal.record import motion_from_displacement
 from instrument.motion_file import read_motion
-from tests.analysis.drive.slider import MASS, OFFSET, VISCOUS, Drive, Floats
+from tests.analysis.drive.slider import MASS, OFFSET, RATE_HZ, VISCOUS, Drive, Floats
 
 TRUE_BASE = {"moving_mass_kg": MASS, "viscous_coefficient_n_s_per_m": VISCOUS, "offset_n": OFFSET}
 
@@ -130,6 +135,27 @@ def test_what_repeats_is_the_floor() -> None:
     assert diagnosis.verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
     assert "cycle of 4 s repeats to" in diagnosis.sentence
     assert "times what its cycle" in diagnosis.remainder
+
+
+def test_records_of_one_input_are_the_floor() -> None:
+    """No cycle in any of them, but the same motion in all: what they repeat to is the yardstick, clocks apart."""
+
+    def odd(x: Floats, v: Floats) -> Floats:
+        return 4.0 * np.sign(np.sin(2 * np.pi * x / 0.05)) * np.sign(v)
+
+    one, two = (Drive(odd, seconds=10.0, noise_n=1.0, seed=seed).motion() for seed in (1, 2))
+    other = Drive(odd, seconds=10.0, noise_n=1.0, seed=3, waves=((0.07, 0.37), (0.03, 0.83))).motion()
+
+    def below(motions: list[Motion]) -> Floor:
+        table = Table.of(prepare(motions))
+        found = regress(table, ())
+        return floor(table, found, 0.01)
+
+    assert not below([one, other]).repeats
+    seen = below([one, other, replace(two, time_s=two.time_s + 100.0)])
+    assert seen.what == "what records of one input repeat to"
+    passed = float(np.linalg.norm(low_pass(RATE_HZ, prepare([one, other])[0].bandwidth_hz)))
+    assert 0.8 * passed < seen.force_n < 1.2 * passed  # the noise of 1 N through the filter, not the 4 N of the odd law
 
 
 def test_the_accepted_laws_are_the_model() -> None:

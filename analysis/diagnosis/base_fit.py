@@ -46,6 +46,18 @@ def base_fit(data: JointData, given: Fit, taken_along: Sequence[str], stop: Stop
         raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
 
 
+def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:
+    """Return whether what each shot has for itself explains more than it costs, beside the effects of a fit."""
+    hypothesis, point = best.hypothesis, best.point
+    kinds = tuple(kind for kind in hypothesis.effects if kind.name not in taken_along)
+    bare = Hypothesis(hypothesis.data, kinds, hypothesis.fixed)
+    values = tuple({name: v for name, v in of.items() if name not in taken_along} for of in point.values)
+    try:
+        return best.bic < fit(bare, bare.pack(Point(point.base, point.own, values)), best.floor, cancelled=stop).bic
+    except Infeasible:
+        return True
+
+
 def _slow_enough(hypothesis: Hypothesis, point: Point) -> Point:
     """Return the point with a contact that samples can follow: one drawn to a wall is no place to begin."""
     shot = hypothesis.data.shots[0]

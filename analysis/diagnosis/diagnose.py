@@ -9,7 +9,7 @@ import numpy as np
 from analysis.diagnosis import words
 from analysis.diagnosis.acceptance import accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
-from analysis.diagnosis.base_fit import accept, base_fit, explored
+from analysis.diagnosis.base_fit import accept, base_fit, explored, pays_along
 from analysis.diagnosis.competing_models import apart
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, choose, predict
@@ -73,10 +73,10 @@ def diagnose(
         tell("scoring the catalogue", 0.15)
         return explored(start, fit_before, motions, catalogue, stop)
 
-    best, trail = search(())
-    if along := own_flights(data.shots):
-        # Laws that all shots share are asked first; each shot's own bends are to explain more than they cost.
-        best, trail = min((best, trail), search(along), key=lambda ended: ended[0].bic)
+    along = own_flights(data.shots)
+    best, trail = search(along)
+    if along and not pays_along(best, along, stop):
+        best, trail = search(())
     best, trail = seen_finely(best, trail, motions) or (best, trail)
     before, data = trail.start, trail.start.hypothesis.data
     held = choose(data, in_turn=best is not before) if hold_out is None else (hold_out,)

@@ -103,5 +103,6 @@ def test_the_air_track_foretells_a_run_it_never_saw(measured: Path) -> None:
     found = diagnose(motions[:4], model="contact")
     model = from_text(to_text(saved(found.fit_after, [str(n) for n in range(1, 5)], found)))
     told = foretell(motions[4:], ["5"], model)
-    assert told.error_model.displacement_rms_m < 65e-6 < 100e-6 < told.error_base.displacement_rms_m
+    # the camera alone leaves 40 um; each run's own flights are fitted beside the base as well
+    assert told.error_model.displacement_rms_m < 62e-6 < 75e-6 < told.error_base.displacement_rms_m
     assert "foretold better by" in told.sentence

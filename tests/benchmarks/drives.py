@@ -38,7 +38,7 @@ def drawn(random: Random) -> Drive:
 
 
 def _again(motion: Motion, displacement_m: Floats, force_n: Floats) -> Motion:
-    return motion_from_displacement(motion.time_s, displacement_m, None, force_n)
+    return motion_from_displacement(motion.time_s, displacement_m, None, force_n, moving_mass_kg=None)
 
 
 def plain(random: Random) -> list[Motion]:

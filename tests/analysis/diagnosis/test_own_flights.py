@@ -1,5 +1,7 @@
 """Shots whose flights bend each in its own way: told from laws that all share, and taken along."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from analysis.diagnosis.samples import together
 from analysis.model.fitting import fit_shots
 from analysis.model.starts import read
 from analysis.motion import Motion
-from tests.analysis.camera import REST_M, Camera
+from tests.analysis.camera import MASS_KG, Camera
 
 SPEEDS = (0.13, 0.16, 0.19, 0.23)
 OWN = ((0.012, -0.02), (-0.015, 0.01), (0.02, 0.018), (-0.01, -0.016))  # m/s^2
@@ -38,25 +40,30 @@ def test_two_shots_cannot_contradict_a_law() -> None:
 
 
 def test_a_shot_fitted_with_its_own_bends_gives_them() -> None:
-    motion = Camera(bends=(0.03, -0.02)).motion(5e-6)
+    motion = Camera(bends=(0.012, -0.02)).motion(20e-6)
     fit = fit_shots([motion], model="contact", effects=("flight_acceleration",))
     assert fit.converged
-    for name, true in (("before", 0.03), ("after", -0.02)):
+    for name, true in (("before", 0.012), ("after", -0.02)):
         found = fit.shots[0].own_parameters[f"flight_acceleration.{name}_m_per_s2"]
-        assert abs(found.value - true) < 4.0 * found.std < 0.01
+        assert abs(found.value - true) < 4.0 * found.std < 0.002
 
 
-def test_what_is_taken_along_hides_nothing_and_foretells_a_shot_of_other_bends() -> None:
-    motions = shots(OWN, growing=200.0)
+def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The search itself is tested elsewhere: here nothing is searched but the shots' own bends.
+    monkeypatch.setattr(sys.modules["analysis.diagnosis.diagnose"], "trial_effects", lambda _laws=(): ())
+    motions = shots(OWN)
     found = diagnose(motions[:3], model="contact")
-    assert "flight acceleration" in found.sentence
-    assert "flight_acceleration" not in {effect.name for effect in found.effects}
+    assert "its own flight acceleration" in found.sentence
+    assert found.effects == ()
+    assert found.fit_before.effects == found.fit_after.effects == ("flight_acceleration",)
     model = from_text(to_text(saved(found.fit_after, ["1", "2", "3"], found)))
-    assert "flight_acceleration" in model.effects
-    assert not any("flight_acceleration" in name for name in model.parameters)
+    assert model.effects == ("flight_acceleration",)
+    assert set(model.parameters) == set(model.base_parameters) == {
+        "contact_stiffness_n_per_m", "contact_damping_n_s_per_m",
+    }  # fmt: skip
     told = foretell(motions[3:], ["4"], model)
-    assert told.error_model.displacement_rms_m < 25e-6
-    assert told.error_model.displacement_rms_m < told.error_base.displacement_rms_m
+    assert told.error_model.displacement_rms_m < 24e-6  # noise of 20 um
+    assert told.error_base.displacement_rms_m == pytest.approx(told.error_model.displacement_rms_m, rel=0.02)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -65,5 +72,6 @@ def test_the_contact_is_read_through_a_cameras_noise(seed: int) -> None:
     motion = Camera().motion(40e-6, seed)
     course = read(motion.time_s, motion.displacement_m, motion.valid)
     assert course.velocity_in_m_per_s == pytest.approx(-0.17, rel=0.02)
-    assert course.touch_position_m == pytest.approx(REST_M, abs=1e-3)
-    assert course.contact_time_s == pytest.approx(np.pi * np.sqrt(0.0912 / 190.0), rel=0.15)
+    # Half a sine is not quite the contact: its dashpot draws the touch some 6 ms ahead, a tenth of the contact.
+    assert course.touch_time_s == pytest.approx(0.6, abs=0.009)
+    assert course.contact_time_s == pytest.approx(np.pi * np.sqrt(MASS_KG / 190.0), rel=0.25)

@@ -81,7 +81,7 @@ class LawRig:
         bare = LawRig(bodies=self.bodies)
         time_s, step_s = np.arange(-8e-3, self._end_s, 4 / RATE_HZ), 3e-4
         names = [one.name for one in fields(Bodies)]
-        columns = np.zeros((len(speeds), time_s.size, 5 + 2 * len(speeds)))
+        columns = np.zeros((len(speeds), time_s.size, 5 + 3 * len(speeds)))
         left = np.zeros((len(speeds), time_s.size))
         for index, speed in enumerate(speeds):
             x = bare.displacement_m(time_s, speed, step_s)
@@ -89,8 +89,9 @@ class LawRig:
             for k, name in enumerate(names):
                 other = replace(self.bodies, **{name: getattr(self.bodies, name) * 1.001})
                 columns[index, :, k] = LawRig(bodies=other).displacement_m(time_s, speed, step_s) - x
-            columns[index, :, 5 + 2 * index] = bare.displacement_m(time_s, speed * 1.001, step_s) - x
-            columns[index, :, 6 + 2 * index] = np.gradient(x, time_s)
+            columns[index, :, 5 + 3 * index] = bare.displacement_m(time_s, speed * 1.001, step_s) - x
+            columns[index, :, 6 + 3 * index] = np.gradient(x, time_s)
+            columns[index, :, 7 + 3 * index] = 1.0  # where zero lies is a shot's own
         flat = columns.reshape(-1, columns.shape[2])
         flat = flat / np.linalg.norm(flat, axis=0)
         basis, _ = np.linalg.qr(np.delete(flat, 0, axis=1))  # of the masses only their ratio to the springs tells

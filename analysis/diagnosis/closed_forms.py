@@ -14,9 +14,11 @@ from scipy.optimize import least_squares
 
 from analysis.diagnosis.curve_fit import Learned
 from analysis.diagnosis.projector import orthonormal
+from analysis.laws.arguments import Argument
 from analysis.laws.forms import FORMS, Form
 
 Floats = NDArray[np.float64]
+_BEYOND = 1e60  # of a curve of size 1: no form of this range
 _FINE = 12  # samples a piece of the basis, at which a form is taken into the splines
 
 
@@ -37,8 +39,7 @@ def compress(learned: Learned, which: int = 0) -> list[Fitting]:
     into = np.asarray(np.linalg.pinv(term.basis.design(fine)), dtype=np.float64)  # a curve at ``fine`` to coefficients
     root = _root(information(learned, which))
     target = root @ term.coefficients
-    gauge = _gauge(learned, which, fine)
-    columns = root @ (into @ gauge)
+    columns = root @ (into @ gauge(term.argument, fine))
     basis = orthonormal(columns) if columns.shape[1] else columns
     target = target - basis @ (basis.T @ target)
 
@@ -72,14 +73,13 @@ def _root(information_: Floats) -> Floats:
     return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))).T)
 
 
-def _gauge(learned: Learned, which: int, fine: Floats) -> Floats:
-    """Return curves that the base holds already at ``fine``, shape (n, k)."""
-    argument = learned.terms[which].argument
+def gauge(argument: Argument, at: Floats) -> Floats:
+    """Return curves of ``argument`` that the base model holds already, at ``at``, shape (n,): shape (n, k)."""
     if argument.where == "block" and argument.name == "place":
-        inside = (fine < 0).astype(np.float64)  # in contact place is bend: a constant moves the rest, a slope is k_p
-        return np.column_stack([inside, inside * fine])
-    columns = {"1": np.ones_like(fine), "x": fine}
-    return np.column_stack([columns[name] for name in argument.gauge]) if argument.gauge else np.zeros((fine.size, 0))
+        inside = (at < 0).astype(np.float64)  # in contact place is bend: a constant moves the rest, a slope is k_p
+        return np.column_stack([inside, inside * at])
+    columns = {"1": np.ones_like(at), "x": at}
+    return np.column_stack([columns[name] for name in argument.gauge]) if argument.gauge else np.zeros((at.size, 0))
 
 
 def _apt(form: Form, low: float, high: float) -> bool:
@@ -101,7 +101,7 @@ def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: floa
         values |= {name: values[name] * span for name in form.positive}
         with np.errstate(all="ignore"):
             curve = form.values(fine, values)
-        if not np.all(np.isfinite(curve)):
+        if not np.all(np.abs(curve) < _BEYOND):
             return 0.0, target
         row = seen(curve)
         square = float(row @ row)

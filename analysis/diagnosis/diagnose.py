@@ -10,6 +10,7 @@ from analysis.diagnosis import words
 from analysis.diagnosis.acceptance import accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
 from analysis.diagnosis.base_fit import accept, base_fit, explored, pays_along
+from analysis.diagnosis.beyond_catalogue import beyond_catalogue
 from analysis.diagnosis.competing_models import apart
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, choose, predict
@@ -21,7 +22,6 @@ from analysis.diagnosis.full_rate import seen_finely
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
-from analysis.diagnosis.law_learning import learn_law
 from analysis.diagnosis.own_flights import own_flights
 from analysis.diagnosis.profile import with_profile_std
 from analysis.diagnosis.projector import Projector, projector
@@ -105,9 +105,10 @@ def diagnose(
     learned: tuple[LearnedLaw, ...] = ()
     if verdict is Verdict.UNEXPLAINED and not effects:
         held = choose(data) if hold_out is None else held
-        partly = _in_part(before, best, found, held, tell, stop)
-        if partly is not None:
-            after, verdict, effects, learned, told, left = partly
+        beyond = beyond_catalogue(before, best, found, held, tell, stop)
+        if beyond is not None:
+            after, verdict, effects, learned = beyond.fitted, beyond.verdict, beyond.effects, beyond.laws
+            told, left = beyond.foretold, beyond.rest.text
         else:
             told = (told[0], told[0]) if told and best is not before else told
     tell("errors before and after", 0.9)
@@ -133,35 +134,6 @@ def diagnose(
     )
     tell("diagnosed", 1.0)
     return diagnosis
-
-
-_Part = tuple[Fitted, Verdict, list[FoundEffect], tuple[LearnedLaw, ...], tuple[Prediction, Prediction], str]
-
-
-def _in_part(
-    before: Fitted, best: Fitted, found: list[FoundEffect], held: tuple[int, ...], tell: Progress, stop: Stop
-) -> _Part | None:
-    """Return what explains something though no effect was named: a learned law, or the effects that came nearest.
-
-    None where nothing lowers the held-out error.
-    """
-    tell("learning a law", 0.8)
-    learned = learn_law(before, held, tell, stop)
-    told = None if learned is not None and learned.explains else _helps(before, best, held, stop)
-    if learned is not None and (told is None or learned.fitted.bic < best.bic):
-        verdict = Verdict.LAW_LEARNED if learned.explains else Verdict.PARTLY_EXPLAINED
-        return learned.fitted, verdict, [], (learned.law,), learned.foretold, learned.rest.text
-    if told is None:
-        return None
-    return best, Verdict.PARTLY_EXPLAINED, found, (), told, judge(best, projector(best)).text
-
-
-def _helps(before: Fitted, best: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:
-    """Return what is foretold without and with the effects that came nearest, or None where they do not help."""
-    if best is before or not held or not best.converged:
-        return None
-    first, told = (predict(fitted, held, best.floor, stop) for fitted in (before, best))
-    return (first, told) if first is not None and told is not None and told.beats(first) else None
 
 
 def _found(

@@ -48,13 +48,22 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True)
 class OtherForm:
-    """A closed form that the shots cannot exclude; ``delta_bic`` behind the best."""
+    """A closed form that the shots cannot exclude; ``delta_bic`` behind the best.
+
+    ``curve_force_n`` is its curve at the law's ``curve_argument``, shape (n,), where it is of the same argument.
+    """
 
     where: str
     argument: str
     form: str
     formula: str
     delta_bic: float
+    curve_force_n: Floats | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form as the result file has it."""
+        names = ("where", "argument", "form", "formula", "delta_bic")
+        return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +72,8 @@ class LearnedLaw:
 
     ``name`` is the key under which the model holds it.  ``form`` and ``formula`` are None where no closed form meets
     the curve; ``nearest_form`` is what the model holds then.  The curve, arrays of shape (n,), is the free one with its
-    standard uncertainty; ``parameters`` are (quantity, unit) by name.
+    standard uncertainty, moved onto the form by what the base model holds already; ``parameters`` are (quantity, unit)
+    by name.
     """
 
     name: str
@@ -82,6 +92,7 @@ class LearnedLaw:
     visited: tuple[float, float]
     not_observable: tuple[str, ...]
     evidence: Mapping[str, float]
+    form_force_n: Floats  # of ``nearest_form``, as the model holds it
 
     @property
     def as_effect(self) -> FoundEffect:
@@ -99,7 +110,7 @@ class LearnedLaw:
             "parameters": {
                 name: {"value": q.value, "std": q.std, "unit": unit} for name, (q, unit) in self.parameters.items()
             },
-            "other_forms": [asdict(other) for other in self.other_forms],
+            "other_forms": [other.to_json() for other in self.other_forms],
             "same_by_gauge": list(self.same_by_gauge),
             "curve": {
                 "argument": self.curve_argument.tolist(),

@@ -65,7 +65,11 @@ def learned(law: LearnedLaw) -> str:
     if law.form is None:
         return f"{what}, by no closed form that was tried (nearest: {law.nearest_form})"
     numbers = ", ".join(f"{name} {q} {unit}".strip() for name, (q, unit) in law.parameters.items())
-    other = f"; {' or '.join(o.form for o in law.other_forms)} cannot be excluded" if law.other_forms else ""
+    others = [
+        o.form + (f" in the {o.argument}" if (o.where, o.argument) != (law.where, law.argument) else "")
+        for o in law.other_forms
+    ]
+    other = f"; {' or '.join(others)} cannot be excluded" if others else ""
     return f"{what}, {law.form}: {law.formula} with {numbers}{other}"
 
 

@@ -294,7 +294,6 @@ def judge(case: LawCase, diagnose: Callable[[Sequence[Motion]], Any]) -> LawOutc
     held = None
     if said.error_held_out_before is not None and said.error_held_out_after is not None:
         held = (said.error_held_out_before.displacement_rms_m, said.error_held_out_after.displacement_rms_m)
-    samples = sum(shot.displacement_m.size for shot in shown)
     laws = tuple(
         {
             "where": law.where,
@@ -317,7 +316,7 @@ def judge(case: LawCase, diagnose: Callable[[Sequence[Motion]], Any]) -> LawOutc
         chi2=(said.error_before.reduced_chi2, said.error_after.reduced_chi2),
         held_out=held,
         held_out_chi2=float(said.laws[0].evidence["held_out_chi2"]) if said.laws else math.nan,
-        norms=said.error_before.displacement_rms_m * math.sqrt(samples) / NOISE_M,
+        norms=rig.norms(speeds),
         seconds=seconds,
         said=said.sentence,
     )

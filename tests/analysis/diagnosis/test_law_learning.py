@@ -8,7 +8,7 @@ from analysis.diagnosis.base_fit import base_fit
 from analysis.diagnosis.cross_validation import choose, predict
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
-from analysis.diagnosis.law_learning import Discovery, learn_law
+from analysis.diagnosis.law_learning import Discovery, learn_laws
 from analysis.diagnosis.samples import together
 from analysis.model.fitting import base_named, fit_shots
 from tests.law_rigs import LawRig
@@ -18,14 +18,14 @@ def learned(rig: LawRig) -> tuple[Fitted, Discovery | None]:
     motions = rig.shots()
     data = JointData(together(motions), base_named("paper"))
     start = base_fit(data, fit_shots(motions), lambda: False)
-    return start, learn_law(start, choose(data), lambda _what, _fraction: None, lambda: False)
+    return start, learn_laws(start, choose(data), lambda _what, _fraction: None, lambda: False)
 
 
 def test_a_law_of_the_place_is_learned_with_its_form() -> None:
     rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-3 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
     start, found = learned(rig)
     assert found is not None and found.explains
-    law = found.law
+    (law,) = found.laws
     assert (law.where, law.argument, law.form) == ("block", "place", "exponential")
     size, length = law.parameters["a"][0], law.parameters["b"][0]
     assert abs(size.value + 2e-3) < 4 * size.std < 4e-6

@@ -1,0 +1,67 @@
+"""Where no effect of the catalogue was named: learned laws, the effects that came nearest, or both together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from analysis.diagnosis.cross_validation import Prediction, predict
+from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.law_learning import Discovery, learn_laws
+from analysis.diagnosis.projector import projector
+from analysis.diagnosis.residual import Residual, judge
+from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.shot import Progress, Stop
+
+
+@dataclass(frozen=True, slots=True)
+class Beyond:
+    """What explains something, or all, though no effect was named; ``foretold`` without it and with it."""
+
+    fitted: Fitted
+    verdict: Verdict
+    effects: list[FoundEffect]
+    laws: tuple[LearnedLaw, ...]
+    foretold: tuple[Prediction, Prediction]
+    rest: Residual
+
+
+def beyond_catalogue(
+    before: Fitted,
+    nearest: Fitted,
+    effects: Sequence[FoundEffect],
+    held: tuple[int, ...],
+    tell: Progress,
+    stop: Stop,
+) -> Beyond | None:
+    """Return what lowers the error of the held-out shots, or None where nothing does.
+
+    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Asked in turn: laws alone, those
+    effects alone, and laws beside those effects; what explains all is taken, otherwise what is likeliest.
+    """
+    tell("learning a law", 0.8)
+    alone = learn_laws(before, held, tell, stop)
+    if alone is not None and alone.explains:
+        return _learned(alone, [])
+    helped = _helps(before, nearest, held, stop)
+    if helped is None:
+        return _learned(alone, []) if alone is not None else None
+    tell("learning a law beside the effects that came nearest", 0.85)
+    joined = learn_laws(nearest, held, tell, stop)
+    if joined is not None:
+        joined = Discovery(joined.laws, joined.fitted, joined.rest, (helped[0], joined.foretold[1]))
+    found = [_learned(alone, []) if alone else None, _learned(joined, list(effects)) if joined else None]
+    rest = judge(nearest, projector(nearest))
+    found.append(Beyond(nearest, Verdict.PARTLY_EXPLAINED, list(effects), (), helped, rest))
+    return min((one for one in found if one is not None), key=lambda one: one.fitted.bic)
+
+
+def _learned(found: Discovery, effects: list[FoundEffect]) -> Beyond:
+    verdict = Verdict.LAW_LEARNED if found.explains else Verdict.PARTLY_EXPLAINED
+    return Beyond(found.fitted, verdict, effects, found.laws, found.foretold, found.rest)
+
+
+def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:
+    """Return what is foretold without and with the effects that came nearest, or None where they do not help."""
+    if nearest is before or not held or not nearest.converged:
+        return None
+    first, told = (predict(fitted, held, nearest.floor, stop) for fitted in (before, nearest))
+    return (first, told) if first is not None and told is not None and told.beats(first) else None

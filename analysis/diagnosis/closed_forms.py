@@ -24,11 +24,16 @@ _FINE = 12  # samples a piece of the basis, at which a form is taken into the sp
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """A form laid over a curve: its parameters, and its squared distance in units of the noise."""
+    """A form laid over a curve: its parameters, its squared distance in units of the noise, and what the base takes.
+
+    ``base_step``, shape (z,), is what base and starts must move by so that with the form in place of the curve the
+    shots are met as well as they can be, to first order: what the base holds already goes there.
+    """
 
     form: Form
     parameters: dict[str, float]
     distance: float
+    base_step: Floats
 
 
 def compress(learned: Learned, which: int = 0) -> list[Fitting]:
@@ -48,10 +53,25 @@ def compress(learned: Learned, which: int = 0) -> list[Fitting]:
         return np.asarray(row - basis @ (basis.T @ row))
 
     low, high = float(knots[0]), float(knots[-1])
-    out = [_laid(form, fine, seen, target, low, high) for form in FORMS if _apt(form, low, high)]
+    laid = [(form, *_laid(form, fine, seen, target, low, high)) for form in FORMS if _apt(form, low, high)]
+    toll = _toll(learned, which)
+    found = [
+        Fitting(form, values, distance, toll @ (into @ form.values(fine, values) - term.coefficients))
+        for form, values, distance in laid
+    ]
     samples = learned.samples
-    found = [one for one in out if one is not None]
     return sorted(found, key=lambda one: one.distance + (1 + len(one.form.bent)) * np.log(samples))
+
+
+def _toll(learned: Learned, which: int) -> Floats:
+    """Return what base and starts move by for each coefficient of a curve that is changed, shape (z, count)."""
+    size = learned.z.size
+    start = size + sum(term.basis.count for term in learned.terms[:which])
+    mine = slice(start, start + learned.terms[which].basis.count)
+    inner, cross = learned.curvature[:size, :size], learned.curvature[:size, mine]
+    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    solved = np.linalg.pinv(inner / np.outer(scale, scale), rcond=1e-13, hermitian=True) @ (cross / scale[:, None])
+    return np.asarray(-solved / scale[:, None])
 
 
 def information(learned: Learned, which: int = 0) -> Floats:
@@ -88,7 +108,8 @@ def _apt(form: Form, low: float, high: float) -> bool:
     return not (one_sided and form.name in twins)
 
 
-def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: float) -> Fitting | None:  # type: ignore[no-untyped-def]
+def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: float) -> tuple[dict[str, float], float]:  # type: ignore[no-untyped-def]
+    """Return the parameters with which a form lies nearest to the curve, and its squared distance."""
     span = max(abs(low), abs(high))
     names = form.bent
     unit = np.array([1.0 if name in form.powers else span for name in names])
@@ -110,7 +131,7 @@ def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: floa
 
     if not names:
         a, rest = size_and_rest(np.zeros(0))
-        return Fitting(form, {"a": a}, float(rest @ rest))
+        return {"a": a}, float(rest @ rest)
     begins = []
     for start in form.starts(low, high):
         u = np.array(
@@ -130,7 +151,7 @@ def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: floa
     values = {
         n: float(np.exp(v) * span if n in form.positive else v * w) for n, v, w in zip(names, u, unit, strict=True)
     }
-    return Fitting(form, {"a": size_and_rest(u)[0], **values}, best[0])
+    return {"a": size_and_rest(u)[0], **values}, best[0]
 
 
 def _bounds(form: Form, names: tuple[str, ...], low: float, high: float, span: float) -> tuple[Floats, Floats]:

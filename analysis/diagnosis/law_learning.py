@@ -6,6 +6,7 @@ catalogue, on the same solver, judged by the same tests and on the same held-out
 arguments whose curves end in forms are compared as forms.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ import numpy as np
 from analysis.diagnosis.closed_forms import Fitting, compress
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, predict
-from analysis.diagnosis.curve_fit import Learned, screen
+from analysis.diagnosis.curve_fit import Learned, fit_terms, screen
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.free_parameters import trial_effect
 from analysis.diagnosis.hypothesis import Hypothesis
@@ -30,9 +31,12 @@ from analysis.shot import Cancelled, Progress, Stop
 from analysis.side_by_side import side_by_side
 
 FIRST_PIECES, MOST_PIECES = 12, 96
+_FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front
+_GO_ON = 6  # arguments that are searched to the end
 FINER_PAYS = 10.0  # of the criterion: worth twice the knots
 FOLLOWED = 3  # arguments that are given finer knots
 FORMS_FITTED = 4  # of an argument, by their distance from its curve
+_NEAR, _NEAR_NORMS = 4.0, 200.0  # times the nearest form's distance, and more: fitted before the others
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +87,12 @@ def _learn(
     fits: list[FormFit] = []
     for place, learned in enumerate(curves[:FOLLOWED]):
         tell(f"reading the curve of the {_argument(learned).name}", 0.84 + 0.03 * place)
-        forms = [form for form in compress(learned) if form.form.bent or form.form.name != "constant"][:FORMS_FITTED]
-        fits += _refined(start, learned, forms, stop)
+        forms = [form for form in compress(learned) if form.form.name != "constant"][:FORMS_FITTED]
+        near = [form for form in forms if form.distance <= _NEAR * forms[0].distance + _NEAR_NORMS]
+        met = _refined(start, learned, near, stop)
+        if not any(_meets(one, curves) for one in met):  # distances were to first order
+            met += _refined(start, learned, [form for form in forms if form not in near], stop)
+        fits += met
     if not fits:
         return None
     fits.sort(key=lambda one: one.bic)
@@ -96,8 +104,13 @@ def _learn(
     before, after = (predict(f, held, best.floor, stop) for f in (start, best))
     if before is None or after is None or not after.beats(before):
         return None
-    named = best.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
+    named = _meets(fits[0], curves)
     return Discovery((told(start, fits, named, after, held),), best, rest, (before, after))
+
+
+def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
+    """Return whether a closed form tells as much as the best free curve."""
+    return one.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
 
 
 def _argument(learned: Learned) -> Argument:
@@ -107,14 +120,21 @@ def _argument(learned: Learned) -> Argument:
 def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop: Stop) -> list[Learned]:
     """Return the curves that explain most, best first, those in front with the knots they ask for."""
 
-    def one(argument: Argument, pieces: int = FIRST_PIECES) -> Learned | None:
+    def one(argument: Argument, pieces: int = FIRST_PIECES, steps: int = _ALL_STEPS) -> Learned | None:
         if stop():
             raise Cancelled
         tell(f"trying a force of the {argument.name}", 0.8)
         try:
-            return screen(start, argument, pieces, stop)
+            return screen(start, argument, pieces, stop, steps=steps)
         except (Infeasible, ValueError, np.linalg.LinAlgError):
             return None
+
+    def further(learned: Learned) -> Learned:
+        try:
+            rest = _ALL_STEPS - _FIRST_STEPS
+            return fit_terms(learned.hypothesis, learned.z, learned.terms, learned.floor, stop, steps=rest)
+        except (Infeasible, np.linalg.LinAlgError):
+            return learned
 
     def finer(learned: Learned) -> Learned:
         pieces = FIRST_PIECES
@@ -126,18 +146,21 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
             learned = trial
         return learned
 
-    found = [curve for curve in side_by_side(one, arguments) if curve is not None]
-    found.sort(key=lambda curve: curve.bic)
+    rough = side_by_side(lambda argument: one(argument, steps=_FIRST_STEPS), arguments)
+    first = sorted((curve for curve in rough if curve is not None), key=lambda curve: curve.bic)
+    found = sorted(side_by_side(further, first[:_GO_ON]), key=lambda curve: curve.bic)
     ahead = [curve for curve in found[:FOLLOWED] if curve.bic < start.bic - CRITERIA.law_fall]
-    return sorted(side_by_side(finer, ahead), key=lambda curve: curve.bic)
+    curves = sorted(side_by_side(finer, ahead), key=lambda curve: curve.bic)
+    # A form that meets its curve saves no more than the curve's freedom costs: others cannot come to the front.
+    return [c for c in curves if c.bic - c.freedom * math.log(c.samples) < curves[0].bic + CRITERIA.form_excluded]
 
 
 def _refined(start: Fitted, learned: Learned, forms: Sequence[Fitting], stop: Stop) -> list[FormFit]:
     """Return the fits of closed forms to the shots."""
-    base = start.hypothesis.unpack(learned.z)
 
     def one(form: Fitting) -> FormFit | None:
         try:
+            base = start.hypothesis.unpack(learned.z + form.base_step)
             law = form.form.law(_argument(learned), form.parameters, _span(learned))
             kind = trial_effect(law.effect)
             hypothesis = Hypothesis(start.hypothesis.data, (*start.hypothesis.effects, kind), start.hypothesis.fixed)

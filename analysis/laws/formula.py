@@ -43,6 +43,11 @@ class Formula:
     parameters: tuple[str, ...]
     state: tuple[str, ...]
 
+    @property
+    def straight(self) -> bool:
+        """Get whether the formula is linear in the state between two turns of the block."""
+        return _degree(_tree(self.text)) <= 1
+
     def values(self, state: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
         """Return the formula on arrays of the named state (SI units; real, or complex to carry a derivative)."""
         return _on_arrays(_tree(self.text), {**_CONSTANTS, **state, **parameters})
@@ -128,6 +133,28 @@ def _look(node: ast.expr, parameters: frozenset[str], named: set[str], depth: in
             raise FormulaError("only numbers, names, + - * / ** and functions are for formulas", column)
     for child in below:
         _look(child, parameters, named, depth + 1)
+
+
+def _degree(node: ast.expr) -> int:
+    """Return the power of the state in a formula: 0 where it names none, 2 for whatever is not linear."""
+    match node:
+        case ast.Name(id=name):
+            return int(name in STATE)
+        case ast.UnaryOp(operand=operand):
+            return _degree(operand)
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
+            return max(_degree(left), _degree(right))
+        case ast.BinOp(left=left, op=ast.Mult(), right=right):
+            return min(2, _degree(left) + _degree(right))
+        case ast.BinOp(left=left, op=ast.Div(), right=right) if _degree(right) == 0:
+            return _degree(left)
+        case ast.Call(func=ast.Name(id="sign"), args=[ast.Name(id="v")]):
+            return 0  # switched exactly where the block turns
+        case ast.Call(func=ast.Name(id="abs"), args=[ast.Name(id="v")]):
+            return 1
+        case _:
+            named = any(isinstance(inner, ast.Name) and inner.id in STATE for inner in ast.walk(node))
+            return 2 if named else 0
 
 
 def _whole(node: ast.expr) -> int | None:

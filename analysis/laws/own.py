@@ -173,6 +173,7 @@ def _row(law: OwnLaw) -> Effect:
         _amplitude(law),
         kernel_of(law.formula, adds_to, while_touching=acts is Acts.IN_CONTACT),
         rough=acts is Acts.IN_CONTACT,
+        bent=not law.formula.straight,
         fastest=lambda values, collision: _fastest(law, values, collision),
     )
 

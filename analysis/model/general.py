@@ -86,7 +86,7 @@ def solve(
     event_time, event_kind = np.empty(MAX_EVENTS), np.empty(MAX_EVENTS, dtype=np.int64)
     event_d_time = np.empty((MAX_EVENTS, k))
     count = linear.NOT_LINEAR
-    if all(active.effect.range_at < 0 for active in effects):
+    if all(active.effect.range_at < 0 and not active.effect.bent for active in effects):
         size, n = 4 + laid.hidden, times.size // block
         states, d_x = np.empty((n, 5)), np.empty((n, k))
         event_state, event_d_state = np.empty((MAX_EVENTS, size)), np.empty((MAX_EVENTS, k, size))

@@ -20,6 +20,7 @@ from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.report.export import export
 from app.report.export_foretold import export_foretold
 from app.report.export_hdf5 import export_hdf5
+from app.report.export_laws import export_laws
 from app.report.page import report_of
 from app.session.load import complaint, load_and_analyse
 from instrument.law_file import read_law
@@ -145,6 +146,8 @@ def _write(
     try:
         if outputs.export is not None:
             export(shots, outputs.export)
+            if diagnosis is not None:
+                export_laws(diagnosis, outputs.export)
             if told is not None:
                 export_foretold(told, outputs.export)
             if outputs.hdf5:

@@ -7,6 +7,7 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.fitted_shot import fit_again
 from analysis.shot import AnalysisSettings, Progress, Shot
 from app.report.export import export
+from app.report.export_laws import export_laws
 from app.report.page import report_of
 from app.session.jobs import Asked
 from app.session.load import load_and_analyse
@@ -61,8 +62,12 @@ def report_text(shots: Sequence[Shot], diagnosis: Diagnosis | None, *, progress:
     return report_of(shots, diagnosis)
 
 
-def write_csv(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Asked) -> str:
-    """Export these shots to a folder, and return what was done in words."""
+def write_csv(
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Asked
+) -> str:
+    """Export these shots to a folder, with the laws that a diagnosis of them learned; return what was done in words."""
     progress("writing CSV", 0.1)
     written = export(shots, folder)
+    if diagnosis is not None:
+        written += export_laws(diagnosis, folder)
     return f"{len(shots)} shots exported to {folder} ({len(written)} files)"

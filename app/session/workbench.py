@@ -20,6 +20,7 @@ from app.session.event import Diagnosed, Event, Filled, InSession, Kind, Loaded,
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.load import unanalysed
 from app.session.model_in_use import load_model, model_words
+from app.session.own_laws import OwnLaws
 from app.session.own_session import held, named_session, own_session
 from app.session.put_to_test import put_to_test
 from app.session.results import Key, Results
@@ -46,17 +47,20 @@ class Workbench:
         apart: WorkApart | None = None,
         again: Callable[[], AnalysisSettings] | None = None,
         results: Results | None = None,
+        own_laws: OwnLaws | None = None,
     ) -> None:
         """``saver``: the session is saved by it, in its thread; ``apart`` does the long work, else the jobs' thread.
 
         ``again``: the settings of an analysis repeated, with what was put right meanwhile; else ``settings``.
         ``results``: where shots and diagnoses are kept for the next start.
+        ``own_laws``: the folder of laws that a diagnosis asks beside the catalogue.
         """
         self.session = session
         self._saver = saver
         self._apart = apart
         if saver is not None:
             session.save_by = saver.submit
+        self.own_laws = own_laws or OwnLaws(None)
         self.jobs = Jobs()
         self.errands = Jobs()  # short work that must not wait behind a diagnosis
         self._paths_ahead: dict[str, str] = {}  # of shots saved elsewhere before they were analysed, by name
@@ -234,13 +238,8 @@ class Workbench:
 
     def export(self, numbers: Sequence[int], folder: Path) -> None:
         """Queue the export of these entries, or of all when none is named."""
-        shots = [
-            replace(entry.shot, note=entry.note)
-            for entry in (self._entries(numbers) or self.session.entries)
-            if entry.shot is not None
-        ]
-
-        self._submit_export("export", partial(write_csv, shots, folder))
+        shots, diagnosis = self._reported(numbers)
+        self._submit_export("export", partial(write_csv, shots, diagnosis, folder))
 
     def save_elsewhere(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
         """Queue the saving of shots that are only in memory; ``save`` does it and returns each one's path by name."""
@@ -264,7 +263,9 @@ class Workbench:
         motions = [e.shot.motion for e in chosen if e.shot is not None and e.shot.motion is not None]
         ids = tuple(entry.number for entry in chosen)
         (model,) = models
-        judging = partial(diagnose, motions, model=model, accepted=self.effects_of(model))
+        laws, problems = self.own_laws.keys()
+        self._waiting += [Event(Kind.PROBLEM, problem) for problem in problems]
+        judging = partial(diagnose, motions, model=model, accepted=self.effects_of(model), laws=laws)
 
         def work(report: Report, cancelled: Asked) -> Diagnosed:
             return Diagnosed(self._do(judging, report, cancelled), ids)

@@ -65,6 +65,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("View", "Copy the plot as a picture", "copy_plot", ("Ctrl+Shift+X",)),
     Command("View", "Hold the curves of LIVE still, or let them run on", "toggle_hold", ("H",)),
     Command("Model", "Diagnose the selected shots", "diagnose", ("D",)),
+    Command("Model", "Propose a law of your own …", "propose_law", ("Ctrl+L",)),
     Command("Model", "Open a model file …", "load_model", ("Ctrl+Shift+O",), True),
     Command("Model", "Save the model of the selected shots, or of all …", "save_model", ("Ctrl+Shift+S",)),
     Command("Model", "Put a model file to the test on the selected shots, or on all …", "foretell", ("Ctrl+Shift+T",)),

@@ -11,6 +11,7 @@ from app.window.panels.controls import Controls
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.key_sheet import KeySheet
 from app.window.panels.large import LargePanel
+from app.window.panels.law_sheet import LawSheet
 from app.window.panels.live import LivePanel
 from app.window.panels.mapping_sheet import MappingSheet
 from app.window.panels.model import ModelPanel
@@ -72,6 +73,7 @@ class Layout(QWidget):
         self.settings = SettingsSheet(c, self)
         self.setup = SetupSheet(c, self)
         self.mapping = MappingSheet(c, self)
+        self.law = LawSheet(c, self)
         self.keys = KeySheet(self)
         self.about = AboutSheet(self)
         self.tour = Tour(c, self)
@@ -130,6 +132,7 @@ class Layout(QWidget):
             self.settings,
             self.setup,
             self.mapping,
+            self.law,
             self.tour,
         ):
             panel.dress(self._theme.colours)
@@ -146,6 +149,7 @@ class Layout(QWidget):
         self.settings.place()
         self.setup.place()
         self.mapping.place()
+        self.law.place()
         self.about.place()
         self.tour.place()
         if self.keys.isVisible():

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from analysis.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.log import ProgramLog, note
+from app.session.own_laws import OwnLaws
 from app.session.own_session import last_session
 from app.session.prepare import run_once
 from app.session.results import Results
@@ -26,6 +27,7 @@ from app.window.layout import Layout
 from app.window.presenters.diagnosis import DiagnosisPresenter
 from app.window.presenters.files import FilesPresenter
 from app.window.presenters.help import HelpPresenter
+from app.window.presenters.laws import LawsPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.model import ModelPresenter
 from app.window.presenters.rig import RigPresenter
@@ -74,6 +76,8 @@ class MainWindow(QMainWindow):
         self.view_presenter = ViewPresenter(self.panels, lambda: choices.start_folder, self)
         self.files_presenter = FilesPresenter(workbench, choices, self.panels, self)
         self.files_presenter.recordings_wanted.connect(self.session_presenter.open_paths)
+        self.laws_presenter = LawsPresenter(workbench.own_laws, self.panels, self)
+        self.laws_presenter.diagnose_wanted.connect(self.diagnosis_presenter.diagnose)
         self.setup_presenter = SetupPresenter(rig, choices, workbench.errands, self.panels, self)
         self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
         self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
@@ -90,6 +94,7 @@ class MainWindow(QMainWindow):
             self.model_presenter,
             self.files_presenter,
             self.help_presenter,
+            self.laws_presenter,
         ):
             presenter.said.connect(self.say)
         self.rig_presenter.shot_finished.connect(self._shot_finished)
@@ -101,6 +106,7 @@ class MainWindow(QMainWindow):
             self.rig_presenter,
             self.session_presenter,
             self.diagnosis_presenter,
+            self.laws_presenter,
             self.view_presenter,
             self.model_presenter,
             self.files_presenter,
@@ -242,7 +248,8 @@ def open_window(
         open_digitizer=open_digitizer or opened,
         analyst=analyst,
     )
-    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, Results(folder / "kept"))
+    kept, laws = Results(folder / "kept"), OwnLaws(folder / "laws")
+    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, kept, laws)
     window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
     theme.setParent(window)
     room = window.screen().availableSize()

@@ -309,7 +309,6 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     words = " ".join(label.text() for label in panel.effects.findChildren(QLabel))
     assert "tried: no diagnosis named it" in words
     assert all("viscous" not in button.text() for button in panel.next_steps.buttons)
-    panel.next_steps.offer_law()
     panel.show_diagnosis(replace(left, verdict=Verdict.PARTLY_EXPLAINED, separating_shot=""), [shot])
     assert panel.next_steps.buttons[-1].text() == "Propose a law …" and "other speeds" in panel.next_steps.words
     with qtbot.waitSignal(panel.next_steps.law_wanted):

@@ -16,6 +16,7 @@ from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.shot import Shot
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.effect_rows import EffectRows
+from app.window.panels.law_curve import LawCurve
 from app.window.panels.next_steps import NextSteps
 from app.window.panels.residuals import Residuals
 from app.window.plots.plot_view import PlotView
@@ -48,6 +49,7 @@ class DiagnosisPanel(QWidget):
     add_wanted = Signal(list)  # names of effects
     remove_wanted = Signal(str)
     try_wanted = Signal(str)  # a candidate that did not pass
+    law_wanted = Signal()  # to be typed
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -109,7 +111,10 @@ class DiagnosisPanel(QWidget):
         column.addWidget(self.effects)
         self.next_steps = NextSteps(self)
         self.next_steps.try_wanted.connect(self.try_wanted)
+        self.next_steps.law_wanted.connect(self.law_wanted)
         column.addWidget(self.next_steps)
+        self.law_curve = LawCurve(colours, self)
+        column.addWidget(self.law_curve, 1)
         split = self._evidence = QSplitter(Qt.Orientation.Horizontal, self)
         left = QWidget(split)
         left.setMinimumWidth(10 * self.fontMetrics().horizontalAdvance("M"))
@@ -153,6 +158,7 @@ class DiagnosisPanel(QWidget):
         self._colours = colours
         self.residuals.dress(colours)
         self.bars.dress(colours)
+        self.law_curve.dress(colours)
         self.show_diagnosis(self._diagnosis, self._shots, self._model_effects, self._version)
 
     def mark_tried(self, tried: tuple[str, ...]) -> None:
@@ -196,6 +202,7 @@ class DiagnosisPanel(QWidget):
         self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects, self._tried)
         self.next_steps.show_diagnosis(diagnosis, model_effects)
         self._evidence.setVisible(diagnosis is not None)
+        self.law_curve.show_laws(diagnosis.laws if diagnosis is not None else ())
         if diagnosis is None:
             self._verdict.setText(
                 f"{MARKS[Tone.BUSY]} diagnosing" if self._busy else f"{MARKS[Tone.NEUTRAL]} not diagnosed"

@@ -24,7 +24,6 @@ class NextSteps(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._lawful = False
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(2)
@@ -38,10 +37,6 @@ class NextSteps(QWidget):
         self._shot.setWordWrap(True)
         column.addWidget(self._shot)
         self.hide()
-
-    def offer_law(self) -> None:
-        """Show the button that proposes a law, for a window that has the sheet for it."""
-        self._lawful = True
 
     @property
     def words(self) -> str:
@@ -70,9 +65,8 @@ class NextSteps(QWidget):
             )
             button.setProperty("effect", candidate.name)
             button.clicked.connect(self._try)
-        if self._lawful:
-            button = self._button("Propose a law …", "Type a law of your own; it is fitted and judged like the others")
-            button.clicked.connect(self._law)
+        button = self._button("Propose a law …", "Type a law of your own; it is fitted and judged like the others")
+        button.clicked.connect(self._law)
         self._shot.setText(f"Next shot: {local_words(diagnosis.separating_shot or ANOTHER_SHOT)}")
 
     def _button(self, words: str, tip: str) -> QPushButton:

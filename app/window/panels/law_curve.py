@@ -1,0 +1,137 @@
+"""The curve of a learned law: what the shots show, its band, the closed forms over it, and what can be done with it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from PySide6.QtCore import Signal, Slot
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from analysis.diagnosis.result import LearnedLaw
+from app.report.export_laws import law_columns
+from app.window.pens import series_pen, straight
+from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.cursors import CursorAxis
+from app.window.plots.plain_plot import PlainPlot
+from app.window.theme import Colours
+from app.words.unit_prefix import scaled
+from app.words.wording import local_words
+
+MOST_FORMS = 4
+ALONG = CursorAxis("mm", "mm")
+
+
+class LawCurve(QWidget):
+    """One law at a time; with two, a button turns to the other."""
+
+    keep_wanted = Signal(str)  # the law's key
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._laws: tuple[LearnedLaw, ...] = ()
+        self._which = 0
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        line = QHBoxLayout()
+        self._heading = QLabel(self)
+        self._heading.setProperty("heading", True)
+        self._heading.setWordWrap(True)
+        line.addWidget(self._heading, 1)
+        self.other = self._button("The other law", "Two laws were learned: show the other one", self._turn)
+        self.compare = self._button("Compare forms", "Lay the other closed forms that fit over the curve", self._draw)
+        self.compare.setCheckable(True)
+        self.keep = self._button("Keep as law …", "Keep it under a name; later diagnoses ask for it", self._keep)
+        for button in (self.other, self.compare, self.keep):
+            line.addWidget(button)
+        column.addLayout(line)
+        self.plot = PlainPlot("Learned law", ("force", "mN"), "", ALONG, self)
+        self._band = [self.plot.add_curve(f"{sign} 2 σ") for sign in ("-", "+")]
+        self._curve = self.plot.add_curve("what the shots show")
+        self._form = self.plot.add_curve("closed form")
+        self._others = [self.plot.add_curve(f"form {number}") for number in range(2, 2 + MOST_FORMS)]
+        self.plot.setMinimumHeight(9 * self.fontMetrics().lineSpacing())
+        column.addWidget(self.plot, 1)
+        column.addWidget(CursorReadout(self.plot, self))
+        self._words = QLabel(self)
+        self._words.setWordWrap(True)
+        self._words.setProperty("faint", True)
+        column.addWidget(self._words)
+        self.dress(colours)
+        self.show_laws(())
+
+    def _button(self, words: str, hover: str, slot: object) -> QPushButton:
+        button = QPushButton(words, self)
+        button.setToolTip(hover)
+        button.clicked.connect(slot)
+        return button
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self.plot.dress(colours)
+        for curve in self._band:
+            curve.setPen(straight(colours.band_edge))
+        self._curve.setPen(straight(colours.measured))
+        self._form.setPen(straight(colours.simulated))
+        for index, curve in enumerate(self._others):
+            curve.setPen(series_pen(colours, index + 1))
+
+    def show_laws(self, laws: Sequence[LearnedLaw]) -> None:
+        """Show the first of these laws; none hides the panel."""
+        self._laws, self._which = tuple(laws), 0
+        self.setVisible(bool(laws))
+        self.other.setVisible(len(laws) > 1)
+        self._draw()
+
+    @property
+    def law(self) -> LearnedLaw | None:
+        """Get the law shown."""
+        return self._laws[self._which] if self._laws else None
+
+    @Slot()
+    def _turn(self) -> None:
+        self._which = (self._which + 1) % max(1, len(self._laws))
+        self._draw()
+
+    @Slot()
+    def _keep(self) -> None:
+        if self.law is not None:
+            self.keep_wanted.emit(self.law.name)
+
+    @Slot()
+    def _draw(self) -> None:
+        law = self.law
+        for curve in (*self._band, self._curve, self._form, *self._others):
+            curve.show_points(np.zeros(0), np.zeros(0))
+        self.plot.columns = {}
+        if law is None:
+            return
+        scale, unit = scaled(float(np.max(np.abs(law.curve_argument))), law.curve_unit)
+        force_scale, force_unit = scaled(float(np.max(np.abs(law.curve_force_n))), "N")
+        x = scale * law.curve_argument
+        for sign, curve in zip((-1, 1), self._band, strict=True):
+            curve.show_points(x, force_scale * (law.curve_force_n + sign * 2 * law.curve_std_n))
+        self._curve.show_points(x, force_scale * law.curve_force_n)
+        self._form.show_points(x, force_scale * law.form_force_n)
+        self._form.label = law.nearest_form
+        others = [other for other in law.other_forms if other.curve_force_n is not None][:MOST_FORMS]
+        self.compare.setEnabled(bool(others))
+        for curve, other in zip(self._others, others, strict=False):
+            if self.compare.isChecked():
+                assert other.curve_force_n is not None
+                curve.label = other.form
+                curve.show_points(x, force_scale * other.curve_force_n)
+        self.plot.label_value("force", force_unit)
+        self.plot.plot.setLabel("bottom", f"{law.argument} ({unit})")
+        self.plot.columns = {name: np.array(values) for name, values in law_columns(law).items()}
+        force = force_scale * law.curve_force_n
+        reach = 0.1 * max(float(np.ptp(force)), 1e-9)
+        self.plot.show_range((float(x[0]), float(x[-1])), (float(force.min()) - reach, float(force.max()) + reach))
+        place = {"block": "on the block", "plate": "on the plate"}.get(law.where, "between block and plate")
+        count = f" {self._which + 1} OF {len(self._laws)}" if len(self._laws) > 1 else ""
+        self._heading.setText(f"LEARNED LAW{count}: a force {place} that follows the {law.argument}")
+        form = f"closed form: {law.form}" if law.form else f"no closed form meets it; nearest: {law.nearest_form}"
+        listed = [f"{o.form} (ΔBIC {o.delta_bic:+.1f})" for o in law.other_forms]
+        also = f"; not excluded: {', '.join(listed)}" if listed else ""
+        unseen = "; ".join(law.not_observable)
+        self._words.setText(local_words(f"{form}{also}. The plot spans the range visited. No shot shows: {unseen}."))

@@ -1,0 +1,183 @@
+"""Propose a law: where it acts, its formula, its parameters; what is wrong with it is said while it is typed."""
+
+from typing import Any
+
+from PySide6.QtCore import Signal, Slot
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFormLayout,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from analysis.laws.functions import FUNCTIONS
+from analysis.laws.own import MOST_PARAMETERS, LawError, from_mapping
+from app.window.panels.side_sheet import SideSheet
+from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.typed_number import typed_number
+
+PLACES = (("block", "on the block"), ("plate", "on the plate"), ("contact", "between block and plate, in contact"))
+COLUMNS = (("name", ""), ("unit", ""), ("start", ""), ("lower", "optional"), ("upper", "optional"))
+HINT = (
+    "A force in N, positive to the right, of: x, v (place and velocity of the block), y, u (of the plate), d, d_rate "
+    f"(overlap and its rate); numbers, pi, + - * / **, {' '.join(FUNCTIONS)}. One parameter must turn it off at 0."
+)
+
+
+class LawSheet(SideSheet):
+    """A form over the right side of the window; what it holds when it closes is there when it opens again."""
+
+    wanted = Signal(dict)  # the law as ``from_mapping`` reads it
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__("Propose a law", parent)
+        self._colours = colours
+        column = QVBoxLayout(self)
+        column.setContentsMargins(18, 14, 18, 14)
+        top = QHBoxLayout()
+        title = QLabel("Propose a law", self)
+        title.setFont(sized(self.font(), 1.5, bold=True))
+        close = QPushButton("Close", self)
+        close.setToolTip("Close; what is typed stays  (Esc)")
+        close.clicked.connect(self.hide)
+        top.addWidget(title)
+        top.addStretch(1)
+        top.addWidget(close)
+        column.addLayout(top)
+        hint = QLabel(HINT, self)
+        hint.setProperty("faint", True)
+        hint.setWordWrap(True)
+        column.addWidget(hint)
+        form = QFormLayout()
+        self.name = self._line("Name", "a word of letters, digits and _")
+        self.words = self._line("In words", "optional: as reports say it")
+        self.where = QComboBox(self)
+        self.where.setAccessibleName("Where it acts")
+        for stored, words in PLACES:
+            self.where.addItem(words, stored)
+        self.formula = self._line("Formula", "-c * v**3")
+        for words, editor in (
+            ("Name", self.name), ("In words", self.words), ("Where it acts", self.where), ("Formula", self.formula),
+        ):  # fmt: skip
+            form.addRow(words, editor)
+        column.addLayout(form)
+        heading = QLabel("PARAMETERS", self)
+        heading.setProperty("heading", True)
+        column.addWidget(heading)
+        grid = QGridLayout()
+        for place, (name, _) in enumerate(COLUMNS):
+            grid.addWidget(QLabel(name, self), 0, place)
+        self.parameters: list[dict[str, QLineEdit]] = []
+        for row in range(1, 1 + MOST_PARAMETERS):
+            editors = {name: self._line(f"Parameter {row}, {name}", shown) for name, shown in COLUMNS}
+            for place, editor in enumerate(editors.values()):
+                grid.addWidget(editor, row, place)
+            self.parameters.append(editors)
+        column.addLayout(grid)
+        self._said = QLabel(self)
+        self._said.setWordWrap(True)
+        self._said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
+        column.addWidget(self._said)
+        column.addStretch(1)
+        self.save = QPushButton("Keep it and diagnose", self)
+        self.save.setProperty("primary", True)
+        self.save.setToolTip("Keep the law in your folder of laws, and diagnose the selected shots with it")
+        self.save.clicked.connect(self._save)
+        column.addWidget(self.save)
+        self.where.currentIndexChanged.connect(self._look)
+        self._look()
+
+    def _line(self, name: str, shown: str) -> QLineEdit:
+        line = QLineEdit(self)
+        line.setAccessibleName(name)
+        line.setPlaceholderText(shown)
+        line.textChanged.connect(self._look)
+        return line
+
+    def fill(self, table: dict[str, Any]) -> None:
+        """Show a law that is there already, to be changed or named."""
+        self.name.setText(table["name"])
+        self.words.setText(table.get("words", ""))
+        self.where.setCurrentIndex(self.where.findData(table["where"]))
+        self.formula.setText(table["formula"])
+        parameters = list(table["parameters"].items())
+        for row, editors in enumerate(self.parameters):
+            name, values = parameters[row] if row < len(parameters) else ("", {})
+            editors["name"].setText(name)
+            for key in ("unit", "start", "lower", "upper"):
+                value = values.get(key, "")
+                editors[key].setText(value if isinstance(value, str) else f"{value:.6g}")
+
+    def table(self) -> dict[str, Any]:
+        """Return the law as it is typed; ValueError names the number that is none."""
+        table: dict[str, Any] = {
+            "name": self.name.text().strip(),
+            "where": str(self.where.currentData()),
+            "formula": self.formula.text().strip(),
+        }
+        if self.words.text().strip():
+            table["words"] = self.words.text().strip()
+        table["parameters"] = {}
+        for editors in self.parameters:
+            name = editors["name"].text().strip()
+            if not name:
+                continue
+            if name in table["parameters"]:
+                raise ValueError(f"parameters: {name!r} stands twice")
+            entry: dict[str, Any] = {"unit": editors["unit"].text().strip()}
+            for key in ("start", "lower", "upper"):
+                typed = editors[key].text().strip()
+                if typed:
+                    try:
+                        entry[key] = typed_number(typed)
+                    except ValueError as error:
+                        raise ValueError(f"parameters.{name}.{key}: {error}") from None
+            table["parameters"][name] = entry
+        return table
+
+    @Slot()
+    def _look(self) -> None:
+        """Say what is wrong so far."""
+        if not hasattr(self, "save"):
+            return
+        if not self.name.text().strip() and not self.formula.text().strip():
+            self.save.setEnabled(False)
+            self.say("", Tone.NEUTRAL)
+            return
+        try:
+            from_mapping(self.table())
+        except (LawError, ValueError) as error:
+            self.save.setEnabled(False)
+            self.say(str(error), Tone.WARNING)
+            return
+        self.save.setEnabled(True)
+        self.say("this is a law", Tone.GOOD)
+
+    @Slot()
+    def _save(self) -> None:
+        self.wanted.emit(self.table())
+
+    def say(self, words: str, tone: Tone) -> None:
+        """Say what is wrong, or that nothing is."""
+        self._said.setText(f"{MARKS[tone]} {words}" if words else "")
+        self._said.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
+
+    @property
+    def said(self) -> str:
+        """Get what is said below the fields."""
+        return self._said.text()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self._look()
+
+    def open(self) -> None:
+        """Show the sheet, its first empty field in focus."""
+        first = next((e for e in (self.name, self.formula) if not e.text()), self.name)
+        self.open_at(first)

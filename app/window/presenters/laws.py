@@ -1,0 +1,48 @@
+"""A person's own laws: typed, or learned and kept under a name; the next diagnosis asks for them."""
+
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal, Slot
+
+from app.session.own_laws import LawError, OwnLaws, RecordingError, table_of
+from app.window.layout import Layout
+from app.window.theme import Tone
+
+
+class LawsPresenter(QObject):
+    """Between the folder of laws, the sheet they are typed into, and the diagnosis."""
+
+    said = Signal(str, Tone)
+    diagnose_wanted = Signal()
+
+    def __init__(self, laws: OwnLaws, panels: Layout, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._laws, self._panels = laws, panels
+        panels.diagnosis.law_curve.keep_wanted.connect(self._keep)
+        panels.diagnosis.law_wanted.connect(self.propose_law)
+        panels.law.wanted.connect(self._take)
+
+    @Slot()
+    def propose_law(self) -> None:
+        """Show or hide the sheet into which a law is typed."""
+        sheet = self._panels.law
+        if sheet.isVisible():
+            sheet.hide()
+        else:
+            sheet.open()
+
+    @Slot(str)
+    def _keep(self, key: str) -> None:
+        self._panels.law.fill(table_of(key))
+        self._panels.law.open()
+
+    @Slot(dict)
+    def _take(self, table: dict[str, Any]) -> None:
+        try:
+            law = self._laws.keep(table)
+        except (LawError, RecordingError) as error:
+            self._panels.law.say(str(error), Tone.BAD)
+            return
+        self._panels.law.hide()
+        self.said.emit(f"The law {law.name!r} is kept in {self._laws.folder}; every diagnosis asks for it", Tone.GOOD)
+        self.diagnose_wanted.emit()

@@ -300,6 +300,7 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     assert panel.next_steps.isVisible() and "Next shot: two more shots at 0.4 m/s" in panel.next_steps.words
     assert [button.text() for button in panel.next_steps.buttons] == [
         "Try quadratic drag on the block", "Try viscous drag on the block", "Try Coulomb friction on the block",
+        "Propose a law …",
     ]  # fmt: skip
     with qtbot.waitSignal(panel.try_wanted) as tried:
         panel.next_steps.buttons[1].click()

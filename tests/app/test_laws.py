@@ -1,0 +1,125 @@
+"""A person's own laws in the window: typed, kept, asked; and a learned law drawn, compared, exported."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.result import LearnedLaw, OtherForm
+from analysis.laws.own import from_mapping
+from analysis.quantity import Quantity
+from app.report.export_laws import export_laws
+from app.session.own_laws import OwnLaws
+from app.window.panels.law_curve import LawCurve
+from app.window.panels.law_sheet import LawSheet
+from app.window.theme import LIGHT
+from instrument.law_file import law_text, read_law, write_law
+from instrument.recording_error import RecordingError
+from tests.app.synthetic import diagnosis, shot
+
+STIR = {
+    "name": "stir",
+    "words": 'a "stirring" drag',
+    "where": "block",
+    "formula": "-c * v**3 + 0*b",
+    "parameters": {"c": {"unit": "N s3/m3", "start": 3e-3, "lower": 0.0}, "b": {"unit": "", "start": 1.0}},
+}
+
+
+def learned() -> LearnedLaw:
+    at = np.linspace(-2e-3, 1e-3, 31)
+    force = -4e-3 * np.exp(-np.abs(at) / 5e-4)
+    own = from_mapping(
+        {
+            "name": "law_exponential", "words": "a force of the place, exponential", "where": "block",
+            "formula": "a*exp(-abs(x)/b)",
+            "parameters": {"a": {"unit": "N", "start": -4e-3}, "b": {"unit": "m", "start": 5e-4, "lower": 1e-6}},
+        }
+    )  # fmt: skip
+    other = OtherForm("block", "place", "inverse square", "a/(1 + abs(x)/b)**2", 4.2, 0.9 * force)
+    far = OtherForm("plate", "bend", "hinge", "a*max(0, y - c)", 8.0)
+    return LearnedLaw(
+        own.key, "block", "place", "exponential", own.formula.text, "exponential",
+        {"a": (Quantity(-4e-3, 1e-6), "N"), "b": (Quantity(5e-4, 1e-7), "m")}, (other, far), (), at, "m", force,
+        np.full(31, 1e-5), (-2e-3, 1e-3), ("any part outside the range visited",), {"delta_bic": -900.0}, force,
+    )  # fmt: skip
+
+
+def test_a_law_is_written_as_it_is_read(tmp_path):
+    law = from_mapping(STIR)
+    path = write_law(law, tmp_path / "laws")
+    assert read_law(path) == law and law_text(law) == path.read_text()
+    before = path.read_bytes()
+    with pytest.raises(RecordingError, match="already"):
+        write_law(replace(law, words="another"), tmp_path / "laws")
+    assert path.read_bytes() == before
+
+
+def test_the_folder_of_laws_is_asked_and_a_spoilt_file_told(tmp_path):
+    laws = OwnLaws(tmp_path)
+    assert laws.keys() == ((), ())
+    laws.keep(STIR)
+    (tmp_path / "broken.toml").write_text("name = 3\n")
+    (tmp_path / "twice.toml").write_text((tmp_path / "stir.toml").read_text())
+    keys, problems = laws.keys()
+    assert keys == (from_mapping(STIR).key,)
+    assert [
+        problem.partition(":")[0].endswith(name)
+        for problem, name in zip(problems, ("broken.toml", "twice.toml"), strict=True)
+    ]
+    assert len(problems) == 2 and all("\n" not in problem for problem in problems)
+
+
+def test_the_sheet_says_what_is_wrong_while_it_is_typed(qtbot):
+    sheet = LawSheet(LIGHT)
+    qtbot.addWidget(sheet)
+    assert not sheet.save.isEnabled() and sheet.said == ""
+    sheet.fill(STIR)
+    assert sheet.save.isEnabled() and "this is a law" in sheet.said
+    assert sheet.table() == STIR
+    sheet.formula.setText("-c * w**3 + 0*b")
+    assert not sheet.save.isEnabled() and "column 6: no 'w' is known here" in sheet.said
+    sheet.formula.setText(STIR["formula"])
+    sheet.parameters[0]["start"].setText("3,5e-3")  # a comma is a decimal as well
+    assert sheet.save.isEnabled() and sheet.table()["parameters"]["c"]["start"] == 3.5e-3
+    sheet.parameters[0]["start"].setText("much")
+    assert not sheet.save.isEnabled() and "parameters.c.start" in sheet.said
+    sheet.parameters[0]["start"].setText("1")
+    with qtbot.waitSignal(sheet.wanted) as given:
+        sheet.save.click()
+    assert given.args[0]["parameters"]["c"]["start"] == 1.0
+
+
+def test_the_curve_has_its_band_and_the_forms_that_fit(qtbot):
+    panel = LawCurve(LIGHT)
+    qtbot.addWidget(panel)
+    assert panel.isHidden()
+    law = learned()
+    panel.show_laws((law,))
+    assert not panel.isHidden() and panel.other.isHidden()
+    drawn = {curve.label: curve.samples for curve in panel.plot.plot.sampled}
+    assert drawn["what the shots show"] == pytest.approx(1e3 * law.curve_force_n)  # in mN
+    assert drawn["+ 2 σ"] - drawn["- 2 σ"] == pytest.approx(np.full(31, 4e-2))
+    assert drawn["exponential"].size == 31 and "inverse square" not in drawn
+    panel.compare.click()
+    drawn = {curve.label: curve.samples for curve in panel.plot.plot.sampled}
+    assert drawn["inverse square"] == pytest.approx(900 * law.curve_force_n)
+    assert panel.plot.span == pytest.approx((-2.0, 1.0))  # mm, the range visited
+    with qtbot.waitSignal(panel.keep_wanted) as kept:
+        panel.keep.click()
+    assert kept.args == [law.name]
+    panel.show_laws((law, replace(law, argument="bend")))
+    assert "1 OF 2" in panel._heading.text()
+    panel.other.click()
+    assert "2 OF 2" in panel._heading.text() and "bend" in panel._heading.text()
+    panel.show_laws(())
+    assert panel.isHidden() and all(curve.samples.size == 0 for curve in panel.plot.plot.sampled)
+
+
+def test_the_curve_is_exported(tmp_path):
+    law = learned()
+    (path,) = export_laws(replace(diagnosis(shot()), laws=(law,)), tmp_path)
+    header, *rows = list(csv.reader(path.read_text().splitlines()))
+    assert header == ["place_m", "force_n", "force_std_n", "exponential_n", "inverse_square_n"]
+    assert np.array(rows, dtype=float)[:, 1] == pytest.approx(law.curve_force_n, rel=1e-15)

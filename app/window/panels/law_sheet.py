@@ -58,6 +58,7 @@ class LawSheet(SideSheet):
         self.words = self._line("In words", "optional: as reports say it")
         self.where = QComboBox(self)
         self.where.setAccessibleName("Where it acts")
+        self.where.setToolTip("On which body the force acts; between the two: on the block, reversed on the plate")
         for stored, words in PLACES:
             self.where.addItem(words, stored)
         self.formula = self._line("Formula", "-c * v**3")
@@ -95,6 +96,7 @@ class LawSheet(SideSheet):
     def _line(self, name: str, shown: str) -> QLineEdit:
         line = QLineEdit(self)
         line.setAccessibleName(name)
+        line.setToolTip(shown or name)
         line.setPlaceholderText(shown)
         line.textChanged.connect(self._look)
         return line

@@ -203,8 +203,8 @@ def style_sheet(colours: Colours) -> str:
     QTableView QLineEdit, QTreeView QLineEdit {{ padding: 0 2px; border-radius: 0; }}
     QGraphicsView {{ border: 1px solid {colours.plot}; }}
     QGraphicsView:focus {{ border: 1px solid {colours.accent}; }}
-    QTabBar::tab {{ padding: 6px 10px; border: none; border-bottom: 3px solid transparent; color: {colours.faint};
-        background: transparent; font-weight: bold; }}
+    QTabBar::tab {{ padding: 6px 5px; border: none; border-bottom: 3px solid transparent; color: {colours.faint};
+        background: transparent; font-weight: bold; font-size: 0.92em; }}
     QTabBar::tab:selected {{ color: {colours.text}; border-bottom: 3px solid {colours.accent}; }}
     QTabBar::tab:focus {{ color: {colours.accent}; }}
     QTabBar {{ qproperty-drawBase: 0; }}

@@ -7,6 +7,7 @@ from PySide6.QtCore import QRect
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QMainWindow, QStyle, QStyleOptionButton, QWidget
 
+from analysis.drive.curves import drive_curves
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
@@ -135,10 +136,29 @@ def test_the_labels_of_axes_are_whole_or_not_there(window):
 def test_the_tabs_and_the_number_of_a_shot_above_99_are_whole(window):
     tabs = window.panels.tabs.tabBar()
     assert tabs.tabRect(tabs.count() - 1).right() <= tabs.width()
+    assert not [button for button in tabs.findChildren(QAbstractButton) if button.isVisible()]  # they scroll
     table = window.panels.table
     last = table.model.index(table.model.rowCount() - 1, 0)
     assert table.fontMetrics().horizontalAdvance("123 (100)") < table.table.columnWidth(0) - 8
     assert last.data() == "123"
+
+
+def test_a_driven_record_is_whole_too(window):
+    driven = synthetic.driven_shot()
+    panel = window.panels.shot
+    before = panel.shot
+    panel.show_shot(driven)
+    panel.show_drive(driven, drive_curves(driven.motion, driven.fit))
+    window.panels.tabs.setCurrentIndex(Layout.SHOT)
+    try:
+        for view in ("whole", "contact", "deflection"):
+            panel.set_view(view)
+            QTest.qWait(20)
+            assert not {text for widget in _shown(window) if (text := _cut(widget)) is not None}
+            plots = [plot for plot in panel.drive.plots if plot.isVisible()]
+            assert plots and all(plot.height() > 3 * panel.fontMetrics().lineSpacing() for plot in plots)
+    finally:
+        panel.show_shot(before)
 
 
 def test_apply_is_within_reach_on_every_screen(window):

@@ -300,7 +300,8 @@ class NumbersPanel(QScrollArea):
                 self.agreement = QLabel("", inner)
                 self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
                 grid.addWidget(self.agreement, line, 1, 1, 2)
-            grid.setRowMinimumHeight(line, int(1.4 * self.fontMetrics().height()) if line else 0)
+            label.setMinimumHeight(int(1.4 * self.fontMetrics().height()) if line else 0)  # none where it is hidden
+            label.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
             line += 1
             for row in rows:
                 self._groups[heading] += self._add_row(grid, line, row, inner)
@@ -330,7 +331,8 @@ class NumbersPanel(QScrollArea):
         value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
         name.setMinimumWidth(name.fontMetrics().horizontalAdvance("kinetic, flights") + 16)  # with room for a mark
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        value.setMinimumWidth(value.fontMetrics().horizontalAdvance("-0.987555673(44)"))
+        widest = "0.98755567(44)" if row.headline else "-0.987555673(44)"
+        value.setMinimumWidth(value.fontMetrics().horizontalAdvance(widest))
         value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         value.setAccessibleName(f"{row.name} {row.unit}")
         grid.addWidget(name, line, 0)

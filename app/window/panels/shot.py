@@ -1,6 +1,7 @@
 """SHOT: the views of one shot, one at a time: over time, force against deflection, gap, raw signals."""
 
 from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QButtonGroup, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
 from analysis.drive.curves import DriveCurves
@@ -37,6 +38,7 @@ DRIVE_VIEWS = {  # what the first keys mean for a driven record, which strikes n
     "contact": ("F against speed", "Force measured and modelled against speed, and what is left over"),
     "deflection": ("F against place", "Force measured and modelled against place, and what is left over"),
 }
+LOW_LINES = 18  # of text: a page lower than these has no room for a legend beside its plots
 NO_SHOT = "No shot yet. Press ARM (space), then push the block through the light switch."
 
 
@@ -169,6 +171,7 @@ class ShotPanel(QWidget):
         self._legend.show_entries(entries)
         for plot in self._plots:
             plot.legend = entries
+        self._show_words()
 
     def show_shot(self, shot: Shot | None, recording: Recording | None = None, words: str = "") -> None:
         """Show this shot, called so in ``words``; None shows what to do to get one."""
@@ -210,12 +213,27 @@ class ShotPanel(QWidget):
         self._draw(view)
         self._pages.setCurrentWidget(page)
         self.motion.kind.setVisible(page is self.stack)
-        self._legend.setVisible(page is not self._empty)
-        self.drive.say.setVisible(self._driven and analysed)
+        self._show_words()
         self._cursor_button.setEnabled(page is not self._empty)
         self._cursors_moved()
         self._label_lines()
         self.view_changed.emit(view)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep room for the plots."""
+        super().resizeEvent(event)
+        self._show_words()
+
+    def _show_words(self) -> None:
+        """Show legend and summary; on a low screen the plots need their room, and the words come on hovering."""
+        low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
+        shown = self._pages.currentWidget() is not self._empty
+        self._legend.setVisible(shown and not low)
+        self.drive.say.setVisible(shown and self._driven and not low)
+        entries = "<br>".join(f"{words}" for words, _ in self._legend.entries)
+        said = f"{entries}<br>{self.drive.say.text()}" if self._driven else entries
+        for plot in self._plots:
+            plot.setToolTip(said if low else "")
 
     def _draw(self, view: str) -> None:
         """Draw what only this view shows, when it is looked at."""
@@ -252,6 +270,9 @@ class ShotPanel(QWidget):
             button.setText(words)
             button.setToolTip(f"{tip}  ({key})")
             button.setVisible(not self._driven or name in DRIVE_VIEWS)
+        policy = self.motion.kind.sizePolicy()
+        policy.setRetainSizeWhenHidden(not self._driven)  # the plots of the other views start at the same height
+        self.motion.kind.setSizePolicy(policy)
 
     def show_raw(self, curves: RawCurves) -> None:
         """Show the raw curves that were asked for."""

@@ -125,6 +125,10 @@ class ForceAgainst(QSplitter):
             self._rest.plot.addItem(item)
         self._residual = self._rest.add_curve("measured − modelled", thin(colours.residual))
         self._rest.plot.setXLink(self._force.plot)
+        above = self._force.plot.getAxis("bottom")  # the plot below has the numbers
+        above.setStyle(showValues=False)
+        above.setHeight(6)
+        above.showLabel(False)
         self.setSizes([300, 200])
         self.setChildrenCollapsible(False)
 

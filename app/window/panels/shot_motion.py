@@ -43,9 +43,6 @@ class MotionView(QObject):
         self.kind.setToolTip("Slow effects show in displacement, where the optics' noise is white; fast ones in force")
         for _, words, _ in RESIDUALS:
             self.kind.addItem(words)
-        policy = self.kind.sizePolicy()
-        policy.setRetainSizeWhenHidden(True)  # the plots of the other views start at the same height
-        self.kind.setSizePolicy(policy)
         self.kind.currentIndexChanged.connect(self._kind_changed)
         self.stack.clicked.connect(self._zoom_on_bounce)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtGui import QAction, QBrush, QColor, QGuiApplication, QKeySequence
+from PySide6.QtGui import QAction, QBrush, QColor, QGuiApplication, QKeySequence, QResizeEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
@@ -68,6 +68,21 @@ class TreeTable(QTreeWidget):
         """Give every column but the first the width of its widest text."""
         for column in range(1, self.columnCount()):
             self.resizeColumnToContents(column)
+        self._fit_first()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the first column readable."""
+        super().resizeEvent(event)
+        self._fit_first()
+
+    def _fit_first(self) -> None:
+        """Let the first column take what the others leave, but never less than its words need."""
+        others = sum(self.columnWidth(column) for column in range(1, self.columnCount()))
+        needed = max(self.sizeHintForColumn(0), self.header().sectionSizeHint(0))
+        mode = QHeaderView.ResizeMode
+        self.header().setSectionResizeMode(
+            0, mode.Stretch if others + needed <= self.viewport().width() else mode.ResizeToContents
+        )
 
     @Slot()
     def copy_selected(self) -> None:

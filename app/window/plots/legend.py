@@ -89,6 +89,11 @@ class Legend(QWidget):
         self._row = FlowLayout(self)
         self._entries: list[tuple[str, Look]] = []
 
+    @property
+    def entries(self) -> list[tuple[str, Look]]:
+        """Get what is shown."""
+        return list(self._entries)
+
     def show_entries(self, entries: Sequence[tuple[str, Look]]) -> None:
         """Show these entries: a pen for a line; the colours of surface and edges for a band."""
         if list(entries) == self._entries:

@@ -23,7 +23,7 @@ from analysis.shot import AnalysisError, Stop
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
 
-def base_fit(data: JointData, given: Fit, taken_along: Sequence[str], stop: Stop) -> Fitted:
+def base_fit(data: JointData, given: Fit, stop: Stop, taken_along: Sequence[str] = ()) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate, from one that is given.
 
     ``taken_along`` are the effects that each shot has for itself and that are no finding.

@@ -69,7 +69,7 @@ def diagnose(
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop)
 
     def search(along: Sequence[str]) -> tuple[Fitted, Trail]:
-        start = accept(base_fit(data, fit_before, along, stop), catalogue, accepted, stop)
+        start = accept(base_fit(data, fit_before, stop, along), catalogue, accepted, stop)
         tell("scoring the catalogue", 0.15)
         return explored(start, fit_before, motions, catalogue, stop)
 

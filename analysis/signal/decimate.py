@@ -79,8 +79,9 @@ def _decimate(
     2.5 ns an input at a factor of 6.
     """
     total: int = kept + phase.shape[0]
-    phases[kept:total] = phase
-    powers[kept:total] = power
+    for i in range(phase.shape[0]):  # not by a slice: numba compiles its words about unequal shapes for seconds
+        phases[kept + i] = phase[i]
+        powers[kept + i] = power[i]
     outputs = out.shape[1]
     _filter(phases, taps, factor, outputs, out[0])
     _describe(phases, powers, factor, taps.shape[0], outputs, out[1], out[2])

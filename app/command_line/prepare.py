@@ -4,6 +4,7 @@ import sys
 import time
 
 from analysis import kernel_cache
+from app.session.jobs import Report
 from app.session.prepare import complete
 from app.session.prepare import prepare as compile_all
 
@@ -13,7 +14,17 @@ def prepare(jobs: int | None = None) -> int:
     if complete():
         print(f"levimass: everything is compiled already, in {kernel_cache.root()}")
         return 0
-    began, last = time.monotonic(), ""
+    began = time.monotonic()
+    if not compile_all(progress_lines(), lambda: False, at_once=jobs):
+        print("levimass: not everything could be compiled; it will be when it is needed", file=sys.stderr)
+        return 1
+    print(f"levimass: compiled in {time.monotonic() - began:.0f} s, kept in {kernel_cache.root()}")
+    return 0
+
+
+def progress_lines() -> Report:
+    """Return what tells progress on standard error, a line for each step of it."""
+    last = ""
 
     def report(words: str, share: float) -> None:
         nonlocal last
@@ -22,8 +33,4 @@ def prepare(jobs: int | None = None) -> int:
             print(line, file=sys.stderr)
         last = line
 
-    if not compile_all(report, lambda: False, at_once=jobs):
-        print("levimass: not everything could be compiled; it will be when it is needed", file=sys.stderr)
-        return 1
-    print(f"levimass: compiled in {time.monotonic() - began:.0f} s, kept in {kernel_cache.root()}")
-    return 0
+    return report

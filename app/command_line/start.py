@@ -20,9 +20,12 @@ def main() -> int:
 
 def headless_shot() -> int:
     """Simulate one shot in a usual laboratory, analyse it and print its numbers."""
+    from app.command_line.prepare import progress_lines
     from app.command_line.replay import replay
     from app.command_line.simulate import simulate
+    from app.session.prepare import prepare_first_shot
 
+    prepare_first_shot(progress_lines())
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
         status = simulate(Path(folder), shots=1, seed=1, effect=None, undeclared=False, site=USUAL_SITE)
         return status or replay([Path(folder)], diagnose=False)

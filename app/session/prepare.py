@@ -10,7 +10,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.context import SpawnProcess
 
@@ -25,6 +25,7 @@ from instrument.apart.give_way import give_way
 from instrument.live import warm
 
 _LOOK_S = 0.05
+_FIRST_SHOT = "first-shot"  # the mark that what a shot needs is there
 _MASS_KG, _SPEED_M_PER_S, _CONTACT_S, _RATE_HZ = 0.02, 0.1, 4e-3, 100e3
 
 
@@ -49,10 +50,17 @@ def _bench() -> None:
         simulate(folder, 1, duration_s=0.05)
 
 
-def _fit() -> Shot:
+def _model() -> None:
+    from analysis.model.exact import solve
+    from analysis.model.parameters import PAPER
+
+    solve(PAPER, np.array([0.0, PAPER.contact_time_estimate_s]), derivatives=True)
+
+
+def _readings() -> Shot:
     from analysis.pipeline import analyse_motion
 
-    return analyse_motion(_bounce(), AnalysisSettings(), name="bounce")
+    return analyse_motion(_bounce(), AnalysisSettings(fit=False), name="bounce")
 
 
 def _diagnosis() -> None:
@@ -95,28 +103,29 @@ class _Piece:
     joins: bool = False  # goes over what the other first ones compiled, and begins after them
 
 
-PIECES = (
+PIECES = (  # the longest first, so that two processes end with what a first shot needs at about the same time
+    _Piece("the model", _model, True),
     _Piece("the simulated bench", _bench, True),
     _Piece("the signal", warm, True),
-    _Piece("the fit", _fit, True),
+    _Piece("the readings", _readings, True),
     _Piece("a whole shot", run_once, True, joins=True),
     _Piece("the effects", _effects, False),
     _Piece("the diagnosis", _diagnosis, False),
 )
 
 
-def complete() -> bool:
+def complete(what: str = "complete") -> bool:
     """Return whether the kernels were all compiled by just this program, Python, numba and processor."""
     try:
-        return (kernel_cache.root() / "complete").read_text(encoding="utf-8") == kernel_cache.whole_program()
+        return (kernel_cache.root() / what).read_text(encoding="utf-8") == kernel_cache.whole_program()
     except (OSError, UnicodeDecodeError):
         return False
 
 
-def mark_complete() -> None:
+def mark_complete(what: str = "complete") -> None:
     """Write down that this program's kernels are all on disk."""
     with contextlib.suppress(OSError):  # then the next start looks again, and finds them
-        (kernel_cache.root() / "complete").write_text(kernel_cache.whole_program(), encoding="utf-8")
+        (kernel_cache.root() / what).write_text(kernel_cache.whole_program(), encoding="utf-8")
 
 
 def prepare(
@@ -126,13 +135,31 @@ def prepare(
 
     ``first_are_ready`` is called once what a first shot needs is there.  Raises Cancelled; no process stays.
     """
+    if _compiled(PIECES, report, cancelled, first_are_ready, at_once):
+        mark_complete()
+        return True
+    return False
+
+
+def prepare_first_shot(report: Report) -> None:
+    """Compile what a shot needs, on all cores, where that is not on disk yet; what fails is compiled when needed."""
+    if complete() or complete(_FIRST_SHOT):
+        return
+    if _compiled([p for p in PIECES if p.first and not p.joins], report, lambda: False, lambda: None, None):
+        mark_complete(_FIRST_SHOT)
+
+
+def _compiled(
+    pieces: Sequence[_Piece], report: Report, cancelled: Asked, first_are_ready: Callable[[], None], at_once: int | None
+) -> bool:
+    """Compile these; a piece that joins the first ones begins when they end, whatever else is under way then."""
     width = at_once or os.cpu_count() or 1
-    waiting, running, well = list(PIECES), dict[_Piece, SpawnProcess](), True
+    waiting, running, well = list(pieces), dict[_Piece, SpawnProcess](), True
     told = False
     try:
         while waiting or running:
             for piece in list(waiting):
-                if len(running) < width and not (piece.joins and any(p.first for p in running)):
+                if not any(p.first for p in running) if piece.joins else len(running) < width:
                     waiting.remove(piece)
                     running[piece] = _started(piece)
             for piece in [piece for piece, process in running.items() if not process.is_alive()]:
@@ -142,15 +169,13 @@ def prepare(
                 told = True
                 first_are_ready()
             if left:
-                report(f"compiling {left[0].name}, at the first start only", 1.0 - len(left) / len(PIECES))
+                report(f"compiling {left[0].name}, at the first start only", 1.0 - len(left) / len(pieces))
                 if cancelled():
                     raise Cancelled
                 time.sleep(_LOOK_S)
     finally:
         for process in running.values():
             process.kill()
-    if well:
-        mark_complete()
     return well
 
 

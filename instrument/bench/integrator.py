@@ -111,6 +111,15 @@ def _switches(y: Floats, p: Floats, before: NDArray[np.int64], now: NDArray[np.i
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _keep(y: Floats, on: NDArray[np.int64], out_y: Floats, out_on: NDArray[np.int64]) -> None:
+    """Copy state and switches; not by slices, as numba compiles its words about unequal shapes for seconds."""
+    for i in range(STATES):
+        out_y[i] = y[i]
+    for i in range(SWITCHES):
+        out_on[i] = on[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def integrate(
     start: Floats,
     t_end: float,
@@ -133,12 +142,11 @@ def integrate(
     on = np.zeros(SWITCHES, np.int64)
     now = np.zeros(SWITCHES, np.int64)
     _switches(y, p, on, now)
-    on[:] = now
     t = 0.0
     n = 0
     out_t[0] = t
-    out_y[0] = y
-    out_on[0] = on
+    _keep(y, now, out_y[0], out_on[0])
+    _keep(y, now, y, on)
     while t < t_end:
         n += 1
         if n >= out_t.shape[0]:
@@ -161,10 +169,8 @@ def integrate(
             if now[JUMPED] == 1 and on[JUMPED] == 0:  # what is picked up was at rest
                 carried = p[M_BLOCK] - p[M_HIDDEN]
                 new[BLOCK_V] *= carried / (carried + p[JUMP_MASS])
-            on[:] = now
         t = t_end if t + h > t_end - 1e-15 else t + h
-        y[:] = new
         out_t[n] = t
-        out_y[n] = y
-        out_on[n] = on
+        _keep(new, now, y, on)
+        _keep(new, now, out_y[n], out_on[n])
     return n + 1

@@ -103,7 +103,14 @@ def test_prepare_compiles_once(folder, order, capsys):
     assert len(order) == len(prepare.PIECES)
 
 
+def test_what_a_shot_without_a_window_needs_is_compiled_once(folder, order):
+    for _ in range(2):
+        prepare.prepare_first_shot(quietly)
+    assert order == [piece.name for piece in prepare.PIECES if piece.first and not piece.joins]
+    assert not prepare.complete()
+
+
 def test_the_made_up_bounce_is_one(warm_kernels):
-    shot = prepare._fit()
+    shot = prepare._readings()
     assert shot.problem is None
-    assert shot.fit is not None
+    assert shot.impact is not None

@@ -10,7 +10,11 @@ import sys
 import tempfile
 import time
 
-_SHOT = "from app.session.prepare import run_once; run_once()"
+_SHOT = """
+from app.command_line.start import headless_shot
+if __name__ == '__main__':
+    assert headless_shot() == 0
+"""
 _EVERYTHING = """
 from app.session.prepare import prepare
 if __name__ == '__main__':
@@ -40,7 +44,7 @@ def _seconds(code: str, folder: str) -> float:
         script.flush()
         began = time.perf_counter()
         environment = os.environ | {"NUMBA_CACHE_DIR": folder, "PYTHONPATH": os.getcwd()}
-        subprocess.run([sys.executable, script.name], env=environment, check=True)
+        subprocess.run([sys.executable, script.name], env=environment, check=True, stdout=subprocess.DEVNULL)
         return time.perf_counter() - began
 
 

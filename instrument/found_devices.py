@@ -1,5 +1,6 @@
 """What is plugged into this computer, whether this user may use it, and what to do where not."""
 
+import contextlib
 import os
 import sys
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from instrument.digitizer import DigitizerError
 
 _NI_VENDOR = "0x1093"
 _PCI = Path("/sys/bus/pci/devices")
+_WINDOWS_PCI = r"SYSTEM\CurrentControlSet\Enum\PCI"
 _USB_NODES = Path("/dev/bus/usb")
 
 
@@ -42,7 +44,7 @@ def udev_instructions() -> str:
 
 def found_devices(backend: Any = None) -> tuple[FoundDevice, ...]:
     """Return the digitizers plugged in, opening none.  Raises DigitizerError where the USB library is missing."""
-    return (*_usb_devices(backend), *_ni_cards(_PCI))
+    return (*_usb_devices(backend), *_ni_cards(_ni_places()))
 
 
 def _usb_devices(backend: Any) -> list[FoundDevice]:
@@ -81,22 +83,43 @@ def _permission(device: Any) -> tuple[str, str]:
     return ("", "") if permitted else ("no permission to open it", PERMISSION_REMEDY)
 
 
-def _ni_cards(pci: Path) -> list[FoundDevice]:
-    """Return National Instruments' PCI cards where Linux lists them; which of them digitize only the runtime knows."""
+def _ni_cards(places: list[str]) -> list[FoundDevice]:
+    """Return National Instruments' PCI cards; which of them digitize only the runtime knows."""
     from instrument.drivers.niscope_card import load_package
 
+    problem = remedy = ""
+    if places:
+        try:
+            load_package()
+        except DigitizerError as error:
+            problem, remedy = error.what, error.remedy
+    name = "National Instruments card (its name is in NI MAX or nilsdev)"
+    return [FoundDevice("niscope:Dev1", name, f"PCI {place}", problem, remedy) for place in places]
+
+
+def _ni_places() -> list[str]:
+    """Return where this system says that a PCI card of National Instruments is."""
+    if sys.platform == "win32":
+        import winreg
+
+        return _ni_in_registry(winreg)
+    return _ni_in_sys(_PCI)
+
+
+def _ni_in_sys(pci: Path) -> list[str]:
     found = []
     for entry in sorted(pci.glob("*/vendor")):
-        try:
-            vendor = entry.read_text().strip().lower()
-        except OSError:
-            continue
-        if vendor == _NI_VENDOR:
-            problem = remedy = ""
-            try:
-                load_package()
-            except DigitizerError as error:
-                problem, remedy = error.what, error.remedy
-            name = "National Instruments card (its name is in NI MAX or nilsdev)"
-            found.append(FoundDevice("niscope:Dev1", name, f"PCI {entry.parent.name}", problem, remedy))
+        with contextlib.suppress(OSError):
+            if entry.read_text().strip().lower() == _NI_VENDOR:
+                found.append(entry.parent.name)
     return found
+
+
+def _ni_in_registry(registry: Any) -> list[str]:
+    """Return them as Windows noted them; a card that was taken out stays noted."""
+    try:
+        with registry.OpenKey(registry.HKEY_LOCAL_MACHINE, _WINDOWS_PCI) as key:
+            names = [registry.EnumKey(key, n) for n in range(registry.QueryInfoKey(key)[0])]
+    except OSError:
+        return []
+    return sorted(name for name in names if name.upper().startswith("VEN_1093"))

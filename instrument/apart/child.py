@@ -23,9 +23,16 @@ Opener = Callable[[], Digitizer]
 
 STARTED, OPENED = -1, 0  # the serial numbers of the answers to being started
 READ_TIMEOUT_S = 0.05
-MOST_BLOCKS = 200 if sys.platform == "linux" else 50  # announced and not taken: what a pipe holds (Windows: 8 KiB)
 _ENDS_S = 3.0  # a driver that keeps the process longer than this after its parent's end is left behind
 _FULL_S = 0.002
+
+
+def most_blocks(system: str) -> int:
+    """Return how many blocks may be announced and not taken on a system (``sys.platform``): what its pipe holds."""
+    return 200 if system == "linux" else 40  # Windows: 8 KiB, macOS: 16, Linux: 64
+
+
+MOST_BLOCKS = most_blocks(sys.platform)
 
 
 def block_samples(sample_rate_hz: float) -> int:

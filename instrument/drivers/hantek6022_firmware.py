@@ -4,8 +4,10 @@ The FX2's own loader takes control request 0xA0: 0x01 to 0xE600 holds its proces
 0xE600 lets it run; the device then leaves the bus and comes back with another identity (Cypress EZ-USB TRM, 3.8).
 """
 
+import os
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +17,38 @@ import usb.core
 from instrument.digitizer import DigitizerError
 from instrument.drivers import usb_bus
 
-FOLDERS = (
-    Path("/usr/share/sigrok-firmware"),
-    Path("/usr/local/share/sigrok-firmware"),
-    Path.home() / ".local/share/sigrok-firmware",
-)
+
+def firmware_folders(system: str, environment: Mapping[str, str], home: Path) -> tuple[Path, ...]:
+    """Return where sigrok's firmware is installed on a system (``sys.platform``): its own folders and PulseView's."""
+    name = "sigrok-firmware"
+    if system == "win32":
+        programs = [environment[key] for key in ("ProgramFiles", "ProgramFiles(x86)") if key in environment]
+        shared = [
+            Path(root) / "sigrok" / program / "share" for root in programs for program in ("PulseView", "sigrok-cli")
+        ]
+        return tuple(folder / name for folder in (*shared, Path(environment.get("LOCALAPPDATA", home)) / "levimass"))
+    own = home / ".local/share"
+    if system == "darwin":
+        return tuple(
+            folder / name
+            for folder in (Path("/opt/homebrew/share"), Path("/usr/local/share"), Path("/opt/local/share"),
+                           Path("/Applications/PulseView.app/Contents/share"), own)
+        )  # fmt: skip
+    return tuple(folder / name for folder in (Path("/usr/share"), Path("/usr/local/share"), own))
+
+
+def firmware_remedy(system: str) -> str:
+    """Return how the firmware comes onto a system (``sys.platform``)."""
+    if system in ("win32", "darwin"):
+        how = "install PulseView of sigrok, which brings it,"
+    else:
+        how = "install it (Debian: apt install sigrok-firmware-fx2lafw)"
+    return f"{how} or name a firmware file in the device's settings"
+
+
+FOLDERS = firmware_folders(sys.platform, os.environ, Path.home())
 FILES = {0x6022: "fx2lafw-hantek-6022be.fw", 0x602A: "fx2lafw-hantek-6022bl.fw", 0x2020: "fx2lafw-hantek-6022be.fw"}
-REMEDY = "install it (Debian: apt install sigrok-firmware-fx2lafw) or name a firmware file in the device's settings"
+REMEDY = firmware_remedy(sys.platform)
 
 COLD_IDS = ((0x04B4, 0x6022), (0x04B4, 0x602A), (0x04B4, 0x2020))
 OPENHANTEK_IDS = ((0x04B5, 0x6022), (0x04B5, 0x602A), (0x04B5, 0x2020))

@@ -2,12 +2,13 @@
 
 import csv
 import json
+import signal
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from app.command_line.campaign.crew import Processes
+from app.command_line.campaign.crew import Processes, most_processes
 from app.command_line.campaign.journal import JOURNAL
 from app.command_line.campaign.place import program, unfit
 from app.command_line.campaign.task import NotReached, tasks_of
@@ -89,6 +90,13 @@ def test_a_worker_that_cannot_do_the_work_says_why(tmp_path: Path) -> None:
     assert f"cannot write to {here}/a file" in str(unfit(program(), [here], f"{here}/a file"))
 
 
+def test_windows_waits_for_61_processes_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.command_line.campaign.crew._MOST", most_processes("win32"))
+    crew = Processes(200)
+    crew.close()
+    assert crew.width == 61 and most_processes("linux") > 200
+
+
 def test_a_process_that_dies_is_not_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shots under way with one that kills its process are analysed all the same; the killer is told and no result."""
     crew = Processes(2)
@@ -100,6 +108,7 @@ def test_a_process_that_dies_is_not_the_end(monkeypatch: pytest.MonkeyPatch) -> 
         outcomes: dict[str, Any] = {}
         while len(outcomes) < 3:
             outcomes |= {task.path: outcome for task, outcome in crew.take()}
+        assert crew._pool.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
     finally:
         crew.close()
     assert outcomes[DEADLY] == NotReached("the process that analysed it died")

@@ -36,7 +36,12 @@ class Crew(Protocol):
         """End the work; what was given and not taken is dropped."""
 
 
-_MOST = 61 if sys.platform == "win32" else 4096  # Windows waits for no more at a time
+def most_processes(system: str) -> int:
+    """Return how many processes one can wait for at a time on a system (``sys.platform``)."""
+    return 61 if system == "win32" else 4096
+
+
+_MOST = most_processes(sys.platform)
 
 
 class Processes:
@@ -113,11 +118,15 @@ class Processes:
 
     def _started(self) -> "_Pool":
         # spawned, not forked: a forked child of a process with compiled kernels and threads may hang
-        return _Pool(self._count, mp_context=get_context("spawn"))
+        ignore = signal.signal, (signal.SIGINT, signal.SIG_IGN)
+        return _Pool(self._count, get_context("spawn"), *ignore)
 
 
 class _Pool(ProcessPoolExecutor):
-    """Processes that leave Ctrl-C to the one that started them: a terminal sends it to all, and each would complain."""
+    """Processes that leave Ctrl-C to the one that started them: a terminal sends it to all, and each would complain.
+
+    They ignore it; where the system can hold it back they do not even hear it while they start.
+    """
 
     def submit(self, *work: Any, **more: Any) -> Future[Any]:
         """Hand out work; a process that is started for it inherits that Ctrl-C is held back, for good."""

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit attack bench bench-loop bench-drives bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app
+.PHONY: run test lint types unit attack bench bench-loop bench-drives bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app deb
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -73,6 +73,10 @@ test-lowest:
 app: $(READY)
 	$(BIN)/python -m pip install --quiet 'pyinstaller>=6.10'
 	$(BIN)/python -m PyInstaller --noconfirm --log-level WARN packaging/levimass.spec
+
+# that folder as a Debian package
+deb: app
+	$(BIN)/python packaging/deb.py dist/levimass dist
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "levimass needs Python 3.11 or newer; $(PYTHON) is older (make PYTHON=/path/to/python3.11 ...)"; exit 1; }

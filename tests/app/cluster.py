@@ -14,8 +14,9 @@ HOUSE = Path(__file__).resolve().parents[2]
 class LoopbackCluster:
     """Starts scheduler and workers, and ends what it started."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, installed: Path = HOUSE) -> None:
+        """Begin in ``folder``; the program is what lies in ``installed``."""
+        self._folder, self._installed = folder, installed
         self._scheduler_file = folder / "scheduler.json"
         self._processes: list[subprocess.Popen[bytes]] = []
         self.scheduler = self._start("scheduler", folder, "--port", "0", "--no-dashboard", "--no-show")
@@ -38,7 +39,7 @@ class LoopbackCluster:
             process.wait()
 
     def _start(self, what: str, folder: Path, *more: str) -> subprocess.Popen[bytes]:
-        paths = os.pathsep.join(filter(None, (str(HOUSE), os.environ.get("PYTHONPATH"))))
+        paths = os.pathsep.join(filter(None, (str(self._installed), os.environ.get("PYTHONPATH"))))
         with open(self._folder / f"{what}-{len(self._processes)}.log", "wb") as log:
             process = subprocess.Popen(
                 [sys.executable, "-m", f"distributed.cli.dask_{what}", "--scheduler-file", str(self._scheduler_file),

@@ -2,6 +2,8 @@
 
 import csv
 import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -9,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
+import hatch_build
 from app.command_line.campaign.journal import JOURNAL
 from app.command_line.cli import main
-from tests.app.cluster import LoopbackCluster, kill
+from tests.app.cluster import HOUSE, LoopbackCluster, kill
 
 pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 SHOTS = 5
@@ -110,3 +113,26 @@ def test_no_worker_wrong_folder_a_worker_killed_the_scheduler_killed(
     assert main([*command, "--jobs", "1"]) == 0
     assert f"{SHOTS} shots, {SHOTS} analysed" in capsys.readouterr().out
     assert _in_journal(place / "again") == SHOTS  # nothing was done twice
+
+
+def test_workers_that_have_the_wheel_do_the_work(tmp_path: Path) -> None:
+    """Driver and worker know the program as ``levimass`` alone; what they exchange says so, too."""
+    site, shots, elsewhere = tmp_path / "site", tmp_path / "shots", tmp_path / "elsewhere"
+    hatch_build.write_package(HOUSE, site / "levimass")
+    for folder in (shots, elsewhere):
+        folder.mkdir()
+    (shots / "bad.sigmf-meta").write_text("{")  # refused before any kernel is needed, which would be compiled anew
+    (shots / "bad.sigmf-data").write_bytes(b"")
+    cluster = LoopbackCluster(tmp_path, site)
+    try:
+        cluster.worker(elsewhere)
+        call = "import sys; from levimass import _main; sys.exit(_main(sys.argv[1:]))"
+        arguments = ["--replay", str(shots), "--export", str(tmp_path / "out"), "--scheduler", cluster.address]
+        ran = subprocess.run(
+            [sys.executable, "-P", "-c", call, *arguments], cwd=elsewhere, check=False, capture_output=True, text=True,
+            env=os.environ | {"PYTHONPATH": str(site)}, timeout=240,
+        )  # fmt: skip
+    finally:
+        cluster.close()
+    assert ran.stdout == "1 shots, 0 analysed, 1 failed\n" and "bad.sigmf-meta: not JSON" in ran.stderr, ran.stderr
+    assert _in_journal(tmp_path / "out") == 1

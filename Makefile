@@ -20,8 +20,10 @@ types: $(READY)
 	$(BIN)/mypy --platform win32
 	$(BIN)/mypy --platform darwin
 
+# kernels first, each once: two workers that meet an uncompiled one would both compile it
 unit: $(READY)
-	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest
+	$(BIN)/python -m app --prepare
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
 
 bench: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.benchmarks
@@ -41,6 +43,7 @@ bench-streaming: $(READY)
 
 bench-loop: $(READY)
 	$(BIN)/python -m tests.benchmarks.loop --seed 2 --keep .bench/loop.jsonl --page docs/closed-loop-benchmark.md
+	$(BIN)/python -m tests.benchmarks.laws --seed 2 --keep .bench/laws.jsonl --page docs/closed-loop-laws.md
 
 # clean drives of several kinds: how many are given a law that they have not?
 bench-drives: $(READY)

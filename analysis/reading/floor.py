@@ -159,6 +159,11 @@ class Sight:
     octaves: Octaves
     waves: Floats
 
+    @property
+    def unknowns(self) -> int:
+        """Get how many strengths there are: the octaves' and the drags'."""
+        return self.octaves.centre_hz.size + 1
+
     def powers(self, at: Floats) -> Floats:
         """Return the octaves' powers (k,) in (m/s)^2."""
         return np.asarray(SPEED_M_PER_S**2 * np.exp(np.clip(at[:-1], -60.0, 60.0)))

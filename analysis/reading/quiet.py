@@ -46,6 +46,7 @@ class Quiet:
     floor: Floor
     knocks_s: tuple[tuple[float, float], ...]
     plain: tuple[float, float]
+    strengths: Floats  # the likeliest, as ``Sight.weigh`` begins with
     knocks_kept: bool = False  # a knock filled a flight: it could not be left out
 
 
@@ -77,13 +78,13 @@ class _Wave:
 
 
 def read_flights(
-    motion: Motion, into: tuple[int, int], out: tuple[int, int] | None, lines: tuple[VibrationLine, ...] | None = None
+    motion: Motion, into: tuple[int, int], out: tuple[int, int] | None, before: Quiet | None = None
 ) -> Quiet | None:
     """Read the flights between sample pairs (first, last), inclusive, up to which the contact's edges allow.
 
-    The velocities hold at the edge that faces the contact.  With ``lines``, found on nearly the same flights, no
-    others are looked for.  None where the incoming flight is too short for a line.  Cost: about 10 ms, and as much
-    again a line.
+    The velocities hold at the edge that faces the contact.  ``before`` is what nearly the same flights have shown: no
+    lines but its own are looked for.  None where the incoming flight is too short for a line.  Cost: about 10 ms, and
+    as much again a line.
     """
     bins = _binned(motion, into, out)
     if bins.into.sum() < FEWEST_BINS:
@@ -100,11 +101,12 @@ def read_flights(
     polynomials, drags = _polynomials(bins, zeros)
     straight, line = _straight_lines(bins, polynomials, drags)
     sight = _sight(replace(bins, value_m=bins.value_m - line), drags)
-    waves = [_wave(bins, line) for line in lines or ()]
-    weighing = sight.weigh(_design(bins, waves, polynomials))
+    waves = [_wave(bins, line) for line in before.lines] if before is not None else []
+    start = before.strengths if before is not None and before.strengths.size == sight.unknowns else None
+    weighing = sight.weigh(_design(bins, waves, polynomials), start)
     if waves:
         waves = _refined(bins, sight, waves, polynomials, weighing.best)
-    if lines is None and bins.time_s.size >= FEWEST_FOR_LINES:
+    if before is None and bins.time_s.size >= FEWEST_FOR_LINES:
         while len(waves) < MOST_LINES and polynomials.shape[1] + 3 * len(waves) + 12 < bins.time_s.size:
             more = _with_one_more(bins, sight, waves, polynomials, weighing)
             if more is None:
@@ -130,6 +132,7 @@ def read_flights(
         floor=floor,
         knocks_s=knocks,
         plain=(float(np.sqrt(plain[1, 1])), float(np.sqrt(plain[degree + 1, degree + 1])) if out is not None else 0.0),
+        strengths=weighing.best,
         knocks_kept=whole,
     )
 

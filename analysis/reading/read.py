@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.disturbance import Disturbance, VibrationLine
+from analysis.disturbance import Disturbance
 from analysis.doubts import doubts_of_reading
 from analysis.impact import Impact, KineticCor
 from analysis.motion import Motion
@@ -41,7 +41,7 @@ def read_impact(motion: Motion) -> Impact:
     quiet = _flights(motion, span, touch, release)
     if quiet is not None and quiet.lines:  # edges are read anew without the lines, and the flights up to them
         touch, release = _edges(without_lines(motion, quiet.lines), span)
-        quiet = _flights(motion, span, touch, release, quiet.lines)
+        quiet = _flights(motion, span, touch, release, quiet)
     if quiet is None:
         raise NoImpact("no free flight before the contact: the record starts too late")
     motion = without_lines(motion, quiet.lines)
@@ -127,7 +127,7 @@ def _edges(motion: Motion, span: Span) -> tuple[Edge, Edge | None]:
 
 
 def _flights(
-    motion: Motion, span: Span, touch: Edge, release: Edge | None, lines: tuple[VibrationLine, ...] | None = None
+    motion: Motion, span: Span, touch: Edge, release: Edge | None, before: Quiet | None = None
 ) -> Quiet | None:
     """Read the flights up to the edges, as far as nothing else happens and no farther than drifts allow."""
     longest = max(round(LONGEST_FLIGHT_S * motion.sample_rate_hz), FEWEST_SAMPLES)
@@ -142,7 +142,7 @@ def _flights(
         first = int(np.searchsorted(motion.time_s, release.time_s)) + guard
         out = (first, min(span.flight_last, first + longest))
         out = out if out[1] - out[0] >= 3 else None
-    return read_flights(motion, into, out, lines)
+    return read_flights(motion, into, out, before)
 
 
 def _flags(span: Span, quiet: Quiet, motion: Motion) -> list[str]:

@@ -55,9 +55,10 @@ class Capture:
     ) -> None:
         self._digitizer = digitizer
         self._clock = clock
-        self._orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-        self._recorder = Recorder(lambda recorded: self._orders.put(("recorded", recorded)))
-        self._finished = FinishedShots(analyse, lambda *made: self._orders.put(("analysed", made)), queue_length)
+        orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self._orders = orders  # what is told of a shot holds these, not self: a circle would keep the ring for long
+        self._recorder = Recorder(lambda recorded: orders.put(("recorded", recorded)))
+        self._finished = FinishedShots(analyse, lambda *made: orders.put(("analysed", made)), queue_length)
         self._capture = CaptureThread(
             digitizer, options, self._recorder, self._finished, self._orders, deadlines or Deadlines(), clock, say, warm
         )

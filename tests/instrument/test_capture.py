@@ -1,7 +1,9 @@
 """Taking shots end to end with a digitizer whose every sample is known."""
 
+import gc
 import threading
 import time
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -239,3 +241,18 @@ def test_an_analysis_that_goes_on_is_waited_for_and_one_that_hangs_is_not(tmp_pa
         fault = until(rig.capture, lambda s: s.state is State.FAULT)
         assert "took too long" in fault.message
         until(rig.capture, lambda s: len(s.finished) == 2)
+
+
+def test_a_capture_that_is_over_keeps_no_memory(tmp_path: Path) -> None:
+    """A circle through it held the ring, 20 to 500 MB, until the garbage collector came by."""
+    rig = Rig(tmp_path)
+    with rig:
+        rig.capture.arm()
+        until(rig.capture, lambda now: bool(now.finished))
+    ring = weakref.ref(rig.capture._capture.run._ring)
+    gc.disable()
+    try:
+        del rig
+        assert ring() is None
+    finally:
+        gc.enable()

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+TRY_WINDOW = "--try-window"  # the frozen application's own argument
 QT_LIBRARIES = (
     "libglib2.0-0 libegl1 libgl1 libdbus-1-3 libfontconfig1 libxkbcommon0 libxkbcommon-x11-0 libxcb-cursor0 "
     "libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-randr0 libxcb-render-util0 libxcb-shape0 libxcb-xkb1"
@@ -20,10 +21,23 @@ def why_no_window() -> str | None:
     if importlib.util.find_spec("PySide6") is None:
         return "PySide6 is not installed"
     # Qt ends the process when its platform cannot start: let another process try first
-    probe = [sys.executable, "-c", "from PySide6.QtWidgets import QApplication; QApplication([])"]
-    tried = subprocess.run(probe, capture_output=True, text=True, timeout=60, check=False)
+    tried = subprocess.run(_probe(), capture_output=True, text=True, timeout=60, check=False)
     if tried.returncode == 0:
         return None
     lines = [line for line in tried.stderr.strip().splitlines() if line.strip()]
     cause = lines[-1].strip() if lines else f"status {tried.returncode}"
     return f"Qt does not start: {cause}; on Debian: apt install {QT_LIBRARIES}"
+
+
+def _probe() -> list[str]:
+    """Return the command that ends well where Qt can start; the frozen application is no Python, it asks itself."""
+    if getattr(sys, "frozen", False):
+        return [sys.executable, TRY_WINDOW]
+    return [sys.executable, "-c", "from PySide6.QtWidgets import QApplication; QApplication([])"]
+
+
+def try_window() -> None:
+    """Start Qt; where its platform cannot start this process ends."""
+    from PySide6.QtWidgets import QApplication
+
+    QApplication([])

@@ -1,11 +1,13 @@
 """The modes without a screen: they run, say one line where they cannot, and never create a Qt application."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from app.command_line import display
 from app.command_line.cli import main
 
 
@@ -74,3 +76,14 @@ def test_shots_are_acquired_from_the_bench_and_from_a_replay(
 def test_a_source_that_is_not_there(source: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--acquire", "1", "--source", source, "--out", str(tmp_path / "out")]) == 1
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_the_frozen_application_asks_itself_whether_a_window_can_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is no Python: "-c" and a line of it were taken for wrong arguments, and Qt for one that does not start."""
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    asked = display._probe()
+    house = Path(__file__).resolve().parents[2]
+    command = [asked[0], str(house / "packaging" / "application.py"), *asked[1:]]
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": str(house)}, check=False, capture_output=True)
+    assert done.returncode == 0, done.stderr

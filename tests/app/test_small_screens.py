@@ -161,6 +161,15 @@ def test_a_driven_record_is_whole_too(window):
         panel.show_shot(before)
 
 
+def test_all_numbers_of_a_shot_are_in_view_from_1366_x_768_on(window):
+    numbers = window.panels.numbers
+    if window.width() < 1366:
+        pytest.skip("the smallest screen scrolls them")
+    last = numbers._values["γ_N"]
+    foot = last.mapTo(numbers.viewport(), last.rect().bottomLeft()).y()
+    assert foot <= numbers.viewport().height(), (foot, numbers.viewport().height())
+
+
 def test_apply_is_within_reach_on_every_screen(window):
     window.panels.settings.open()
     window.panels.place_sheets()

@@ -284,7 +284,6 @@ class NumbersPanel(QScrollArea):
         self.noise_only = QCheckBox("± from noise alone", inner)
         self.noise_only.setToolTip("Leave wavelength, air, mass and clock out of the uncertainties  (U)")
         self.noise_only.toggled.connect(self._uncertainty_chosen)
-        column.addWidget(self.noise_only)
         grid = QGridLayout()
         grid.setHorizontalSpacing(8)
         grid.setVerticalSpacing(0)
@@ -300,7 +299,7 @@ class NumbersPanel(QScrollArea):
                 self.agreement = QLabel("", inner)
                 self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
                 grid.addWidget(self.agreement, line, 1, 1, 2)
-            label.setMinimumHeight(int(1.4 * self.fontMetrics().height()) if line else 0)  # none where it is hidden
+            label.setMinimumHeight(int(1.15 * self.fontMetrics().height()) if line else 0)  # none where it is hidden
             label.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
             line += 1
             for row in rows:
@@ -312,6 +311,7 @@ class NumbersPanel(QScrollArea):
         self.flags = QLabel("", inner)
         self.flags.setWordWrap(True)
         self.flags.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        column.addWidget(self.noise_only)  # below: the numbers themselves need the height
         column.addWidget(self.effects)
         column.addWidget(self.flags)
         column.addStretch(1)

@@ -1,8 +1,7 @@
 """The numbers of a shot: value ± standard uncertainty and unit; on hover, how each was read."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
@@ -20,8 +19,9 @@ from PySide6.QtWidgets import (
 
 from analysis.budget import budget
 from analysis.doubts import concerning
-from analysis.quantity import NotSeen, Quantity, Reading
+from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
+from app.window.panels.number_rows import DRIVE, GROUPS, Row
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.words.wording import (
     MILD_FLAGS,
@@ -34,202 +34,6 @@ from app.words.wording import (
     value_text,
 )
 
-Find = Callable[[Shot], Reading | None]
-
-
-def _impact(name: str) -> Find:
-    def find(shot: Shot) -> Reading | None:
-        return getattr(shot.impact, name) if shot.impact is not None else None
-
-    return find
-
-
-def _kinetic(name: str) -> Find:
-    def find(shot: Shot) -> Reading | None:
-        return getattr(shot.impact.cor_kinetic, name) if shot.impact is not None else None
-
-    return find
-
-
-def _parameter(name: str) -> Find:
-    def find(shot: Shot) -> Reading | None:
-        if shot.fit is None:
-            return None
-        if not shot.fit.converged:
-            return NotSeen("the fit did not converge, so its numbers are guesses")
-        return shot.fit.parameters.get(name, NotSeen(f"the model {shot.fit.model} has no such parameter"))
-
-    return find
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One number: its name, how to find it, scale and unit of the screen, and what it means in a line."""
-
-    name: str
-    find: Find
-    scale: float = 1.0
-    unit: str = ""
-    meaning: str = ""
-    headline: bool = False
-    key: str = ""  # its name in budget and flags
-
-
-GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
-    (
-        "RESTITUTION",
-        (
-            Row(
-                "quasi-static",
-                _impact("cor_quasi_static"),
-                meaning="Speed out over speed in, |v_f / v_i|.",
-                headline=True,
-                key="cor_quasi_static",
-            ),
-            Row(
-                "impulse ratio",
-                _impact("cor_impulse"),
-                meaning="Impulse while unloading over impulse while loading.",
-                key="cor_impulse",
-            ),
-            Row(
-                "kinetic, peaks",
-                _kinetic("force_peaks"),
-                meaning="T2/T1 of the first bounces between force peaks.",
-                key="cor_kinetic.force_peaks",
-            ),
-            Row(
-                "kinetic, onsets",
-                _kinetic("onsets"),
-                meaning="T2/T1 between the onsets of contact.",
-                key="cor_kinetic.onsets",
-            ),
-            Row(
-                "kinetic, flights",
-                _kinetic("flights"),
-                meaning="Ratio of the first two flight times.",
-                key="cor_kinetic.flights",
-            ),
-            Row(
-                "fitted contact",
-                _kinetic("contact"),
-                meaning="Relative velocity out over in at the first contact.",
-                key="cor_kinetic.contact",
-            ),
-        ),
-    ),
-    (
-        "MOTION",
-        (
-            Row(
-                "velocity in",
-                _impact("velocity_in_m_per_s"),
-                1.0,
-                "m/s",
-                "Free flight just before first touch.",
-                key="velocity_in_m_per_s",
-            ),
-            Row(
-                "velocity out",
-                _impact("velocity_out_m_per_s"),
-                1.0,
-                "m/s",
-                "Free flight just after release.",
-                key="velocity_out_m_per_s",
-            ),
-            Row(
-                "peak force",
-                _impact("force_peak_n"),
-                1.0,
-                "N",
-                "Largest force of the plate on the block.",
-                key="force_peak_n",
-            ),
-            Row(
-                "pulse width",
-                _impact("force_fwhm_s"),
-                1e3,
-                "ms",
-                "Full width at half maximum of the smooth pulse.",
-                key="force_fwhm_s",
-            ),
-            Row(
-                "contact time",
-                _impact("contact_time_s"),
-                1e3,
-                "ms",
-                "From first touch to last release.",
-                key="contact_time_s",
-            ),
-            Row(
-                "deflection",
-                _impact("deflection_max_m"),
-                1e3,
-                "mm",
-                "How far the plate was pushed in.",
-                key="deflection_max_m",
-            ),
-        ),
-    ),
-    (
-        "PLATE AND CONTACT",
-        (
-            Row(
-                "slope of F",
-                _impact("stiffness_slope_n_per_m"),
-                1.0,
-                "N/m",
-                "Slope of force against deflection; lies about 3 % below k_p.",
-                key="stiffness_slope_n_per_m",
-            ),
-            Row(
-                "k_p",
-                _parameter("plate_stiffness_n_per_m"),
-                1.0,
-                "N/m",
-                "Stiffness of the plate, fitted.",
-                key="plate_stiffness_n_per_m",
-            ),
-            Row(
-                "m_p*",
-                _parameter("plate_mass_kg"),
-                1e3,
-                "g",
-                "Mass of the plate that moves with its end, fitted.",
-                key="plate_mass_kg",
-            ),
-            Row(
-                "k_N",
-                _parameter("contact_stiffness_n_per_m"),
-                1.0,
-                "N/m",
-                "Stiffness of the contact, fitted.",
-                key="contact_stiffness_n_per_m",
-            ),
-            Row(
-                "γ_N",
-                _parameter("contact_damping_n_s_per_m"),
-                1.0,
-                "N s/m",
-                "Damping of the contact, fitted.",
-                key="contact_damping_n_s_per_m",
-            ),
-        ),
-    ),
-)
-
-DRIVE = "DRIVE"  # the group of a driven slider, which strikes nothing; the others are a collision's
-GROUPS = (
-    *GROUPS,
-    (
-        DRIVE,
-        (
-            Row("mass", _parameter("moving_mass_kg"), 1.0, "kg", "What the force accelerates, fitted."),
-            Row("viscous drag", _parameter("viscous_coefficient_n_s_per_m"), 1.0, "N s/m", "Force a unit of speed."),
-            Row("offset", _parameter("offset_n"), 1.0, "N", "A constant force: of the drive, or a tilt of the guide."),
-        ),
-    ),
-)
 NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
 COMBINED = "± is the combined standard uncertainty, all sources of the budget together."
 

@@ -15,6 +15,7 @@ from analysis.shot import AnalysisError
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 BentValues = Mapping[str, tuple[float, ...]]  # of each law that has bent parameters
+NOTHING = 1e-150  # a column's length, whose square is still a number: a law that acts nowhere in a motion is shorter
 SAME = 1e-7  # of a column: less than this beside the others and it is one of them
 _EVALUATIONS = 40
 _STEP = 1e-3  # of a search coordinate, for the derivatives of what is bent
@@ -209,7 +210,7 @@ def _solved(columns: Floats, target: Floats) -> Floats:
 
 def _quickly(columns: Floats, target: Floats) -> Floats:
     """Return ``_solved`` by its normal equations: less exact, and a tenth of the work."""
-    scale = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), 1e-300)
+    scale = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), NOTHING)
     gram = (columns.T @ columns) / np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
     return np.asarray(np.linalg.solve(gram, columns.T @ target / scale) / scale)
 
@@ -286,7 +287,7 @@ def _slope(
 
 def _covariance(columns: Floats, residual: Floats) -> Floats:
     size = np.linalg.norm(columns, axis=0)
-    scale = np.where(size > 0.0, size, 1.0)
+    scale = np.where(size > NOTHING, size, 1.0)
     scaled = columns / scale
     inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True)
     out = inverse @ _long_run(scaled * residual[:, None]) @ inverse

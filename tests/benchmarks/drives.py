@@ -14,6 +14,7 @@ import numpy as np
 
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.motion import Motion
+from analysis.shot import AnalysisError
 from analysis.signal.record import motion_from_displacement
 from tests.analysis.drive.slider import RATE_HZ, Drive, Floats
 
@@ -93,22 +94,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     random = np.random.default_rng(options.seed)
     names = list(KINDS)
-    tried, false, missed, seconds = Counter[str](), Counter[str](), Counter[str](), 0.0
+    tried, false, missed, refused, seconds = Counter[str](), Counter[str](), Counter[str](), Counter[str](), 0.0
     for number in range(options.count):
         kind = names[number % len(names)]
         motions = KINDS[kind](random)
         began = time.perf_counter()
-        diagnosis = diagnose_driven(motions)
+        tried[kind] += 1
+        try:
+            diagnosis = diagnose_driven(motions)
+        except AnalysisError as why:
+            refused[kind] += 1
+            print(f"  {number}: {kind}: {why}", flush=True)
+            continue
         seconds += time.perf_counter() - began
         found, true = {effect.name for effect in diagnosis.effects}, TRUE.get(kind, set())
-        tried[kind] += 1
         false[kind] += bool(found - true)
         missed[kind] += bool(true - found)
         if found != true:
             print(f"  {number}: {kind}: {diagnosis.sentence}", flush=True)
-    print("kind          tried  false law  law missed")
+    print("kind          tried  false law  law missed  refused")
     for kind in names:
-        print(f"{kind:<12} {tried[kind]:>6} {false[kind]:>10} {missed[kind]:>11}")
+        print(f"{kind:<12} {tried[kind]:>6} {false[kind]:>10} {missed[kind]:>11} {refused[kind]:>8}")
     total, wrong = sum(tried.values()), sum(false.values())
     print(f"false laws: {wrong} of {total} drives, {wrong / total:.1%}; {seconds / total:.2g} s a diagnosis")
     return 0

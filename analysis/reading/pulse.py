@@ -192,8 +192,17 @@ def read_momentum(
 def read_slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: Floor) -> Reading:
     """Return dF/dy in N/m over the smooth part of the contact (Fig. 6, Eq. 11).
 
-    It lies below k_p by the plate's inertia and the contact spring in series.
+    It lies below k_p by the plate's inertia and the contact spring in series.  Where the contact ends is known badly on
+    a floor that sways, and beyond it there is no force: what an earlier end makes of the slope stands in the ±.
     """
+    slope = _slope(motion, touch, release, flight, noise)
+    earlier = _slope(motion, touch, Edge(release.time_s - release.std_s, 0.0), flight, noise)
+    if not isinstance(slope, Quantity) or not isinstance(earlier, Quantity):
+        return slope
+    return replace(slope, std=float(np.hypot(slope.std, slope.value - earlier.value)))
+
+
+def _slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: Floor) -> Reading:
     span = release.time_s - touch.time_s
     low, high = (touch.time_s + f * span for f in SLOPE_SPAN)
     seen = motion.valid & np.isfinite(motion.force_n)

@@ -6,6 +6,11 @@ import pytest
 from analysis.impact import Impact
 from analysis.motion import Motion
 from analysis.quantity import NotSeen, Quantity, Reading
+from analysis.reading.edges import Edge
+from analysis.reading.flights import fit_flight
+from analysis.reading.floor import Floor, Octaves
+from analysis.reading.locate import find_collision
+from analysis.reading.pulse import read_slope
 from analysis.reading.read import NoImpact, read_impact
 from tests.analysis.collision import Rig, motion_from, motion_of
 
@@ -137,3 +142,18 @@ def test_a_contact_below_the_force_noise_is_found_by_its_reversal() -> None:
     assert abs(seen(impact.velocity_in_m_per_s).value + speed) < 4.0 * seen(impact.velocity_in_m_per_s).std
     assert abs(seen(impact.cor_quasi_static).value - 1.0) < 4.0 * seen(impact.cor_quasi_static).std
     assert seen(impact.contact_time_s).value == pytest.approx(duration, abs=4e-3)
+
+
+def test_the_slope_says_what_a_badly_known_end_of_the_contact_costs() -> None:
+    motion = motion_of(RIG)
+    span = find_collision(motion)
+    assert span is not None
+    flight = fit_flight(motion, span.flight_first, span.first - 4, nearest=span.first)
+    assert flight is not None
+    octaves = Octaves.of(motion.time_s[::50], 50 / RIG.rate_hz)
+    noise = Floor(octaves, ((1.0, np.zeros(octaves.centre_hz.size)),), RIG.noise_m, RIG.rate_hz)
+    touch, end_s = Edge(RIG.touch_s, 1e-6), RIG.touch_s + 28.7e-3
+    sure = seen(read_slope(motion, touch, Edge(end_s, 1e-6), flight, noise))
+    late = seen(read_slope(motion, touch, Edge(end_s + 2e-3, 2e-3), flight, noise))
+    assert abs(late.value - sure.value) > 5.0 * sure.std  # samples without a force are among those it was read from
+    assert abs(late.value - sure.value) < 2.0 * late.std

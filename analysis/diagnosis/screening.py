@@ -21,6 +21,7 @@ from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 MANY_STARTS = 8  # from here on a path with propagators costs less than a trajectory a start
+SPANNED = 1e-5  # of a column's length: less than this beside what is fitted, and it is a mixture of that
 WORTH_REFINING = 12.0  # of gain on the grid, for a line to be looked at between its points
 
 
@@ -173,6 +174,8 @@ def _linear(
     shots = at.fitted.hypothesis.data.shots
     rows = at.projected(bare)
     power = np.einsum("ij,ij->j", rows, rows)
+    # What the fitted parameters do as well leaves rounding, which would look like anything.
+    power[power < (SPANNED * np.linalg.norm(bare, axis=0)) ** 2] = 0.0
     along = rows.T @ at.left
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
     grows_as = named(kind.name).grows_as

@@ -193,10 +193,6 @@ FIELDS: tuple[Field, ...] = (
           "Empty: learned from the signal", optional=True),
     Field("switch_high_v", "Light switch", "High threshold", "number", "V", 1.0, -100.0, 100.0,
           "Empty: learned from the signal", optional=True),
-    Field("sound", "At the trigger", "a sound", "flag",
-          hover="The system's own sound when the light switch fires"),
-    Field("flash", "At the trigger", "a flash of the banner", "flag",
-          hover="The banner flashes once when the light switch fires"),
     Field("bandwidth_hz", "Analysis", "Bandwidth", "number", "kHz", 1e-3, 10.0, 1e6,
           "Of velocity and force; noise of force grows with its power 2.5"),
     Field("model", "Analysis", "Base model", "choice", choices=(
@@ -212,6 +208,10 @@ FIELDS: tuple[Field, ...] = (
           hover="Where shots are saved; empty: Levimass in your documents"),
     Field("appearance", "Folders and looks", "Colours", "choice", choices=(
         ("system", "as the system"), ("light", "light"), ("dark", "dark")), hover="Dark or light"),
+    Field("sound", "At the trigger", "a sound", "flag",
+          hover="The system's own sound when the light switch fires"),
+    Field("flash", "At the trigger", "a flash of the banner", "flag",
+          hover="The banner flashes once when the light switch fires"),
 )  # fmt: skip
 
 

@@ -37,5 +37,21 @@ def test_a_law_of_the_place_is_learned_with_its_form() -> None:
     assert law.visited[0] < -1e-3 and law.visited[1] > 1e-3
 
 
+def test_a_law_of_the_bend_that_begins_in_mid_contact_is_not_taken_for_one_of_the_place() -> None:
+    hinge_m = -8e-4
+    rig = LawRig(
+        on_plate=lambda _x, _v, y, _u: 0.3 * max(0.0, hinge_m - y),
+        kinks=(lambda _x, _v, y, _u: y - hinge_m,),
+        noise_m=1e-10,
+    )
+    _, found = learned(rig)
+    assert found is not None and found.explains
+    (law,) = found.laws
+    assert (law.where, law.argument, law.form) == ("plate", "bend", "hinge below")
+    slope, hinge = law.parameters["a"][0], law.parameters["c"][0]
+    assert abs(slope.value - 0.3) < 4 * slope.std < 0.01
+    assert abs(hinge.value - hinge_m) < 4 * hinge.std < 2e-5
+
+
 def test_a_clean_set_grows_no_law() -> None:
     assert learned(LawRig())[1] is None

@@ -131,7 +131,7 @@ class LawRig:
 
             gap.terminal, gap.direction = forwards, (1.0 if touching else -1.0)  # type: ignore[attr-defined]
             bends = []
-            for kink in self.kinks:
+            for kink in self.kinks if forwards else ():
 
                 def bend(_t: float, s: np.ndarray, kink: Force = kink) -> float:
                     return kink(*s[:4])

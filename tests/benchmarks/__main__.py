@@ -5,7 +5,17 @@ import importlib.util
 import subprocess
 import sys
 
-QUICK = ("demodulation", "simulation", "shot", "fit_coverage", "screen", "campaign", "coverage", "first_start")
+QUICK = (
+    "demodulation",
+    "simulation",
+    "solver",
+    "shot",
+    "fit_coverage",
+    "screen",
+    "campaign",
+    "coverage",
+    "first_start",
+)
 
 
 def main() -> int:

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from analysis.model.effects import kernel
-from analysis.model.rates import tight
+from analysis.model.system import tight
 
 SEEN = 7  # of what an effect is told: positions, velocities, overlap and force, which come first
 _ALIKE = 1e-9

@@ -1,45 +1,127 @@
-"""Propagators of a linear phase and of its derivatives.
+"""Propagators of a linear mode and of its derivatives (njit).
 
 The state is augmented by a constant 1, which carries what drives it: s' = A s.  Columns of ``z``, shape (n + 1, rows),
 are the state and its derivatives by the parameters, S' = A S + (dA/dtheta) s.
 """
 
-from analysis.model.rates import PLATE, tight
-from analysis.model.switches import rates
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from analysis.model.guards import OVERLAP, RANGE_0, VELOCITY, range_at
+from analysis.model.modes import PLATE
+from analysis.model.rates import rates
+from analysis.model.system import RANGE_AT, Floats, inlined, tight
 
 _SAME = 1e-11  # of the terms, where two states must agree on A
 _MOST_TERMS = 60
+BIT, PIECES, TERMS, SLOW = 0, 1, 2, 3  # of ``steps``: length in s, how many a sample, terms of the series, nothing fast
+
+
+class Form(NamedTuple):
+    """A mode's matrices: A, shape (n + 1, n + 1), its derivatives, and the guard functions and their rates as rows.
+
+    Then exp(A h) of a step and its derivatives, shape (n + 1, n + 1, rows), those of a block of steps, what is shown of
+    a state, shape (m, n + 1), and of the mean over a block; ``steps`` under the indices above.
+    """
+
+    a: Floats
+    by: Floats
+    guard: Floats
+    guard_rate: Floats
+    e: Floats
+    d: Floats
+    whole: Floats
+    d_whole: Floats
+    shown: Floats
+    mean: Floats
+    d_mean: Floats
+    steps: Floats
+
+
+class Room(NamedTuple):
+    """Where matrices are worked out."""
+
+    probe: Floats
+    term: Floats
+    new: Floats
+    near: Floats
+    further: Floats
+    square: Floats
+    other: Floats
+    d_term: Floats
+    d_new: Floats
+    d_work: Floats
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def forms_of(modes, n, count, guards, shown):  # type: ignore[no-untyped-def]
+    """Return room for the forms of so many modes: a ``Form`` of arrays with the mode for their first axis."""
+    m, wide = n + 1, columns(count + 1)
+    return Form(
+        np.empty((modes, m, m)), np.empty((modes, count, m, m)), np.zeros((modes, guards, m)),
+        np.zeros((modes, guards, m)), np.empty((modes, m, m)), np.empty((modes, m, m, wide)), np.empty((modes, m, m)),
+        np.empty((modes, m, m, wide)), np.zeros((modes, shown, m)), np.empty((modes, shown, m)),
+        np.empty((modes, m, wide)), np.zeros((modes, 4)),
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def room_of(n, count):  # type: ignore[no-untyped-def]
+    """Return room to work in."""
+    m, wide = n + 1, columns(count + 1)
+    return Room(
+        np.zeros((m, wide)), np.zeros((m, wide)), np.zeros((m, wide)), np.zeros((m, 1)), np.zeros((m, 1)),
+        np.empty((m, m)), np.empty((m, m)), np.empty((count, m, m)), np.empty((m, m)), np.empty((m, m, wide)),
+    )  # fmt: skip
+
+
+@inlined
+def columns(rows):  # type: ignore[no-untyped-def]
+    """Return how many columns a state with derivatives takes: a multiple of four, or one alone."""
+    return 4 * ((rows + 3) // 4) if rows > 1 else 1
+
+
+@inlined
+def form_at(kept, at):  # type: ignore[no-untyped-def]
+    """Return one of the forms that are kept."""
+    return Form(
+        kept.a[at], kept.by[at], kept.guard[at], kept.guard_rate[at], kept.e[at], kept.d[at], kept.whole[at],
+        kept.d_whole[at], kept.shown[at], kept.mean[at], kept.d_mean[at], kept.steps[at],
+    )  # fmt: skip
 
 
 @tight
-def form(  # type: ignore[no-untyped-def]
-    n, rows, total, every, z, f, told, p, slots, flags, real, carrying, s, values, effect, cs, c_values, c_effect,
-    a, by, seen,
-):  # fmt: skip
-    """Write A, shape (n + 1, n + 1), its derivatives, and what is watched, shape (3, n + 1); False if there is no A.
+def ask(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
+    """Write A, its derivatives and the guard functions of a mode; False if there is no A.
 
-    ``every`` holds n times "by none", then the parameters.  n + 3 evaluations of the rates with ``total`` rows.
+    ``every`` holds n times "by none", then the parameters; ``plain`` has room for a state with so many derivatives.
+    n + 3 evaluations of the rates.
     """
+    a, by, z, f = form.a, form.by, plain.z, plain.f
+    n, count = a.shape[0] - 1, by.shape[0]
+    total = n + 1 + count
     for j in range(total):
         for c in range(n):
             z[j, c] = 1.0 if c == j - 1 else 0.0
-    rates(z, f, total, every, p, slots, flags, real, carrying, s, values, effect, cs, c_values, c_effect, told)
+    rates(plain, total, every, system, mode)
     for j in range(n + 1):
-        row = (j + 1) % (n + 1)  # the state's own last: b
+        row = (j + 1) % (n + 1)  # the state's own last: what drives it
         for i in range(n):
             a[i, j] = f[row, i]
         a[n, j] = 0.0
         for i in range(3):
-            seen[i, j] = told[row, i]
-    for k in range(rows - 1):
+            form.guard[i, j] = plain.told[row, i]
+    for k in range(count):
         for i in range(n):
             by[k, i, n] = f[1 + n + k, i]
         for j in range(n + 1):
             by[k, n, j] = 0.0
     for j in range(n):
         z[0, j] = 1.0
-        rates(z, f, total, every, p, slots, flags, real, carrying, s, values, effect, cs, c_values, c_effect, told)
-        for k in range(rows - 1):
+        rates(plain, total, every, system, mode)
+        for k in range(count):
             for i in range(n):
                 by[k, i, j] = f[1 + n + k, i] - by[k, i, n]
         z[0, j] = 0.0
@@ -47,12 +129,12 @@ def form(  # type: ignore[no-untyped-def]
         side = 1.0 if trial == 0 else -1.5  # overlapping, and apart
         for j in range(n):
             z[0, j] = side * (1e-4 * (3 + j) if j % 2 == 0 else 0.1 * (j - 4))
-        rates(z, f, total, every, p, slots, flags, real, carrying, s, values, effect, cs, c_values, c_effect, told)
+        rates(plain, total, every, system, mode)
         for i in range(n):
             for j in range(n):
                 if not abs(f[1 + j, i] - a[i, j]) <= _SAME * abs(a[i, j]):
                     return False
-            for k in range(-1, rows - 1):
+            for k in range(-1, count):
                 total_of, size = (a[i, n], abs(a[i, n])) if k < 0 else (by[k, i, n], abs(by[k, i, n]))
                 for j in range(n):
                     term = (a[i, j] if k < 0 else by[k, i, j]) * z[0, j]
@@ -60,17 +142,37 @@ def form(  # type: ignore[no-untyped-def]
                     size += abs(term)
                 if not abs((f[0, i] if k < 0 else f[1 + n + k, i]) - total_of) <= _SAME * size:
                     return False
-    if flags[PLATE] < 0.5:  # left to itself, or not yet met: it rings freely
-        a[2, 3], a[3, 2] = 1.0, -p[0] / p[1]
+    if mode[PLATE] < 0.5:  # left to itself, or not yet met: it rings freely
+        a[2, 3], a[3, 2] = 1.0, -system.p[0] / system.p[1]
+    _guards(form, system)
     return True
 
 
 @tight
-def propagate(a, by, rows, h, e, d, term, new, d_term, d_new):  # type: ignore[no-untyped-def]
-    """Write exp(A h) and its derivatives, shape (n + 1, n + 1, rows), and return how many terms that took.
+def _guards(form, system):  # type: ignore[no-untyped-def]
+    """Write the guard functions that are not told, and the rates of all."""
+    guard, n = form.guard, form.a.shape[0] - 1
+    for c in range(n + 1):
+        guard[VELOCITY, c] = 1.0 if c == 1 else 0.0
+        for slot in range(system.slots.shape[0]):
+            guard[RANGE_0 + slot, c] = guard[OVERLAP, c]
+            if c == n and system.slots[slot, RANGE_AT] >= 0.0:
+                guard[RANGE_0 + slot, c] += system.p[range_at(slot, system.slots)]
+    for item in range(guard.shape[0]):
+        for c in range(n + 1):
+            form.guard_rate[item, c] = 0.0
+            for j in range(n):
+                form.guard_rate[item, c] += guard[item, j] * form.a[j, c]
+
+
+@tight
+def exponential(form, room, rows, h):  # type: ignore[no-untyped-def]
+    """Write exp(A h) and its derivatives, and return how many terms that took.
 
     About 1 us, and 4 us for each parameter that A knows.
     """
+    a, by, e, d = form.a, form.by, form.e, form.d
+    term, new, d_term, d_new = room.square, room.other, room.d_term, room.d_new
     n = a.shape[0]
     for i in range(n):
         for j in range(n):
@@ -155,11 +257,9 @@ def step_alone(z, e, out):  # type: ignore[no-untyped-def]
 
 
 @tight
-def repeat(e, d, rows, times, shown, e_all, d_all, mean, d_mean, e_work, d_work):  # type: ignore[no-untyped-def]
-    """Write ``times`` steps as one, and what is ``shown``, shape (5, n + 1), on the mean after each of them.
-
-    ``mean`` has shape (5, n + 1), ``d_mean``, shape (n + 1, rows), is for the first of the five.
-    """
+def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
+    """Write ``times`` steps as one, and what is shown of the mean after each; derivatives of the first shown."""
+    e, d, e_all, d_all, e_work, d_work = form.e, form.d, form.whole, form.d_whole, room.square, room.d_work
     n = e.shape[0]
     share = 1.0 / times
     for i in range(n):
@@ -189,36 +289,37 @@ def repeat(e, d, rows, times, shown, e_all, d_all, mean, d_mean, e_work, d_work)
                         for k in range(d.shape[2]):
                             d_all[i, j, k] = d_work[i, j, k]
         for j in range(n):
-            for i in range(5):
-                so_far = 0.0 if trial == 0 else mean[i, j]
+            for i in range(form.shown.shape[0]):
+                so_far = 0.0 if trial == 0 else form.mean[i, j]
                 for c in range(n):
-                    so_far += share * shown[i, c] * e_all[c, j]
-                mean[i, j] = so_far
+                    so_far += share * form.shown[i, c] * e_all[c, j]
+                form.mean[i, j] = so_far
             for k in range(d.shape[2]):
-                d_mean[j, k] = (0.0 if trial == 0 else d_mean[j, k]) + share * d_all[0, j, k]
+                form.d_mean[j, k] = (0.0 if trial == 0 else form.d_mean[j, k]) + share * d_all[0, j, k]
 
 
 @tight
-def show(z, rows, mean, d_mean, states, d_x):  # type: ignore[no-untyped-def]
-    """Add the mean of what is shown over some steps ahead, and of the derivatives of the block's position, to rows."""
+def show_mean(z, rows, form, states, d_x):  # type: ignore[no-untyped-def]
+    """Add the mean of what is shown over a block ahead, and of the derivatives of the block's position, to rows."""
     n = z.shape[0]
-    for i in range(5):
-        states[i] += along(mean, i, z)
+    for i in range(states.size):
+        states[i] += along(form.mean, i, z)
     for k in range(1, rows):
         total = 0.0
         for c in range(n):
-            total += mean[0, c] * z[c, k] + d_mean[c, k] * z[c, 0]
+            total += form.mean[0, c] * z[c, k] + form.d_mean[c, k] * z[c, 0]
         d_x[k - 1] += total
 
 
 @tight
-def advance(z, rows, a, by, h, terms, out, term, new):  # type: ignore[no-untyped-def]
+def series(z, rows, form, h, out, room):  # type: ignore[no-untyped-def]
     """Write the first ``rows`` columns after a time of any length, by their Taylor series."""
+    a, by, term, new = form.a, form.by, room.term, room.new
     n = a.shape[0]
     for i in range(n):
         for k in range(rows):
             out[i, k] = term[i, k] = z[i, k]
-    for m in range(1, terms + 1):
+    for m in range(1, int(form.steps[TERMS]) + 1):
         scale = h / m
         for i in range(n - 1):
             for k in range(rows):

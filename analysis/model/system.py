@@ -1,0 +1,147 @@
+"""What the solver's kernels (njit) hand to each other: one bundle for what moves, for where it is, for what it leaves.
+
+Bundles of arrays cost a kernel nothing: compiled, they are the arrays.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit, types
+from numpy.typing import NDArray
+
+from analysis.model.effects.kernel import OUTPUTS, STATES
+
+Floats = NDArray[np.float64]
+Integers = Any  # int64 arrays, which kernels take as Python passes them
+
+SLOT_PARAMETERS = 8
+# Columns of ``slots``: pair effect, hidden states, moves the contact, on the plate, rides inside, where its
+# range stands in ``p`` (-1: none), where its parameters begin and how many there are.
+IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST, COUNT = 0, 1, 2, 3, 4, 5, 6, 7
+SLOT_COLUMNS = 8
+MAX_EVENTS = 400
+
+
+def tight(function: Any) -> Any:
+    """Compile an inner kernel without reference counts, which cost more than its sums (it makes no arrays)."""
+    options: Any = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+    return njit(**options)(function)
+
+
+def inlined(function: Any) -> Any:
+    """Compile as ``tight`` does, into its callers: an array as an argument is seven, a call of eight arrays 20 ns."""
+    options: Any = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False, "forceinline": True}
+    return njit(**options)(function)
+
+
+class System(NamedTuple):
+    """A collision and its effects; ``p`` holds ``parameters.kernel_order``, then the parameters of each effect slot.
+
+    ``slots``, shape (effects, 8), says how each acts; ``real`` and ``carrying`` are the effects' addresses, compiled
+    for real and for complex numbers; ``which`` are the places in ``p`` by which derivatives are taken.  The rest is
+    room to ask an effect in.
+    """
+
+    p: Floats
+    slots: Floats
+    real: Integers
+    carrying: Integers
+    which: Integers
+    variant: int
+    numbers: int  # in a state: four of block and plate, two of each slot up to the last with a hidden state
+    s: Floats
+    values: Floats
+    effect: Floats
+    c_s: Any
+    c_values: Any
+    c_effect: Any
+
+
+class State(NamedTuple):
+    """A state with its rates: ``z`` and ``f``, shape (rows, size), and what is told there, shape (rows, 3).
+
+    Row 0 of ``z`` is (x_b, v_b, x_p, v_p, q_0, w_0, q_1, w_1, ...), row j its derivative by ``which[j - 1]``; told are
+    (xi, xi', force by the contact's law) and their derivatives.
+    """
+
+    z: Floats
+    f: Floats
+    told: Floats
+
+
+class Motion(NamedTuple):
+    """Where a march is: the state at the beginning of a step, the one tried for its end, and one to look aside.
+
+    ``mode`` holds the flags of the mode, ``signs`` which sign each guard function has in it, ``ends`` what the guard
+    functions and their rates are after a step, ``clock`` the time (and that at which the plate was left to itself).
+    """
+
+    here: State
+    there: State
+    aside: State
+    mode: Floats
+    signs: Floats
+    ends: Floats
+    clock: Floats
+
+
+class Record(NamedTuple):
+    """What is asked and what comes of it: states, shape (m, 5 or more), at means over ``block`` of ``times``.
+
+    (x_b, v_b, x_p, v_p, contact point, hidden states as far as there is room); derivatives of x_b, shape (m, k); every
+    event's time, kind, state and mode, dt/dtheta and d(state at that event)/dtheta.
+    """
+
+    times: Floats
+    block: int
+    states: Floats
+    d_x: Floats
+    event_time: Floats
+    event_kind: Integers
+    event_state: Floats
+    event_mode: Floats
+    event_d_time: Floats
+    event_d_state: Floats
+
+
+_F = types.float64
+VECTOR, MATRIX, CUBE = types.Array(_F, 1, "C"), types.Array(_F, 2, "C"), types.Array(_F, 3, "C")
+INTEGERS = types.Array(types.int64, 1, "C")
+_COMPLEX = types.Array(types.complex128, 1, "C")
+# The types of the solver's arguments: each kernel is compiled once, when it is imported.
+SYSTEM = types.NamedTuple(  # type: ignore[no-untyped-call]
+    (
+        *(VECTOR, MATRIX, INTEGERS, INTEGERS, INTEGERS, types.int64, types.int64),
+        *(VECTOR, VECTOR, VECTOR, _COMPLEX, _COMPLEX, _COMPLEX),
+    ),
+    System,
+)
+RECORD = types.NamedTuple(  # type: ignore[no-untyped-call]
+    (VECTOR, types.int64, MATRIX, MATRIX, VECTOR, INTEGERS, MATRIX, MATRIX, MATRIX, CUBE), Record
+)
+
+
+def system_of(p: Floats, slots: Floats, addresses: Integers, which: Integers, variant: int, numbers: int) -> System:
+    """Return a system with room to ask its effects in; ``addresses``, shape (2, effects): real, complex."""
+    most = int(max(slots[:, COUNT].max(initial=0), 1))
+    return System(
+        p,
+        slots,
+        addresses[0],
+        addresses[1],
+        which,
+        variant,
+        numbers,
+        np.zeros(STATES),
+        np.zeros(most),
+        np.zeros(OUTPUTS),
+        np.zeros(STATES, dtype=np.complex128),
+        np.zeros(most, dtype=np.complex128),
+        np.zeros(OUTPUTS, dtype=np.complex128),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def state_of(rows, size):  # type: ignore[no-untyped-def]
+    """Return room for a state with its rates."""
+    return State(np.zeros((rows, size)), np.zeros((rows, size)), np.zeros((rows, 3)))

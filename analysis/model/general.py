@@ -122,9 +122,9 @@ class Recorded:
     states: Floats
 
 
-def recorded(collision: Collision, effects: Sequence[Active], time_s: Floats) -> Recorded:
-    """Solve as ``solve`` does, and return whole states and modes."""
-    record, count, system = _solved(collision, effects, time_s, (), 1.0, 1, whole=True)
+def recorded(collision: Collision, effects: Sequence[Active], time_s: Floats, spacing_s: float = 0.0) -> Recorded:
+    """Solve as ``solve`` does, and return whole states and modes; ``spacing_s``: how far apart most times are."""
+    record, count, system = _solved(collision, effects, time_s, (), 1.0, 1, whole=True, spacing_s=spacing_s)
     states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # the contact point is none of them
     return Recorded(record.event_time[:count], record.event_kind[:count], record.event_mode[:count], states)
 
@@ -138,6 +138,7 @@ def _solved(
     block: int,
     *,
     whole: bool = False,
+    spacing_s: float = 0.0,
 ) -> tuple[Record, int, System]:
     times = np.ascontiguousarray(time_s, dtype=np.float64)
     if times.ndim != 1 or times.size < block or times.size == 0 or not np.all(np.diff(times) >= 0):
@@ -147,7 +148,7 @@ def _solved(
     shown = 1 + system.numbers if whole else 5
     record = _record(times, block, system, shown)
     closed: Any = propagator.integrate
-    count = closed(system, record, _fastest(rates))
+    count = closed(system, record, _fastest(rates), spacing_s)
     if count == march.NOT_LINEAR:
         record = _record(times, 1, system, shown)
         stepped: Any = runge_kutta.integrate

@@ -43,7 +43,7 @@ def range_at(slot, slots):  # type: ignore[no-untyped-def]
     return int(slots[slot, RANGE_AT])
 
 
-@tight
+@inlined
 def guard(item, state, system):  # type: ignore[no-untyped-def]
     """Return a guard function at a state whose rates are known."""
     if item < 3:
@@ -53,7 +53,7 @@ def guard(item, state, system):  # type: ignore[no-untyped-def]
     return state.told[0, 0] + system.p[range_at(item - RANGE_0, system.slots)]
 
 
-@tight
+@inlined
 def guard_rate(item, state, system):  # type: ignore[no-untyped-def]
     """Return d/dt of a guard function; of the force only as far as spring and dashpot make it."""
     if item == VELOCITY:

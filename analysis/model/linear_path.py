@@ -7,9 +7,8 @@ has, so that no equation is written a second time.  Where a mode ends, d jumps a
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,10 +84,14 @@ class LinearPath:
 
 
 class _Steps(NamedTuple):
-    """Steps: states at begin, middle and end, shape (m, 3, n), modes, lengths, and the guard function they begin at."""
+    """Steps: states at begin, middle and end, shape (m, 3, n), lengths, and the guard function they begin at.
+
+    The mode of a step is ``modes[event]``, the last before the first event (-1).
+    """
 
     states: Floats
     modes: Floats
+    event: Places
     length_s: Floats
     item: Places
 
@@ -119,44 +122,69 @@ def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, 
     acting = active or [Active(_PRESS, (0.0,))]
     try:
         events = general.recorded(collision, acting, np.array([max(float(time_s[-1]), 0.0)]))
-        cut = list(_cut(events, time_s, (pieces, apart)))
-        begin, end, sample, event, early = (np.concatenate(parts) for parts in zip(*cut, strict=True))
-        middle = 0.5 * (begin + end)
-        # Between the steps of the modes in which they are longer lie instants of an even grid: so they are quickest.
-        grid = (time_s[:-1, None] + spacing / (2 * pieces) * np.arange(2 * pieces)).ravel()
-        instants, place = np.unique(np.concatenate([begin, middle, end, grid]), return_inverse=True)
-        run = general.recorded(collision, acting, instants)
+        begin, end, sample, event = _cut(events, time_s, (pieces, apart))
+        # Each step begins where the one before it ended: instants in order, the early ones from the last to the first.
+        early = event < 0
+        before, middle = int(early.sum()), 0.5 * (begin + end)
+        instants, way = np.empty(2 * begin.size + 1), np.where(early, -1, 1)
+        place = 2 * (before + np.where(early, -np.arange(begin.size), np.arange(begin.size) - before))
+        instants[2 * before] = events.time_s[0]
+        instants[place + way], instants[place + 2 * way] = middle, end
+        run = general.recorded(collision, acting, instants, spacing / (2 * pieces))
     except (TooManyEvents, RunsAway) as why:
         raise Infeasible(str(why)) from why
-    states = run.states[place[: 3 * begin.size].reshape(3, -1).T]
-    return _with_matrices(collision, active, events, states, (begin, end, sample, event, early))
+    states = run.states[place[:, None] + way[:, None] * np.arange(3)]
+    return _with_matrices(collision, active, events, states, (begin, end, sample, event))
 
 
-def _cut(events: general.Recorded, time_s: Floats, each: tuple[int, int]) -> Iterator[tuple[np.ndarray, ...]]:
-    """Yield (begin, end, sample at the end or -1, event that the mode began with or -1, early) of steps, mode by mode.
+def _cut(events: general.Recorded, time_s: Floats, each: tuple[int, int]) -> tuple[Floats, Floats, Places, Places]:
+    """Return (begin, end, sample at the end or -1, event that the mode began with or -1) of steps, mode by mode.
 
     ``each``: steps a sample in contact and apart.
     """
-    starts = events.time_s
-    before = np.flatnonzero(time_s < starts[0] - 1e-13)[::-1]
-    knots = np.concatenate([starts[:1], time_s[before]])
-    yield knots[:-1], knots[1:], before, np.full(before.size, -1), np.full(before.size, True)
+    most = (time_s.size + events.time_s.size) * (max(each) + 1)
+    begin, end = np.empty(most), np.empty(most)
+    sample, event = np.full(most, -1), np.empty(most, dtype=np.int64)
     spacing = float(time_s[1] - time_s[0])
-    for event, (begin, end) in enumerate(pairwise([*starts, max(float(time_s[-1]), float(starts[-1]))])):
-        last = event == starts.size - 1
-        inside = np.flatnonzero((time_s > begin + 1e-13) & (time_s < end + (1e-13 if last else -1e-13)))
-        knots, at = np.concatenate([[begin], time_s[inside]]), inside
-        if not last:
-            met = np.flatnonzero(np.abs(time_s - end) <= 1e-13)
-            knots, at = np.append(knots, end), np.append(inside, met[0] if met.size else -1)
-        whole = spacing / each[int(events.modes[event, PHASE] == FREE)]
-        pieces = np.maximum(1, np.ceil(np.diff(knots) / whole - 1e-6)).astype(np.int64)
-        index = np.concatenate([[0], np.cumsum(pieces)])
-        nodes = np.interp(np.arange(index[-1] + 1), index, knots)
-        sample = np.full(nodes.size, -1)
-        sample[index[1:]] = at
-        count = nodes.size - 1
-        yield nodes[:-1], nodes[1:], sample[1:], np.full(count, event), np.full(count, False)
+    whole = np.where(events.modes[:, PHASE] == FREE, spacing / each[1], spacing / each[0])
+    count = _lay_steps(np.ascontiguousarray(time_s), events.time_s, whole, begin, end, sample, event)
+    return begin[:count], end[:count], sample[:count], event[:count]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lay_steps(time_s, starts, whole, begin, end, sample, event):  # type: ignore[no-untyped-def]
+    """Write the steps of ``_cut``, no longer than ``whole`` of their mode, and return their number."""
+    first, r, at = 0, 0, starts[0]
+    while first < time_s.size and time_s[first] < starts[0] - 1e-13:
+        first += 1
+    for i in range(first - 1, -1, -1):
+        begin[r], end[r], sample[r], event[r] = at, time_s[i], i, -1
+        at = time_s[i]
+        r += 1
+    i = first
+    while i < time_s.size and time_s[i] <= starts[0] + 1e-13:
+        i += 1
+    for mode in range(starts.size):
+        at, last = starts[mode], mode == starts.size - 1
+        done = last and i >= time_s.size
+        while not done:
+            if last or (i < time_s.size and time_s[i] < starts[mode + 1] - 1e-13):
+                knot, met = time_s[i], i
+            else:
+                knot = starts[mode + 1]
+                met = i if i < time_s.size and time_s[i] <= knot + 1e-13 else -1
+            pieces = max(1, math.ceil((knot - at) / whole[mode] - 1e-6))
+            for piece in range(pieces):
+                begin[r] = at + (knot - at) * piece / pieces
+                end[r] = at + (knot - at) * (piece + 1) / pieces if piece < pieces - 1 else knot
+                event[r] = mode
+                r += 1
+            if met >= 0:
+                sample[r - 1] = met
+                i += 1
+            at = knot
+            done = i >= time_s.size if last else knot == starts[mode + 1]
+    return r
 
 
 def _with_matrices(
@@ -164,32 +192,31 @@ def _with_matrices(
     active: Sequence[Active],
     events: general.Recorded,
     states: Floats,
-    steps: tuple[np.ndarray, ...],
+    steps: tuple[Floats, Floats, Places, Places],
 ) -> LinearPath:
-    """Return the path of steps (begin, end, sample, event, early); ``states``, shape (m, 3, n), are those of each."""
-    begin, end, sample, event, early = steps
+    """Return the path of steps (begin, end, sample, event); ``states``, shape (m, 3, n), are those of each."""
+    begin, end, sample, event = steps
+    early = event < 0
     hidden = sum(one.effect.hidden > 0 for one in active)
     beside = [*active[:hidden], Active(_PUSH, (0.0, 0.0)), *active[hidden:], Active(_PRESS, (0.0,))]
     n = 4 + 2 * hidden
     probes = [direction(hidden, 0), direction(hidden, 1), direction(len(beside) - 1, 0)]
     system = lay_out(collision, beside, [*[-1] * (n + 2), *probes])
-    modes = np.zeros((begin.size, NEAR_0 + len(beside)))
     slots = [slot + (slot >= hidden) for slot in range(len(active))]
-    modes[:, :NEAR_0] = events.modes[event, :NEAR_0]
-    modes[:, [NEAR_0 + slot for slot in slots]] = events.modes[event, NEAR_0 : NEAR_0 + len(active)]
-    modes[:, PLATE] = 1.0  # never left to itself: nothing is saved by it here
-    modes[early] = 0.0
-    modes[early, SIGN] = -1.0
+    count, mode_of = begin.size, np.zeros((events.time_s.size + 1, NEAR_0 + len(beside)))
+    mode_of[:-1, :NEAR_0] = events.modes[:, :NEAR_0]
+    mode_of[:-1, [NEAR_0 + slot for slot in slots]] = events.modes[:, NEAR_0 : NEAR_0 + len(active)]
+    mode_of[:-1, PLATE] = 1.0  # never left to itself: nothing is saved by it here
+    mode_of[-1, SIGN] = -1.0  # of those before the first event
     states[early, :, 2:] = states[np.argmin(early), 0, 2:] if not early.all() else 0.0  # not met yet
     fresh = np.diff(event, prepend=-2) != 0
-    item = np.full(begin.size, _NONE)
+    item = np.full(count, _NONE)
     item[fresh] = [_guard_of(int(events.kinds[e]), slots) if e > 0 else _FRESH for e in event[fresh]]
-    count = begin.size
     out = _Matrices(
         np.empty((count, n, n)), np.empty((count, 3, n, INPUTS)), np.empty((count, 3, kernel.STATES)),
         np.zeros((count, n)), np.zeros((count, n + 1)),
     )  # fmt: skip
-    _write(system, _Steps(np.ascontiguousarray(states), modes, end - begin, item), out)
+    _write(system, _Steps(states, mode_of, event, end - begin, item), out)
     return LinearPath(end - begin, sample, early, ~fresh, *out)
 
 
@@ -227,7 +254,7 @@ def _look(state, z, rows, system, mode, a, e):  # type: ignore[no-untyped-def]
 def _tell(system, given):  # type: ignore[no-untyped-def]
     """Write what an effect is given at the state that was looked at last."""
     for i in range(kernel.STATES):
-        given[i] = system.s[i]
+        given[i] = system.told[i]
     given[kernel.Q] = given[kernel.W] = given[kernel.NEAR] = 0.0
 
 
@@ -274,14 +301,14 @@ def _jump(r, state, aside, system, steps, kick, watch):  # type: ignore[no-untyp
     item, n, size = steps.item[r], kick.size, state.z.shape[1]
     for i in range(n):
         state.z[0, i] = steps.states[r, 0, i]
-    rates(state, n + 2, system.which, system, steps.modes[r - 1])
+    rates(state, n + 2, system.which, system, steps.modes[steps.event[r - 1]])
     for j in range(n + 1):
         watch[j] = guard_derivative(item, 1 + j, -1, state, system)
     for c in range(size):
         aside.z[0, c], aside.z[1, c] = state.z[0, c], state.f[0, c]
-    rates(aside, n - n + 2, system.which, system, steps.modes[r - 1])
+    rates(aside, n - n + 2, system.which, system, steps.modes[steps.event[r - 1]])
     pace = guard_derivative(item, n - n + 1, -1, aside, system)
-    rates(aside, n - n + 1, system.which, system, steps.modes[r])
+    rates(aside, n - n + 1, system.which, system, steps.modes[steps.event[r]])
     for j in range(n):
         kick[j] = -(state.f[0, j] - aside.f[0, j]) / pace
 
@@ -302,35 +329,46 @@ def _write(system, steps, out):  # type: ignore[no-untyped-def]
     half, square, term = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
     hold, resting = 0, False
     for r in range(steps.length_s.size):
-        linked, at, mode = steps.item[r] == _NONE, steps.length_s[r], steps.modes[r]
+        linked, at, mode = steps.item[r] == _NONE, steps.length_s[r], steps.modes[steps.event[r]]
         if steps.item[r] >= 0:
             _jump(r, state, aside, system, steps, out.kick[r], out.watch[r])
-        if linked:
-            a[0], e[0] = a[2], e[2]
-            out.told[r, 0] = out.told[r - 1, 2]
-        else:
+        if not linked:
             _look(state, steps.states[r, 0], rows, system, mode, a[0], e[0])
             _tell(system, out.told[r, 0])
             hold, resting = 0, False
         rested, resting = resting, hold > 0
+        same = rested and resting  # A and E are those of the step before, but for the inertia's column
+        if linked:
+            if same:
+                e[0, 1, _INERTIA] = e[2, 1, _INERTIA]
+            else:
+                _put(a[2], a[0])
+                _put(e[2], e[0])
+            for j in range(kernel.STATES):
+                out.told[r, 0, j] = out.told[r - 1, 2, j]
         if resting:
             hold -= 1
-            a[2], e[2] = a[0], e[0]
+            if not same:
+                _put(a[0], a[2])
+                _put(e[0], e[2])
         _look(state, steps.states[r, 2], one if resting else rows, system, mode, a[2], e[2])
         _tell(system, out.told[r, 2])
         if not resting and _alike(a[0], a[2]) and _alike(e[0], e[2]):
             hold = _HELD
         still = resting or hold == _HELD
-        if still:
-            a[1], e[1] = a[0], e[0]
+        if still and not same:
+            _put(a[0], a[1])
+            _put(e[0], e[1])
         _look(state, steps.states[r, 1], one if still else rows, system, mode, a[1], e[1])
-        a[3] = 0.375 * a[2] + 0.75 * a[1] - 0.125 * a[0]  # on a parabola
         _tell(system, out.told[r, 1])
-        if resting and rested and abs(at - steps.length_s[r - 1]) < 1e-9 * abs(at):
-            out.propagator[r] = out.propagator[r - 1]
-        else:
-            _propagate(a[0], a[1], a[2], at, out.propagator[r], square, term)
-            _propagate(a[1], a[3], a[2], 0.5 * at, half, square, term)
+        if same and abs(at - steps.length_s[r - 1]) < 1e-9 * abs(at):
+            _weigh_again(r, at, e, half, out)
+            continue
+        for j in range(n):
+            for m in range(n):
+                a[3, j, m] = 0.375 * a[2, j, m] + 0.75 * a[1, j, m] - 0.125 * a[0, j, m]  # on a parabola
+        _propagate(a[0], a[1], a[2], at, out.propagator[r], square, term)
+        _propagate(a[1], a[3], a[2], 0.5 * at, half, square, term)
         for j in range(n):
             for m in range(INPUTS):
                 begin, mid = 0.0, 0.0
@@ -340,3 +378,23 @@ def _write(system, steps, out):  # type: ignore[no-untyped-def]
                 out.weights[r, 0, j, m] = at / 6.0 * begin
                 out.weights[r, 1, j, m] = at / 1.5 * mid
                 out.weights[r, 2, j, m] = at / 6.0 * e[2, j, m]
+
+
+@tight
+def _put(one, to):  # type: ignore[no-untyped-def]
+    for i in range(one.shape[0]):
+        for j in range(one.shape[1]):
+            to[i, j] = one[i, j]
+
+
+@tight
+def _weigh_again(r, at, e, half, out):  # type: ignore[no-untyped-def]
+    """Write a step's matrices where only what inertia does differs from the step before."""
+    n = half.shape[0]
+    _put(out.propagator[r - 1], out.propagator[r])
+    for point in range(3):
+        _put(out.weights[r - 1, point], out.weights[r, point])
+    for j in range(n):
+        out.weights[r, 0, j, _INERTIA] = at / 6.0 * out.propagator[r, j, 1] * e[0, 1, _INERTIA]
+        out.weights[r, 1, j, _INERTIA] = at / 1.5 * half[j, 1] * e[1, 1, _INERTIA]
+        out.weights[r, 2, j, _INERTIA] = at / 6.0 * e[2, j, _INERTIA]

@@ -189,7 +189,7 @@ def _change_mode(item, mode, slots):  # type: ignore[no-untyped-def]
 
 
 @tight
-def _cross(item, rows, system, motion, record, event, nothing):  # type: ignore[no-untyped-def]
+def _cross(item, rows, system, motion, record, event):  # type: ignore[no-untyped-def]
     """Go through an event at ``here``, whose rates are known: the mode changes, the derivatives jump."""
     here, aside, mode, which = motion.here, motion.aside, motion.mode, system.which
     size = here.z.shape[1]
@@ -197,7 +197,7 @@ def _cross(item, rows, system, motion, record, event, nothing):  # type: ignore[
     if rows > 1:  # how fast the guard function passes: its derivative along the motion
         for c in range(size):
             aside.z[0, c], aside.z[1, c] = here.z[0, c], here.f[0, c]
-        rates(aside, rows - rows + 2, nothing, system, mode)
+        rates(aside, rows - rows + 2, motion.nothing, system, mode)
         rate = guard_derivative(item, 1, -1, aside, system)
     kind = _change_mode(item, mode, system.slots)
     for c in range(size):
@@ -295,10 +295,10 @@ def after_start(record, system):  # type: ignore[no-untyped-def]
 
 
 @tight
-def march(stepper, system, motion, record, nothing):  # type: ignore[no-untyped-def]
+def march(stepper, system, motion, record):  # type: ignore[no-untyped-def]
     """March from where the bodies come to act on each other back to the first sample, then on to the last.
 
-    Returns the number of events, or TOO_MANY, RUNS_AWAY, NOT_LINEAR.  ``nothing`` is [-1]: derivatives by no parameter.
+    Returns the number of events, or TOO_MANY, RUNS_AWAY, NOT_LINEAR.
     """
     here, there, rows = motion.here, motion.there, system.which.size + 1
     samples = record.block * (record.times.size // record.block)
@@ -343,23 +343,25 @@ def march(stepper, system, motion, record, nothing):  # type: ignore[no-untyped-
             i = show(stepper, system, motion, record, i, when)
             take(here, there, rows)
             motion.clock[TIME] += when
-            _cross(item, rows, system, motion, record, events, nothing)
+            _cross(item, rows, system, motion, record, events)
             events += 1
             fresh = True
     return events
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def motion_of(rows, size, effects):  # type: ignore[no-untyped-def]
-    """Return room for a march."""
+def motion_of(here, effects):  # type: ignore[no-untyped-def]
+    """Return room for a march, ``here`` being its state."""
+    rows, size = here.z.shape
     return Motion(
-        state_of(rows, size),
+        here,
         state_of(rows, size),
         state_of(max(rows, 2), size),
         np.zeros(NEAR_0 + effects),
         np.zeros(RANGE_0 + effects),
         np.zeros((RANGE_0 + effects, 2)),
         np.zeros(2),
+        np.full(1, -1, dtype=np.int64),
     )
 
 

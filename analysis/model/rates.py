@@ -19,6 +19,7 @@ from analysis.model.effects.kernel import (
     PLATE_STIFFNESS,
     Q_RATE,
     SIGN_V,
+    STATES,
     TOUCHING,
     W_RATE,
     XI,
@@ -29,10 +30,10 @@ from analysis.model.effects.kernel import (
     W,
     X,
     Y,
-    call,
+    call_within,
 )
 from analysis.model.modes import DASH, INSIDE, NEAR_0, PARTED, PLATE, SIGN, SPRING
-from analysis.model.system import COUNT, FIRST, HIDDEN, IS_PAIR, MOVES, ON_PLATE_SIDE, RIDES, inlined, tight
+from analysis.model.system import FIRST, HIDDEN, IS_PAIR, MOVES, ON_PLATE_SIDE, RIDES, inlined, tight
 
 _H = 1e-40  # the complex step: far below any rounding, far above the smallest number even squared with an exponent
 
@@ -50,10 +51,11 @@ def rates(state, rows, which, system, mode):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _call(where, s, values, out):  # type: ignore[no-untyped-def]
-    for i in range(OUTPUTS):
-        out[i] = 0.0
-    call(where, s, values, out)
+def _ask(slot, told, p, functions, slots):  # type: ignore[no-untyped-def]
+    """Ask an effect; its answer stands behind what it is told."""
+    for i in range(STATES, STATES + OUTPUTS):
+        told[i] = 0.0
+    call_within(functions[slot], told, p, int(slots[slot, FIRST]))
 
 
 @inlined
@@ -70,7 +72,7 @@ def _takes_part(slot, slots, flags):  # type: ignore[no-untyped-def]
 def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
     """Write d/dt of the state alone and what is told there; return the block's inertia in kg."""
     z, out, told = state.z, state.f, state.told
-    p, slots, s, values, effect = system.p, system.slots, system.s, system.values, system.effect
+    p, slots, s, functions = system.p, system.slots, system.told, system.functions[0]
     x, v, y, u = z[0, 0], z[0, 1], z[0, 2], z[0, 3]
     xi, xi_rate = y - x, u - v
     for slot in range(slots.shape[0]):
@@ -103,19 +105,16 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
             s[FORCE] = 0.0 if pair else force
             s[Q], s[W] = z[0, at], z[0, at + 1]
             s[NEAR] = flags[NEAR_0 + slot]
-            first = int(slots[slot, FIRST])
-            for i in range(int(slots[slot, COUNT])):
-                values[i] = p[first + i]
-            _call(system.real[slot], s, values, effect)
+            _ask(slot, s, p, functions, slots)
             if pair:
-                law += effect[PAIR]
+                law += s[STATES + PAIR]
                 continue
-            block += effect[ON_BLOCK]
-            plate += effect[ON_PLATE]
-            mass += effect[MASS]
+            block += s[STATES + ON_BLOCK]
+            plate += s[STATES + ON_PLATE]
+            mass += s[STATES + MASS]
             if hidden:
-                out[0, at] = effect[Q_RATE]
-                out[0, at + 1] = effect[W_RATE]
+                out[0, at] = s[STATES + Q_RATE]
+                out[0, at + 1] = s[STATES + W_RATE]
     told[0, 0], told[0, 1], told[0, 2] = xi, xi_rate, law
     out[0, 0], out[0, 1] = v, block / mass
     if flags[PLATE] > 0.5:
@@ -126,36 +125,37 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _fill(slot, row, by, state, system, flags, force, d_force):  # type: ignore[no-untyped-def]
-    """Lay out what an effect is given: the state in the real parts, its derivative of this row in the imaginary."""
-    z, told, p, slots, s, values = state.z, state.told, system.p, system.slots, system.c_s, system.c_values
-    at = 4 + 2 * slot if slots[slot, HIDDEN] > 0.0 else 0
+def _fill(row, state, system, flags):  # type: ignore[no-untyped-def]
+    """Lay out what every effect is told: the state in the real parts, its derivative of this row in the imaginary."""
+    z, told, p, s = state.z, state.told, system.carried_p, system.carried
     s[X] = complex(z[0, 0], _H * z[row, 0])
     s[V] = complex(z[0, 1], _H * z[row, 1])
     s[Y] = complex(z[0, 2], _H * z[row, 2])
     s[U] = complex(z[0, 3], _H * z[row, 3])
     s[XI] = complex(told[0, 0], _H * told[row, 0])
     s[XI_RATE] = complex(told[0, 1], _H * told[row, 1])
-    s[FORCE] = complex(force, _H * d_force)
+    s[SIGN_V] = flags[SIGN]
+    s[TOUCHING] = max(flags[SPRING], flags[PARTED])
+    s[PLATE_STIFFNESS], s[CONTACT_STIFFNESS], s[BLOCK_MASS] = p[0], p[2], p[7]
+
+
+@inlined
+def _ask_carrying(slot, row, state, system, flags, force):  # type: ignore[no-untyped-def]
+    """Ask an effect for its derivative of this row."""
+    z, slots, s = state.z, system.slots, system.carried
+    at = 4 + 2 * slot if slots[slot, HIDDEN] > 0.0 else 0
+    s[FORCE] = force
     s[Q] = complex(z[0, at], _H * z[row, at])
     s[W] = complex(z[0, at + 1], _H * z[row, at + 1])
-    s[SIGN_V] = flags[SIGN]
     s[NEAR] = flags[NEAR_0 + slot]
-    s[TOUCHING] = max(flags[SPRING], flags[PARTED])
-    s[PLATE_STIFFNESS] = complex(p[0], _H if by == 0 else 0.0)
-    s[CONTACT_STIFFNESS] = complex(p[2], _H if by == 2 else 0.0)
-    s[BLOCK_MASS] = p[7]
-    first = int(slots[slot, FIRST])
-    for i in range(int(slots[slot, COUNT])):
-        values[i] = complex(p[first + i], _H if by == first + i else 0.0)
+    _ask(slot, s, system.carried_p, system.functions[1], slots)
 
 
 @tight
 def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[no-untyped-def]
     """Write d/dt of the derivatives and tell theirs, ``state_rates`` having gone before."""
     z, out, told = state.z, state.f, state.told
-    p, slots, functions = system.p, system.slots, system.carrying
-    s, values, effect = system.c_s, system.c_values, system.c_effect
+    p, slots, carried_p, answer = system.p, system.slots, system.carried_p, system.carried
     k_n, g_n = p[2], p[3]
     parted = flags[PARTED] > 0.5
     touching = 1.0 if parted else flags[SPRING]
@@ -170,6 +170,10 @@ def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[n
                 d_xi += slots[slot, MOVES] * z[row, 4 + 2 * slot]
                 d_rate += slots[slot, MOVES] * z[row, 5 + 2 * slot]
         told[row, 0], told[row, 1] = d_xi, d_rate
+        if slots.shape[0] > 0:
+            if by >= 0:
+                carried_p[by] = complex(p[by], _H)
+            _fill(row, state, system, flags)
         law = touching * (k_n * d_xi + g_n * dash * d_rate)
         if by == 2:
             law += touching * told[0, 0]
@@ -177,9 +181,8 @@ def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[n
             law += touching * dash * told[0, 1]
         for slot in range(slots.shape[0]):
             if slots[slot, IS_PAIR] > 0.5 and _takes_part(slot, slots, flags):
-                _fill(slot, row, by, state, system, flags, 0.0, 0.0)
-                _call(functions[slot], s, values, effect)
-                law += effect[PAIR].imag / _H
+                _ask_carrying(slot, row, state, system, flags, complex(0.0, 0.0))
+                law += answer[STATES + PAIR].imag / _H
         told[row, 2] = law
         d_force = 0.0 if parted else law
         d_block, d_plate, d_mass = d_force, -d_force - p[0] * z[row, 2], 0.0
@@ -195,14 +198,15 @@ def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[n
                 out[row, at + 1] = 0.0
             if slots[slot, IS_PAIR] > 0.5 or not _takes_part(slot, slots, flags):
                 continue
-            _fill(slot, row, by, state, system, flags, force, d_force)
-            _call(functions[slot], s, values, effect)
-            d_block += effect[ON_BLOCK].imag / _H
-            d_plate += effect[ON_PLATE].imag / _H
-            d_mass += effect[MASS].imag / _H
+            _ask_carrying(slot, row, state, system, flags, complex(force, _H * d_force))
+            d_block += answer[STATES + ON_BLOCK].imag / _H
+            d_plate += answer[STATES + ON_PLATE].imag / _H
+            d_mass += answer[STATES + MASS].imag / _H
             if hidden:
-                out[row, at] = effect[Q_RATE].imag / _H
-                out[row, at + 1] = effect[W_RATE].imag / _H
+                out[row, at] = answer[STATES + Q_RATE].imag / _H
+                out[row, at + 1] = answer[STATES + W_RATE].imag / _H
+        if by >= 0 and slots.shape[0] > 0:
+            carried_p[by] = p[by]
         out[row, 0] = z[row, 1]
         out[row, 1] = (d_block - out[0, 1] * d_mass) / mass
         if flags[PLATE] > 0.5:

@@ -10,16 +10,18 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 from numba.extending import overload
+from numpy.typing import NDArray
 
 from analysis.model import march
 from analysis.model.guards import guard, guard_rate
 from analysis.model.march import AT_A_GUARD, AWAY, DONE, GONE, LEFT_AT, TIME, is_a, may_touch, take
 from analysis.model.modes import FREE, PHASE, PLATE, is_gone, may_be_gone
 from analysis.model.rates import derivative_rates, rates, state_rates
-from analysis.model.system import HIDDEN, MOVES, RECORD, SYSTEM, VECTOR, Floats, Integers, State, inlined, tight
+from analysis.model.system import HIDDEN, MOVES, Floats, State, inlined, tight
 
+Places = NDArray[np.int64]
 _SHRINK, _SMALLEST = 0.25, 1e-4
 _SLOWLY = 6  # steps taken without growing after one was refused
 STEP, LONGEST, HELD = 0, 1, 2  # of the memory: the next step, the longest in this mode, steps to be taken so yet
@@ -29,54 +31,88 @@ class RungeKutta(NamedTuple):
     """``limits``: longest step in s in contact, apart, left to itself, and before the touch; the factor by which steps
     grow; and the share of the way to the next touch or release that a step may go (0: all of it).
 
-    The method's terms that are not zero (see ``cooper_verner``), and the stages' states and rates.
+    The stages' weights times the step, their rates (the first are those of ``here``), and a stage's state.
     """
 
     limits: Floats
-    table: Integers
-    begins: Integers
-    weights: Floats
     scaled: Floats
     slopes: Floats
     trial: Floats
     memory: Floats
 
 
+def _cooper_verner() -> tuple[Places, Places, Floats]:
+    """Return the explicit Runge-Kutta method of order 8 in 11 stages as (stage of, begins, weights) of its terms.
+
+    The terms that are not zero, stage after stage (the second first) and the new state's last: those of the i-th lie
+    from ``begins[i - 1]`` to ``begins[i]``.  G. J. Cooper and J. H. Verner, SIAM J. Numer. Anal. 9 (1972) 389.  Closed
+    form in sqrt(21).
+    """
+    r = math.sqrt(21.0)
+    rows: list[dict[int, float]] = [
+        {0: 1 / 2},
+        {0: 1 / 4, 1: 1 / 4},
+        {0: 1 / 7, 1: (-7 - 3 * r) / 98, 2: (21 + 5 * r) / 49},
+        {0: (11 + r) / 84, 2: (18 + 4 * r) / 63, 3: (21 - r) / 252},
+        {0: (5 + r) / 48, 2: (9 + r) / 36, 3: (-231 + 14 * r) / 360, 4: (63 - 7 * r) / 80},
+        {0: (10 - r) / 42, 2: (-432 + 92 * r) / 315, 3: (633 - 145 * r) / 90, 4: (-504 + 115 * r) / 70}
+        | {5: (63 - 13 * r) / 35},
+        {0: 1 / 14, 4: (14 - 3 * r) / 126, 5: (13 - 3 * r) / 63, 6: 1 / 9},
+        {0: 1 / 32, 4: (91 - 21 * r) / 576, 5: 11 / 72, 6: (-385 - 75 * r) / 1152, 7: (63 + 13 * r) / 128},
+        {0: 1 / 14, 4: 1 / 9, 5: (-733 - 147 * r) / 2205, 6: (515 + 111 * r) / 504, 7: (-51 - 11 * r) / 56}
+        | {8: (132 + 28 * r) / 245},
+        {4: (-42 + 7 * r) / 18, 5: (-18 + 28 * r) / 45, 6: (-273 - 53 * r) / 72, 7: (301 + 53 * r) / 72}
+        | {8: (28 - 28 * r) / 45, 9: (49 - 7 * r) / 18},
+        {0: 1 / 20, 7: 49 / 180, 8: 16 / 45, 9: 49 / 180, 10: 1 / 20},
+    ]
+    table = np.array([past for row in rows for past in row])
+    weights = np.array([weight for row in rows for weight in row.values()])
+    return table, np.cumsum([0, *(len(row) for row in rows)]), weights
+
+
+_TABLE, _BEGINS, _WEIGHTS = _cooper_verner()
+
+
 @inlined
-def _combine(z, slopes, stepper, stage, rows, out):  # type: ignore[no-untyped-def]
+def _combine(z, slopes, scaled, stage, rows, out):  # type: ignore[no-untyped-def]
     """Write a stage's state: ``z`` plus weighted slopes; four numbers at a time, which the processor does at once."""
-    stride, n = z.size, rows * z.shape[1]
-    flat, ahead, k = z.reshape(stride), out.reshape(stride), slopes.reshape(11 * stride)
-    for e in range(0, n, 4):
-        t0, t1, t2, t3 = flat[e], flat[e + 1], flat[e + 2], flat[e + 3]
-        for j in range(stepper.begins[stage - 1], stepper.begins[stage]):
-            weight, at = stepper.scaled[j], stepper.table[j] * stride + e
-            t0 += weight * k[at]
-            t1 += weight * k[at + 1]
-            t2 += weight * k[at + 2]
-            t3 += weight * k[at + 3]
-        ahead[e], ahead[e + 1], ahead[e + 2], ahead[e + 3] = t0, t1, t2, t3
+    begin, end = _BEGINS[stage - 1], _BEGINS[stage]
+    for row in range(rows):
+        for c in range(0, z.shape[1], 4):
+            t0, t1, t2, t3 = z[row, c], z[row, c + 1], z[row, c + 2], z[row, c + 3]
+            for j in range(begin, end):
+                weight, k = scaled[j], slopes[_TABLE[j], row]
+                t0 += weight * k[c]
+                t1 += weight * k[c + 1]
+                t2 += weight * k[c + 2]
+                t3 += weight * k[c + 3]
+            out[row, c], out[row, c + 1], out[row, c + 2], out[row, c + 3] = t0, t1, t2, t3
+
+
+@tight
+def _step(stepper, system, here, there, mode, h, rows):  # type: ignore[no-untyped-def]
+    """Write the state ``h`` after ``here``, its rates and what is told there to ``there``."""
+    slopes, scaled = stepper.slopes, stepper.scaled
+    for j in range(scaled.size):
+        scaled[j] = h * _WEIGHTS[j]
+    for stage in range(1, 12):
+        z, f = (there.z, there.f) if stage == 11 else (stepper.trial, slopes[stage])
+        _combine(here.z, slopes, scaled, stage, rows, z)
+        state = State(z, f, there.told)
+        mass = state_rates(state, system, mode)
+        if rows > 1:
+            derivative_rates(state, rows, system.which, system, mode, mass)
 
 
 @tight
 def _reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
-    here, there, slopes = motion.here, motion.there, stepper.slopes
-    for j in range(stepper.weights.size):
-        stepper.scaled[j] = h * stepper.weights[j]
-    for stage in range(1, 12):
-        z, f = (there.z, there.f) if stage == 11 else (stepper.trial, slopes[stage])
-        _combine(here.z, slopes, stepper, stage, rows, z)
-        state = State(z, f, there.told)
-        mass = state_rates(state, system, motion.mode)
-        if rows > 1:
-            derivative_rates(state, rows, system.which, system, motion.mode, mass)
+    _step(stepper, system, motion.here, motion.there, motion.mode, h, rows)
 
 
 @tight
 def _arm(stepper, system, motion, forward):  # type: ignore[no-untyped-def]
     here, mode, memory, limits = motion.here, motion.mode, stepper.memory, stepper.limits
     rates(here, system.which.size + 1, system.which, system, mode)
-    _keep_slopes(stepper, here)
     longest = limits[3]
     if forward:
         longest = limits[0] if mode[PHASE] != FREE else (limits[1] if mode[PLATE] > 0.5 else limits[2])
@@ -85,13 +121,6 @@ def _arm(stepper, system, motion, forward):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _keep_slopes(stepper, state):  # type: ignore[no-untyped-def]
-    for row in range(state.f.shape[0]):
-        for c in range(state.f.shape[1]):
-            stepper.slopes[0, row, c] = state.f[row, c]
-
-
-@tight
 def _crossed(motion, system, h):  # type: ignore[no-untyped-def]
     """Return whether a guard function has passed zero in a step, or may have gone there and come back."""
     signs = motion.signs
@@ -112,7 +141,7 @@ def _run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def
     here, there, signs, memory = motion.here, motion.there, motion.signs, stepper.memory
     rows, i, times, cleared = system.which.size + 1, ahead.i, record.times, ahead.cleared
     growth, nearing, longest = stepper.limits[4], stepper.limits[5], memory[LONGEST]
-    omega = math.sqrt(system.p[0] / system.p[1])
+    omega, way = math.sqrt(system.p[0] / system.p[1]), 1.0 if ahead.forward else -1.0
     while (i <= ahead.last) if ahead.forward else (i >= ahead.last):
         far = ahead.forward and may_be_gone(here.z[0, 0], here.z[0, 2], motion.mode)
         if far and is_gone(here.z[0], motion.mode, system, omega):
@@ -125,8 +154,8 @@ def _run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def
         if nearing > 0.0 and signs[0] != 0.0 and here.told[0, 1] * signs[0] < 0.0 < here.told[0, 0] * signs[0]:
             h = min(h, max(nearing * abs(here.told[0, 0] / here.told[0, 1]), longest * _SMALLEST))
         h = min(h, remaining)
-        signed = h if ahead.forward else -h
-        _reach(stepper, system, motion, signed, rows)
+        signed = way * h
+        _step(stepper, system, here, there, motion.mode, signed, rows)
         if not cleared and _crossed(motion, system, signed):
             if h <= longest * _SMALLEST * 1.000001:
                 return i, signed, AT_A_GUARD
@@ -135,9 +164,9 @@ def _run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def
         cleared = False
         if not math.isfinite(there.z[0, 0] + there.z[0, 1] + there.z[0, 3]):
             return i, signed, AWAY
-        i = _show(stepper, system, motion, record, i, signed)
+        if (times[i] - t - signed) * way <= 0.0:
+            i = _show(system, motion, record, i, signed)
         take(here, there, rows)
-        _keep_slopes(stepper, here)
         motion.clock[TIME] = t + signed
         if memory[HELD] > 0.0:
             memory[HELD] -= 1.0
@@ -147,7 +176,7 @@ def _run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def
     return i, 0.0, DONE
 
 
-@tight
+@inlined
 def _quintic(one, other, place, row, h, at):  # type: ignore[no-untyped-def]
     """Return (x, v) at ``at`` in [0, h] of the quintic through two states' position, velocity and acceleration."""
     x0, v0, a0 = one.z[row, place], one.z[row, place + 1], one.f[row, place + 1]
@@ -164,7 +193,7 @@ def _quintic(one, other, place, row, h, at):  # type: ignore[no-untyped-def]
     return x, v
 
 
-@tight
+@inlined
 def _cubic(one, other, place, h, at):  # type: ignore[no-untyped-def]
     """Return x at ``at`` in [0, h] of the cubic through two states' x and its rate."""
     u = at / h
@@ -174,7 +203,7 @@ def _cubic(one, other, place, h, at):  # type: ignore[no-untyped-def]
 
 
 @tight
-def _show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
+def _show(system, motion, record, i, h):  # type: ignore[no-untyped-def]
     here, there, slots, states = motion.here, motion.there, system.slots, record.states
     t, way = motion.clock[TIME], 1 if h >= 0.0 else -1
     while 0 <= i < record.times.size and (record.times[i] - t) * way <= h * way:
@@ -234,58 +263,18 @@ def _reach_of(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
 @overload(march.show, inline="always")
 def _show_of(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
     if is_a(stepper, RungeKutta):
-        return lambda stepper, system, motion, record, i, h: _show(stepper, system, motion, record, i, h)
+        return lambda stepper, system, motion, record, i, h: _show(system, motion, record, i, h)
     return None
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def cooper_verner():  # type: ignore[no-untyped-def]
-    """Return the explicit Runge-Kutta method of order 8 in 11 stages as (stage of, begins, weights) of its terms.
-
-    The terms that are not zero, stage after stage (the second first) and the new state's last: those of the i-th lie
-    from ``begins[i]`` to ``begins[i + 1]``.  G. J. Cooper and J. H. Verner, SIAM J. Numer. Anal. 9 (1972) 389.  Closed
-    form in sqrt(21).
-    """
-    r = np.sqrt(21.0)
-    a = np.zeros((11, 11))
-    a[1, 0] = 1 / 2
-    a[2, 0], a[2, 1] = 1 / 4, 1 / 4
-    a[3, 0], a[3, 1], a[3, 2] = 1 / 7, (-7 - 3 * r) / 98, (21 + 5 * r) / 49
-    a[4, 0], a[4, 2], a[4, 3] = (11 + r) / 84, (18 + 4 * r) / 63, (21 - r) / 252
-    a[5, 0], a[5, 2], a[5, 3], a[5, 4] = (5 + r) / 48, (9 + r) / 36, (-231 + 14 * r) / 360, (63 - 7 * r) / 80
-    a[6, 0], a[6, 2], a[6, 3] = (10 - r) / 42, (-432 + 92 * r) / 315, (633 - 145 * r) / 90
-    a[6, 4], a[6, 5] = (-504 + 115 * r) / 70, (63 - 13 * r) / 35
-    a[7, 0], a[7, 4], a[7, 5], a[7, 6] = 1 / 14, (14 - 3 * r) / 126, (13 - 3 * r) / 63, 1 / 9
-    a[8, 0], a[8, 4], a[8, 5] = 1 / 32, (91 - 21 * r) / 576, 11 / 72
-    a[8, 6], a[8, 7] = (-385 - 75 * r) / 1152, (63 + 13 * r) / 128
-    a[9, 0], a[9, 4], a[9, 5], a[9, 6] = 1 / 14, 1 / 9, (-733 - 147 * r) / 2205, (515 + 111 * r) / 504
-    a[9, 7], a[9, 8] = (-51 - 11 * r) / 56, (132 + 28 * r) / 245
-    a[10, 4], a[10, 5], a[10, 6] = (-42 + 7 * r) / 18, (-18 + 28 * r) / 45, (-273 - 53 * r) / 72
-    a[10, 7], a[10, 8], a[10, 9] = (301 + 53 * r) / 72, (28 - 28 * r) / 45, (49 - 7 * r) / 18
-    table, begins, weights = np.zeros(60, dtype=np.int64), np.zeros(12, dtype=np.int64), np.zeros(60)
-    used = 0
-    b = np.zeros(11)
-    b[0], b[7], b[8], b[9], b[10] = 1 / 20, 49 / 180, 16 / 45, 49 / 180, 1 / 20
-    for stage in range(1, 12):
-        for past in range(min(stage, 11)):
-            weight = a[stage, past] if stage < 11 else b[past]
-            if weight != 0.0:
-                table[used], weights[used] = past, weight
-                used += 1
-        begins[stage] = used
-    return table[:used], begins, weights[:used]
-
-
-@njit(types.int64(SYSTEM, RECORD, VECTOR), cache=True, nogil=True, error_model="numpy")
 def integrate(system, record, limits):  # type: ignore[no-untyped-def]
     """Solve at ``record.times`` (ascending, 0: first touch); ``limits`` are those of ``RungeKutta``.
 
     Returns the number of events, TOO_MANY or RUNS_AWAY.  About 1.3 ms for 60 ms, and 1 ms for each derivative.
     """
     rows, size, count = system.which.size + 1, record.event_state.shape[1], system.slots.shape[0]
-    table, begins, weights = cooper_verner()
-    stepper = RungeKutta(
-        limits, table, begins, weights, np.empty(weights.size),
-        np.zeros((11, rows, size)), np.zeros((rows, size)), np.zeros(3),
-    )  # fmt: skip
-    return march.march(stepper, system, march.motion_of(rows, size, count), record, np.full(1, -1, dtype=np.int64))
+    slopes = np.zeros((11, rows, size))
+    here = State(np.zeros((rows, size)), slopes[0], np.zeros((rows, 3)))
+    stepper = RungeKutta(limits, np.empty(_WEIGHTS.size), slopes, np.zeros((rows, size)), np.zeros(3))
+    return march.march(stepper, system, march.motion_of(here, count), record)

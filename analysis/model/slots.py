@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.model.effects.kernel import Kernel, address, complex_address
 from analysis.model.effects.row import Acts, Effect
@@ -28,10 +27,10 @@ def direction(slot: int, place: int) -> int:
     return SLOT_PARAMETERS + _MOST_PARAMETERS * slot + place
 
 
-def _place(direction: int, begins: NDArray[np.int64]) -> int:
+def _place(direction: int, begins: Sequence[int]) -> int:
     """Return where in ``p`` the parameter of a direction stands; -1: none."""
     slot, place = divmod(direction - SLOT_PARAMETERS, _MOST_PARAMETERS)
-    return direction if direction < SLOT_PARAMETERS else int(begins[slot]) + place
+    return direction if direction < SLOT_PARAMETERS else begins[slot] + place
 
 
 def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int]) -> System:
@@ -40,23 +39,23 @@ def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int
     Those are places in ``kernel_order``, -1 for none, or an effect's parameter's ``direction``.
     ValueError for an effect that does not act on the motion.
     """
-    count = len(effects)
-    ends = SLOT_PARAMETERS + np.cumsum([0, *(len(active.values) for active in effects)])
-    p, slots = np.zeros(ends[-1]), np.zeros((count, SLOT_COLUMNS))
-    addresses = np.zeros((2, count), dtype=np.int64)
-    p[:SLOT_PARAMETERS] = collision.vector
+    count, first, hidden = len(effects), SLOT_PARAMETERS, 0
+    begins, values = [], list(collision.vector)
+    slots, addresses = np.empty((count, SLOT_COLUMNS)), np.empty((2, count), dtype=np.int64)
     for slot, active in enumerate(effects):
         row = active.effect
         function, acts = function_of(row, collision)
-        addresses[:, slot] = address(function), complex_address(function)
-        first = int(ends[slot])
-        p[first : ends[slot + 1]] = active.values
+        addresses[0, slot], addresses[1, slot] = address(function), complex_address(function)
         range_at = first + row.range_at if row.range_at >= 0 else -1
         on_plate, pair = acts is Acts.ON_PLATE, acts is Acts.IN_CONTACT
-        slots[slot] = [pair, row.hidden, row.shift, on_plate, row.rides, range_at, first, len(active.values)]
-    hidden = 2 * max((slot + 1 for slot, active in enumerate(effects) if active.effect.hidden), default=0)
-    by = np.array([_place(one, ends) for one in which], dtype=np.int64)
-    return system_of(p, slots, addresses, by, int(collision.variant), 4 + hidden)
+        slots[slot] = [pair, row.hidden, row.shift, on_plate, row.rides, range_at, first]
+        if row.hidden:
+            hidden = 2 * (slot + 1)
+        begins.append(first)
+        values += active.values
+        first += len(active.values)
+    by = np.array([_place(one, begins) for one in which], dtype=np.int64)
+    return system_of(np.array(values, dtype=np.float64), slots, addresses, by, int(collision.variant), 4 + hidden)
 
 
 def function_of(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:

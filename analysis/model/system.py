@@ -6,7 +6,7 @@ Bundles of arrays cost a kernel nothing: compiled, they are the arrays.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 from numpy.typing import NDArray
 
 from analysis.model.effects.kernel import OUTPUTS, STATES
@@ -16,9 +16,9 @@ Integers = Any  # int64 arrays, which kernels take as Python passes them
 
 SLOT_PARAMETERS = 8
 # Columns of ``slots``: pair effect, hidden states, moves the contact, on the plate, rides inside, where its
-# range stands in ``p`` (-1: none), where its parameters begin and how many there are.
-IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST, COUNT = 0, 1, 2, 3, 4, 5, 6, 7
-SLOT_COLUMNS = 8
+# range stands in ``p`` (-1: none), and where its parameters begin there.
+IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST = 0, 1, 2, 3, 4, 5, 6
+SLOT_COLUMNS = 7
 MAX_EVENTS = 400
 
 
@@ -37,24 +37,20 @@ def inlined(function: Any) -> Any:
 class System(NamedTuple):
     """A collision and its effects; ``p`` holds ``parameters.kernel_order``, then the parameters of each effect slot.
 
-    ``slots``, shape (effects, 8), says how each acts; ``real`` and ``carrying`` are the effects' addresses, compiled
-    for real and for complex numbers; ``which`` are the places in ``p`` by which derivatives are taken.  The rest is
-    room to ask an effect in.
+    ``slots``, shape (effects, 7), says how each acts; ``functions``, shape (2, effects), are the effects' addresses,
+    compiled for real and for complex numbers; ``which`` are the places in ``p`` by which derivatives are taken.
+    ``carried_p`` is ``p`` in complex numbers, ``told`` and ``carried`` what an effect is told, then what it answers.
     """
 
     p: Floats
     slots: Floats
-    real: Integers
-    carrying: Integers
+    functions: Integers
     which: Integers
     variant: int
     numbers: int  # in a state: four of block and plate, two of each slot up to the last with a hidden state
-    s: Floats
-    values: Floats
-    effect: Floats
-    c_s: Any
-    c_values: Any
-    c_effect: Any
+    told: Floats
+    carried_p: Any
+    carried: Any
 
 
 class State(NamedTuple):
@@ -73,7 +69,8 @@ class Motion(NamedTuple):
     """Where a march is: the state at the beginning of a step, the one tried for its end, and one to look aside.
 
     ``mode`` holds the flags of the mode, ``signs`` which sign each guard function has in it, ``ends`` what the guard
-    functions and their rates are after a step, ``clock`` the time (and that at which the plate was left to itself).
+    functions and their rates are after a step, ``clock`` the time (and that at which the plate was left to itself);
+    ``nothing`` is [-1]: derivatives by no parameter.
     """
 
     here: State
@@ -83,6 +80,7 @@ class Motion(NamedTuple):
     signs: Floats
     ends: Floats
     clock: Floats
+    nothing: Integers
 
 
 class Record(NamedTuple):
@@ -104,41 +102,10 @@ class Record(NamedTuple):
     event_d_state: Floats
 
 
-_F = types.float64
-VECTOR, MATRIX, CUBE = types.Array(_F, 1, "C"), types.Array(_F, 2, "C"), types.Array(_F, 3, "C")
-INTEGERS = types.Array(types.int64, 1, "C")
-_COMPLEX = types.Array(types.complex128, 1, "C")
-# The types of the solver's arguments: each kernel is compiled once, when it is imported.
-SYSTEM = types.NamedTuple(  # type: ignore[no-untyped-call]
-    (
-        *(VECTOR, MATRIX, INTEGERS, INTEGERS, INTEGERS, types.int64, types.int64),
-        *(VECTOR, VECTOR, VECTOR, _COMPLEX, _COMPLEX, _COMPLEX),
-    ),
-    System,
-)
-RECORD = types.NamedTuple(  # type: ignore[no-untyped-call]
-    (VECTOR, types.int64, MATRIX, MATRIX, VECTOR, INTEGERS, MATRIX, MATRIX, MATRIX, CUBE), Record
-)
-
-
-def system_of(p: Floats, slots: Floats, addresses: Integers, which: Integers, variant: int, numbers: int) -> System:
-    """Return a system with room to ask its effects in; ``addresses``, shape (2, effects): real, complex."""
-    most = int(max(slots[:, COUNT].max(initial=0), 1))
-    return System(
-        p,
-        slots,
-        addresses[0],
-        addresses[1],
-        which,
-        variant,
-        numbers,
-        np.zeros(STATES),
-        np.zeros(most),
-        np.zeros(OUTPUTS),
-        np.zeros(STATES, dtype=np.complex128),
-        np.zeros(most, dtype=np.complex128),
-        np.zeros(OUTPUTS, dtype=np.complex128),
-    )
+def system_of(p: Floats, slots: Floats, functions: Integers, which: Integers, variant: int, numbers: int) -> System:
+    """Return a system with room to ask its effects in."""
+    room = np.zeros(STATES + OUTPUTS)
+    return System(p, slots, functions, which, variant, numbers, room, p.astype(complex), room.astype(complex))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROUNDS = 15
+ROUNDS = 25
 TIME_S = np.arange(-1500, 4500) * 1e-5 - 3.3e-6
 SCREENED_S = np.arange(1200) * 5e-5
 

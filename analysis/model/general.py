@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model import march, propagator, runge_kutta
+from analysis.model import march
 from analysis.model.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING
 from analysis.model.parameters import Collision, Floats
 from analysis.model.slots import Active as Active
@@ -147,11 +147,11 @@ def _solved(
     rates = swings(collision, effects)
     shown = 1 + system.numbers if whole else 5
     record = _record(times, block, system, shown)
-    closed: Any = propagator.integrate
+    closed: Any = march.in_closed_form
     count = closed(system, record, _fastest(rates), spacing_s)
     if count == march.NOT_LINEAR:
         record = _record(times, 1, system, shown)
-        stepped: Any = runge_kutta.integrate
+        stepped: Any = march.step_by_step
         count = stepped(system, record, _limits(rates, effects, stride))
     if count == march.TOO_MANY:
         raise TooManyEvents(f"more than {MAX_EVENTS} contact events with {collision}")

@@ -75,3 +75,13 @@ def guard_derivative(item, row, by, state, system):  # type: ignore[no-untyped-d
     if item == VELOCITY:
         return state.z[row, 1]
     return state.told[row, 0] + (1.0 if by == range_at(item - RANGE_0, system.slots) else 0.0)
+
+
+@inlined
+def may_touch(value, rate, rate_there, h):  # type: ignore[no-untyped-def]
+    """Return whether a guard function, positive at both ends of a step, may have passed zero in it.
+
+    Twice as far as a parabola goes.
+    """
+    down, up = rate * h, rate_there * h
+    return down < 0.0 < up and value < down * down / (up - down)

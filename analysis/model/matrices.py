@@ -40,30 +40,39 @@ class Form(NamedTuple):
     steps: Floats
 
 
-class Room(NamedTuple):
-    """Where matrices are worked out."""
+class Kept(NamedTuple):
+    """The forms of some modes, of which the first axis is one: (A, exp(A h), that of a block), ``by``, (d of the two).
 
-    probe: Floats
-    term: Floats
-    new: Floats
-    near: Floats
-    further: Floats
+    (Guard functions, their rates), (what is shown, its mean), the mean's derivatives, ``steps``.
+    """
+
     square: Floats
-    other: Floats
+    by: Floats
+    d: Floats
+    guard: Floats
+    shown: Floats
+    d_mean: Floats
+    steps: Floats
+
+
+class Room(NamedTuple):
+    """Where matrices are worked out: three of columns, two of one column, three square ones, and derivatives."""
+
+    columns: Floats
+    single: Floats
+    square: Floats
     d_term: Floats
-    d_new: Floats
     d_work: Floats
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def forms_of(modes, n, count, guards, shown):  # type: ignore[no-untyped-def]
-    """Return room for the forms of so many modes: a ``Form`` of arrays with the mode for their first axis."""
+    """Return room for the forms of so many modes."""
     m, wide = n + 1, columns(count + 1)
-    return Form(
-        np.empty((modes, m, m)), np.empty((modes, count, m, m)), np.zeros((modes, guards, m)),
-        np.zeros((modes, guards, m)), np.empty((modes, m, m)), np.empty((modes, m, m, wide)), np.empty((modes, m, m)),
-        np.empty((modes, m, m, wide)), np.zeros((modes, shown, m)), np.empty((modes, shown, m)),
-        np.empty((modes, m, wide)), np.zeros((modes, 4)),
+    return Kept(
+        np.empty((modes, 3, m, m)), np.empty((modes, count, m, m)), np.empty((modes, 2, m, m, wide)),
+        np.zeros((modes, 2, guards, m)), np.empty((modes, 2, shown, m)), np.empty((modes, m, wide)),
+        np.zeros((modes, 4)),
     )  # fmt: skip
 
 
@@ -72,8 +81,8 @@ def room_of(n, count):  # type: ignore[no-untyped-def]
     """Return room to work in."""
     m, wide = n + 1, columns(count + 1)
     return Room(
-        np.zeros((m, wide)), np.zeros((m, wide)), np.zeros((m, wide)), np.zeros((m, 1)), np.zeros((m, 1)),
-        np.empty((m, m)), np.empty((m, m)), np.empty((count, m, m)), np.empty((m, m)), np.empty((m, m, wide)),
+        np.zeros((3, m, wide)), np.zeros((2, m, 1)), np.empty((3, m, m)), np.empty((count, m, m)),
+        np.empty((m, m, wide)),
     )  # fmt: skip
 
 
@@ -86,9 +95,10 @@ def columns(rows):  # type: ignore[no-untyped-def]
 @inlined
 def form_at(kept, at):  # type: ignore[no-untyped-def]
     """Return one of the forms that are kept."""
+    square, d, guard, shown = kept.square[at], kept.d[at], kept.guard[at], kept.shown[at]
     return Form(
-        kept.a[at], kept.by[at], kept.guard[at], kept.guard_rate[at], kept.e[at], kept.d[at], kept.whole[at],
-        kept.d_whole[at], kept.shown[at], kept.mean[at], kept.d_mean[at], kept.steps[at],
+        square[0], kept.by[at], guard[0], guard[1], square[1], d[0], square[2], d[1], shown[0], shown[1],
+        kept.d_mean[at], kept.steps[at],
     )  # fmt: skip
 
 
@@ -172,7 +182,7 @@ def exponential(form, room, rows, h):  # type: ignore[no-untyped-def]
     About 1 us, and 4 us for each parameter that A knows.
     """
     a, by, e, d = form.a, form.by, form.e, form.d
-    term, new, d_term, d_new = room.square, room.other, room.d_term, room.d_new
+    term, new, d_term, d_new = room.square[0], room.square[1], room.d_term, room.square[2]
     n = a.shape[0]
     for i in range(n):
         for j in range(n):
@@ -259,7 +269,7 @@ def step_alone(z, e, out):  # type: ignore[no-untyped-def]
 @tight
 def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
     """Write ``times`` steps as one, and what is shown of the mean after each; derivatives of the first shown."""
-    e, d, e_all, d_all, e_work, d_work = form.e, form.d, form.whole, form.d_whole, room.square, room.d_work
+    e, d, e_all, d_all, e_work, d_work = form.e, form.d, form.whole, form.d_whole, room.square[0], room.d_work
     n = e.shape[0]
     share = 1.0 / times
     for i in range(n):
@@ -314,7 +324,7 @@ def show_mean(z, rows, form, states, d_x):  # type: ignore[no-untyped-def]
 @tight
 def series(z, rows, form, h, out, room):  # type: ignore[no-untyped-def]
     """Write the first ``rows`` columns after a time of any length, by their Taylor series."""
-    a, by, term, new = form.a, form.by, room.term, room.new
+    a, by, term, new = form.a, form.by, room.columns[0], room.columns[1]
     n = a.shape[0]
     for i in range(n):
         for k in range(rows):

@@ -12,17 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.extending import overload
 
-from analysis.model import march
-from analysis.model.guards import OVERLAP, RANGE_0, VELOCITY
-from analysis.model.march import AT_A_GUARD, AWAY, DONE, GONE, TIME, Ahead, is_a, may_touch
+from analysis.model.guards import OVERLAP, RANGE_0, VELOCITY, may_touch
 from analysis.model.matrices import (
     BIT,
     PIECES,
     SLOW,
     TERMS,
-    Form,
+    Kept,
     Room,
     along,
     ask,
@@ -39,7 +36,20 @@ from analysis.model.matrices import (
 )
 from analysis.model.modes import FREE, NEAR_0, PHASE, PLATE, is_gone, may_be_gone
 from analysis.model.rates import rates
-from analysis.model.system import Floats, Integers, State, inlined, state_of, tight
+from analysis.model.system import (
+    AT_A_GUARD,
+    AWAY,
+    DONE,
+    GONE,
+    TIME,
+    Ahead,
+    Floats,
+    Integers,
+    State,
+    inlined,
+    state_of,
+    tight,
+)
 from analysis.model.two_bodies import glide
 
 _STEP = 0.7  # longest step times the fastest rate: nine steps a period, so that no touch is stepped over
@@ -52,26 +62,26 @@ NOW, MET, LEFT, CAREFUL = 0, 1, 2, 3
 class Propagator(NamedTuple):
     """``swings``: the fastest rates in rad/s in contact, apart, left to itself and before the touch.
 
-    ``kept``: the matrices of the ``modes`` met, shape (16, flags); ``z``: the state and its derivatives as columns,
-    shape (n + 1, rows up to a multiple of four); ``active``: how many guard functions are watched, and which.
+    ``kept``: the matrices of the ``modes`` met, shape (16, flags); ``z``: the state and its derivatives as columns, and
+    room for them a step ahead, shape (2, n + 1, rows up to a multiple of four); ``active``: how many guard functions
+    are watched, and which.
     """
 
     swings: Floats
     spacing_s: float
-    kept: Form
+    kept: Kept
     modes: Floats
     at: Integers
     active: Integers
     z: Floats
-    ahead: Floats
     room: Room
     plain: State
     every: Integers
 
 
 @tight
-def _arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
-    here, mode, at, z = motion.here, motion.mode, stepper.at, stepper.z
+def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
+    here, mode, at, z = motion.here, motion.mode, stepper.at, stepper.z[0]
     rows, n = system.which.size + 1, system.numbers
     for c in range(n):
         for k in range(rows):
@@ -141,7 +151,7 @@ def _crosses(z, z_end, h, form, active, signs):  # type: ignore[no-untyped-def]
 @tight
 def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
     """Return whether a guard function may pass zero in a block: the state alone is looked at, on every sample."""
-    near, further = stepper.room.near, stepper.room.further
+    near, further = stepper.room.single[0], stepper.room.single[1]
     slow = form.steps[SLOW] > 0.5
     looks = 1 if slow else block  # only where something swings fast
     for c in range(z.shape[0]):
@@ -156,12 +166,12 @@ def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
 
 
 @tight
-def _run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
+def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     form, times, block = form_at(stepper.kept, stepper.at[NOW]), record.times, record.block
     rows, forward, last, cleared = system.which.size + 1, ahead.forward, ahead.last, ahead.cleared
     alone = rows == 1 and system.numbers == 4 and block == 1 and stepper.active[0] <= 2
     bit, pieces, spacing, share = form.steps[BIT], int(form.steps[PIECES]), stepper.spacing_s, 1.0 / block
-    z, z_end, odd = stepper.z, stepper.ahead, False
+    z, z_end, odd = stepper.z[0], stepper.z[1], False
     i, t, left, h, why = ahead.i, motion.clock[TIME], stepper.at[LEFT], 0.0, DONE
     omega, way = math.sqrt(system.p[0] / system.p[1]), 1 if forward else -1
     while (i <= last) if forward else (i >= last):
@@ -219,11 +229,11 @@ def _run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def
     if odd:
         for c in range(system.numbers):
             for k in range(z.shape[1]):
-                stepper.z[c, k] = z[c, k]
-    _lay(stepper.z, motion.here, 1)
+                stepper.z[0, c, k] = z[c, k]
+    _lay(stepper.z[0], motion.here, 1)
     motion.clock[TIME], stepper.at[LEFT] = t, left
     if why == GONE:  # with all its derivatives: another mode begins here
-        _lay(stepper.z, motion.here, rows)
+        _lay(stepper.z[0], motion.here, rows)
     return i, h, why
 
 
@@ -248,43 +258,17 @@ def _emit(z, form, row, share, rows, record):  # type: ignore[no-untyped-def]
 
 
 @tight
-def _reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
-    series(stepper.z, rows, form_at(stepper.kept, stepper.at[NOW]), h, stepper.room.probe, stepper.room)
-    _lay(stepper.room.probe, motion.there, rows)
+def reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
+    probe = stepper.room.columns[2]
+    series(stepper.z[0], rows, form_at(stepper.kept, stepper.at[NOW]), h, probe, stepper.room)
+    _lay(probe, motion.there, rows)
     rates(motion.there, rows, system.which, system, motion.mode)
 
 
 @tight
-def _show(i):  # type: ignore[no-untyped-def]
-    return i  # it steps from sample to sample: none lies between
-
-
-@overload(march.arm, inline="always")
-def _arm_of(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
-    if is_a(stepper, Propagator):
-        return lambda stepper, system, motion, record, forward: _arm(stepper, system, motion, record, forward)
-    return None
-
-
-@overload(march.run, inline="always")
-def _run_of(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
-    if is_a(stepper, Propagator):
-        return lambda stepper, system, motion, record, ahead: _run(stepper, system, motion, record, ahead)
-    return None
-
-
-@overload(march.reach, inline="always")
-def _reach_of(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
-    if is_a(stepper, Propagator):
-        return lambda stepper, system, motion, h, rows: _reach(stepper, system, motion, h, rows)
-    return None
-
-
-@overload(march.show, inline="always")
-def _show_of(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
-    if is_a(stepper, Propagator):
-        return lambda stepper, system, motion, record, i, h: _show(i)
-    return None
+def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
+    """Return ``i``: the steps go from sample to sample, none lies between."""
+    return i
 
 
 @tight
@@ -298,28 +282,18 @@ def _spacing(times):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def integrate(system, record, swings, spacing):  # type: ignore[no-untyped-def]
-    """Solve at ``record.times`` (ascending, 0: first touch), in steps of any length.
-
-    An incomplete block is left out; ``swings`` are those of ``Propagator``; ``spacing`` in s that of most times (0.0:
-    that of the first).  Returns the number of events; TOO_MANY,
-    RUNS_AWAY, or NOT_LINEAR where the effects have not the form.  For 60 ms at 100 kS/s the two bodies alone take
-    0.1 ms; with effects 0.3 to 0.5 ms, with derivatives 1 to 2.5 ms; in blocks of five 0.2 ms and 0.4 to 0.8 ms.
-    """
+def stepper_of(system, record, swings, spacing):  # type: ignore[no-untyped-def]
+    """Return a stepper; ``swings`` as in ``Propagator``, ``spacing`` in s that of most times (0.0: the first)."""
     n, count, slots = system.numbers, system.which.size, system.slots.shape[0]
-    rows, times = count + 1, record.times
-    record.states[:], record.d_x[:] = 0.0, 0.0
-    if spacing <= 0.0:
-        spacing = _spacing(times)
+    rows = count + 1
     every = np.full(n + count, -1, dtype=np.int64)
     every[n:] = system.which
-    stepper = Propagator(
-        swings, spacing, forms_of(_MODES, n, count, RANGE_0 + slots, record.states.shape[1]),
-        np.zeros((_MODES, NEAR_0 + slots)), np.zeros(4, dtype=np.int64), np.zeros(1 + RANGE_0 + slots, dtype=np.int64),
-        np.zeros((n + 1, columns(rows))), np.zeros((n + 1, columns(rows))), room_of(n, count),
-        state_of(n + rows, n), every,
+    z = np.zeros((2, n + 1, columns(rows)))
+    z[:, n, 0] = 1.0
+    at = np.zeros(4, dtype=np.int64)
+    at[CAREFUL] = -1
+    return Propagator(
+        swings, _spacing(record.times) if spacing <= 0.0 else spacing,
+        forms_of(_MODES, n, count, RANGE_0 + slots, record.states.shape[1]), np.zeros((_MODES, NEAR_0 + slots)),
+        at, np.zeros(1 + RANGE_0 + slots, dtype=np.int64), z, room_of(n, count), state_of(n + rows, n), every,
     )  # fmt: skip
-    stepper.ahead[n, 0] = 1.0
-    stepper.at[CAREFUL] = -1
-    motion = march.motion_of(state_of(rows, record.event_state.shape[1]), slots)
-    return march.march(stepper, system, motion, record)

@@ -11,15 +11,26 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from analysis.model import march
-from analysis.model.guards import guard, guard_rate
-from analysis.model.march import AT_A_GUARD, AWAY, DONE, GONE, LEFT_AT, TIME, is_a, may_touch, take
+from analysis.model.guards import guard, guard_rate, may_touch
 from analysis.model.modes import FREE, PHASE, PLATE, is_gone, may_be_gone
 from analysis.model.rates import derivative_rates, rates, state_rates
-from analysis.model.system import HIDDEN, MOVES, Floats, State, inlined, tight
+from analysis.model.system import (
+    AT_A_GUARD,
+    AWAY,
+    DONE,
+    GONE,
+    HIDDEN,
+    LEFT_AT,
+    MOVES,
+    TIME,
+    Floats,
+    State,
+    inlined,
+    take,
+    tight,
+)
 
 Places = NDArray[np.int64]
 _SHRINK, _SMALLEST = 0.25, 1e-4
@@ -105,12 +116,12 @@ def _step(stepper, system, here, there, mode, h, rows):  # type: ignore[no-untyp
 
 
 @tight
-def _reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
+def reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
     _step(stepper, system, motion.here, motion.there, motion.mode, h, rows)
 
 
 @tight
-def _arm(stepper, system, motion, forward):  # type: ignore[no-untyped-def]
+def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
     here, mode, memory, limits = motion.here, motion.mode, stepper.memory, stepper.limits
     rates(here, system.which.size + 1, system.which, system, mode)
     longest = limits[3]
@@ -137,7 +148,7 @@ def _crossed(motion, system, h):  # type: ignore[no-untyped-def]
 
 
 @tight
-def _run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
+def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     here, there, signs, memory = motion.here, motion.there, motion.signs, stepper.memory
     rows, i, times, cleared = system.which.size + 1, ahead.i, record.times, ahead.cleared
     growth, nearing, longest = stepper.limits[4], stepper.limits[5], memory[LONGEST]
@@ -164,8 +175,8 @@ def _run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def
         cleared = False
         if not math.isfinite(there.z[0, 0] + there.z[0, 1] + there.z[0, 3]):
             return i, signed, AWAY
-        if (times[i] - t - signed) * way <= 0.0:
-            i = _show(system, motion, record, i, signed)
+        if (times[i] - t) * way <= h:
+            i = show(stepper, system, motion, record, i, signed)
         take(here, there, rows)
         motion.clock[TIME] = t + signed
         if memory[HELD] > 0.0:
@@ -203,7 +214,7 @@ def _cubic(one, other, place, h, at):  # type: ignore[no-untyped-def]
 
 
 @tight
-def _show(system, motion, record, i, h):  # type: ignore[no-untyped-def]
+def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
     here, there, slots, states = motion.here, motion.there, system.slots, record.states
     t, way = motion.clock[TIME], 1 if h >= 0.0 else -1
     while 0 <= i < record.times.size and (record.times[i] - t) * way <= h * way:
@@ -239,42 +250,8 @@ def _show(system, motion, record, i, h):  # type: ignore[no-untyped-def]
     return i
 
 
-@overload(march.arm, inline="always")
-def _arm_of(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
-    if is_a(stepper, RungeKutta):
-        return lambda stepper, system, motion, record, forward: _arm(stepper, system, motion, forward)
-    return None
-
-
-@overload(march.run, inline="always")
-def _run_of(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
-    if is_a(stepper, RungeKutta):
-        return lambda stepper, system, motion, record, ahead: _run(stepper, system, motion, record, ahead)
-    return None
-
-
-@overload(march.reach, inline="always")
-def _reach_of(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
-    if is_a(stepper, RungeKutta):
-        return lambda stepper, system, motion, h, rows: _reach(stepper, system, motion, h, rows)
-    return None
-
-
-@overload(march.show, inline="always")
-def _show_of(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
-    if is_a(stepper, RungeKutta):
-        return lambda stepper, system, motion, record, i, h: _show(system, motion, record, i, h)
-    return None
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
-def integrate(system, record, limits):  # type: ignore[no-untyped-def]
-    """Solve at ``record.times`` (ascending, 0: first touch); ``limits`` are those of ``RungeKutta``.
-
-    Returns the number of events, TOO_MANY or RUNS_AWAY.  About 1.3 ms for 60 ms, and 1 ms for each derivative.
-    """
-    rows, size, count = system.which.size + 1, record.event_state.shape[1], system.slots.shape[0]
-    slopes = np.zeros((11, rows, size))
-    here = State(np.zeros((rows, size)), slopes[0], np.zeros((rows, 3)))
-    stepper = RungeKutta(limits, np.empty(_WEIGHTS.size), slopes, np.zeros((rows, size)), np.zeros(3))
-    return march.march(stepper, system, march.motion_of(here, count), record)
+def stepper_of(limits, rows, size):  # type: ignore[no-untyped-def]
+    """Return a stepper; ``limits`` are those of ``RungeKutta``."""
+    slopes, trial = np.zeros((11, rows, size)), np.zeros((rows, size))
+    return RungeKutta(limits, np.empty(_WEIGHTS.size), slopes, trial, np.zeros(3))

@@ -20,6 +20,8 @@ SLOT_PARAMETERS = 8
 IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST = 0, 1, 2, 3, 4, 5, 6
 SLOT_COLUMNS = 7
 MAX_EVENTS = 400
+DONE, AT_A_GUARD, GONE, AWAY = 0, 1, 2, 3  # why a stepper stopped
+TIME, LEFT_AT = 0, 1  # of the clock
 
 
 def tight(function: Any) -> Any:
@@ -83,6 +85,15 @@ class Motion(NamedTuple):
     nothing: Integers
 
 
+class Ahead(NamedTuple):
+    """The next sample and the last, which way the march goes, and whether the next step is to be taken anyway."""
+
+    i: int
+    last: int
+    forward: bool
+    cleared: bool
+
+
 class Record(NamedTuple):
     """What is asked and what comes of it: states, shape (m, 5 or more), at means over ``block`` of ``times``.
 
@@ -112,3 +123,13 @@ def system_of(p: Floats, slots: Floats, functions: Integers, which: Integers, va
 def state_of(rows, size):  # type: ignore[no-untyped-def]
     """Return room for a state with its rates."""
     return State(np.zeros((rows, size)), np.zeros((rows, size)), np.zeros((rows, 3)))
+
+
+@tight
+def take(here, there, rows):  # type: ignore[no-untyped-def]
+    """Make ``there`` the beginning of the next step."""
+    for j in range(rows):
+        for c in range(here.z.shape[1]):
+            here.z[j, c], here.f[j, c] = there.z[j, c], there.f[j, c]
+        for c in range(3):
+            here.told[j, c] = there.told[j, c]

@@ -26,7 +26,7 @@ from analysis.model.modes import FREE, NEAR_0, PARTING, PHASE, PLATE, SIGN
 from analysis.model.parameters import Collision, Floats
 from analysis.model.rates import rates
 from analysis.model.slots import Active, direction, lay_out, swings
-from analysis.model.system import state_of, tight
+from analysis.model.system import inlined, state_of, tight
 
 Places = NDArray[np.int64]
 # What a small effect can do: forces in N on block, on plate and between them, kg on the block, m and m/s of the contact
@@ -121,18 +121,23 @@ def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, 
     # Two bodies alone do not care where the block turns; what is tried on them may.
     acting = active or [Active(_PRESS, (0.0,))]
     try:
-        events = general.recorded(collision, acting, np.array([max(float(time_s[-1]), 0.0)]))
+        events = general.recorded(collision, acting, time_s)
         begin, end, sample, event = _cut(events, time_s, (pieces, apart))
-        # Each step begins where the one before it ended: instants in order, the early ones from the last to the first.
+        # All on the grid of the shortest steps, on which the solver is quickest, the early ones from the last on.
         early = event < 0
-        before, middle = int(early.sum()), 0.5 * (begin + end)
-        instants, way = np.empty(2 * begin.size + 1), np.where(early, -1, 1)
-        place = 2 * (before + np.where(early, -np.arange(begin.size), np.arange(begin.size) - before))
-        instants[2 * before] = events.time_s[0]
-        instants[place + way], instants[place + 2 * way] = middle, end
-        run = general.recorded(collision, acting, instants, spacing / (2 * pieces))
+        before = int(early.sum())
+        late = events.modes[event[before:], PHASE] == FREE
+        halves = np.concatenate([np.full(before, pieces), np.where(late, pieces // apart, 1)])
+        order = np.concatenate([np.arange(before)[::-1], np.arange(before, begin.size)])
+        low, high, each = np.where(early, end, begin)[order], np.where(early, begin, end)[order], 2 * halves[order]
+        first = np.concatenate([[0], np.cumsum(each)])
+        share = np.arange(first[-1]) - np.repeat(first[:-1], each)
+        instants = np.repeat(low, each) + share * np.repeat((high - low) / each, each)
+        run = general.recorded(collision, acting, np.append(instants, high[-1]), spacing / (2 * pieces))
     except (TooManyEvents, RunsAway) as why:
         raise Infeasible(str(why)) from why
+    place, way = np.empty(begin.size, dtype=np.int64), np.where(early, -halves, halves)
+    place[order] = first[:-1] + np.where(early[order], each, 0)
     states = run.states[place[:, None] + way[:, None] * np.arange(3)]
     return _with_matrices(collision, active, events, states, (begin, end, sample, event))
 
@@ -232,25 +237,34 @@ def _guard_of(kind: int, slots: Sequence[int]) -> int:
     return OVERLAP_RATE if PARTING in (before, after) else FORCE
 
 
+@inlined
+def _inertia(state, z, one, system, mode, e):  # type: ignore[no-untyped-def]
+    """Write what inertia does at a state, -v'/m to v', and let ``system.told`` tell that state."""
+    for i in range(z.size):
+        state.z[0, i] = z[i]
+    mass = rates(state, one, system.which, system, mode)
+    e[1, _INERTIA] = -state.f[0, 1] / mass
+
+
 @tight
 def _look(state, z, rows, system, mode, a, e):  # type: ignore[no-untyped-def]
-    """Write A (n, n) and E (n, 6) at a state (with one row only what inertia does, -v'/m to v'); return nothing."""
+    """Write A (n, n) and E (n, 6) at a state."""
     n = a.shape[0]
     for i in range(n):
         state.z[0, i] = z[i]
     mass = rates(state, rows, system.which, system, mode)
     for i in range(n):
-        for j in range(n if rows > 1 else 0):
+        for j in range(n):
             a[i, j] = state.f[1 + j, i]
-        for j in range(2 if rows > 1 else 0):
+        for j in range(2):
             e[i, 4 + j] = state.f[1 + n + j, i]
-        for j in range(3 if rows > 1 else 0):
+        for j in range(3):
             e[i, j] = state.f[3 + n + j, i]
         e[i, _INERTIA] = 0.0
     e[1, _INERTIA] = -state.f[0, 1] / mass
 
 
-@tight
+@inlined
 def _tell(system, given):  # type: ignore[no-untyped-def]
     """Write what an effect is given at the state that was looked at last."""
     for i in range(kernel.STATES):
@@ -351,7 +365,10 @@ def _write(system, steps, out):  # type: ignore[no-untyped-def]
             if not same:
                 _put(a[0], a[2])
                 _put(e[0], e[2])
-        _look(state, steps.states[r, 2], one if resting else rows, system, mode, a[2], e[2])
+        if resting:
+            _inertia(state, steps.states[r, 2], one, system, mode, e[2])
+        else:
+            _look(state, steps.states[r, 2], rows, system, mode, a[2], e[2])
         _tell(system, out.told[r, 2])
         if not resting and _alike(a[0], a[2]) and _alike(e[0], e[2]):
             hold = _HELD
@@ -359,7 +376,10 @@ def _write(system, steps, out):  # type: ignore[no-untyped-def]
         if still and not same:
             _put(a[0], a[1])
             _put(e[0], e[1])
-        _look(state, steps.states[r, 1], one if still else rows, system, mode, a[1], e[1])
+        if still:
+            _inertia(state, steps.states[r, 1], one, system, mode, e[1])
+        else:
+            _look(state, steps.states[r, 1], rows, system, mode, a[1], e[1])
         _tell(system, out.told[r, 1])
         if same and abs(at - steps.length_s[r - 1]) < 1e-9 * abs(at):
             _weigh_again(r, at, e, half, out)

@@ -247,14 +247,15 @@ def _lay(z, state, rows):  # type: ignore[no-untyped-def]
 
 @inlined
 def _emit(z, form, row, share, rows, record):  # type: ignore[no-untyped-def]
-    """Add a sample to the mean that it belongs to."""
-    states = record.states
+    """Add a sample to the mean that it belongs to; a mean of one is that sample."""
+    states, d_x = record.states, record.d_x
+    sums = share < 1.0
     for j in range(4):
-        states[row, j] += share * z[j, 0]
+        states[row, j] = share * z[j, 0] + (states[row, j] if sums else 0.0)
     for j in range(4, states.shape[1]):
-        states[row, j] += share * along(form.shown, j, z)
+        states[row, j] = share * along(form.shown, j, z) + (states[row, j] if sums else 0.0)
     for k in range(1, rows):
-        record.d_x[row, k - 1] += share * z[0, k]
+        d_x[row, k - 1] = share * z[0, k] + (d_x[row, k - 1] if sums else 0.0)
 
 
 @tight

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROUNDS = 25
+ROUNDS, AT_ONCE = 25, 4
 TIME_S = np.arange(-1500, 4500) * 1e-5 - 3.3e-6
 SCREENED_S = np.arange(1200) * 5e-5
 
@@ -62,9 +62,12 @@ def answer() -> None:
     known = tasks()
     for line in sys.stdin:
         task = known[line.strip()]
+        task()  # the other version has had the processor's caches
         began = time.process_time()
+        for _ in range(AT_ONCE):
+            task()
+        spent = (time.process_time() - began) / AT_ONCE
         numbers = np.ascontiguousarray(task(), dtype=np.float64)
-        spent = time.process_time() - began
         sys.stdout.buffer.write(f"{spent!r} {numbers.size}\n".encode() + numbers.tobytes())
         sys.stdout.buffer.flush()
 

@@ -141,7 +141,7 @@ def _solved(
     spacing_s: float = 0.0,
 ) -> tuple[Record, int, System]:
     times = np.ascontiguousarray(time_s, dtype=np.float64)
-    if times.ndim != 1 or times.size < block or times.size == 0 or not np.all(np.diff(times) >= 0):
+    if times.ndim != 1 or times.size < block or times.size == 0 or not np.all(times[1:] >= times[:-1]):
         raise ValueError("time_s must be one-dimensional, not empty and ascending")
     system = lay_out(collision, effects, directions)
     rates = swings(collision, effects)

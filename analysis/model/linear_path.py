@@ -123,21 +123,15 @@ def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, 
     try:
         events = general.recorded(collision, acting, time_s)
         begin, end, sample, event = _cut(events, time_s, (pieces, apart))
-        # All on the grid of the shortest steps, on which the solver is quickest, the early ones from the last on.
         early = event < 0
-        before = int(early.sum())
-        late = events.modes[event[before:], PHASE] == FREE
-        halves = np.concatenate([np.full(before, pieces), np.where(late, pieces // apart, 1)])
-        order = np.concatenate([np.arange(before)[::-1], np.arange(before, begin.size)])
-        low, high, each = np.where(early, end, begin)[order], np.where(early, begin, end)[order], 2 * halves[order]
-        first = np.concatenate([[0], np.cumsum(each)])
-        share = np.arange(first[-1]) - np.repeat(first[:-1], each)
-        instants = np.repeat(low, each) + share * np.repeat((high - low) / each, each)
-        run = general.recorded(collision, acting, np.append(instants, high[-1]), spacing / (2 * pieces))
+        apart_now = events.modes[event, PHASE] == FREE
+        halves = np.where(early, pieces, np.where(apart_now, pieces // apart, 1))
+        instants, place = np.empty(2 * int(halves.sum()) + 1), np.empty(begin.size, dtype=np.int64)
+        _lay_instants(begin, end, halves, int(early.sum()), instants, place)
+        run = general.recorded(collision, acting, instants, spacing / (2 * pieces))
     except (TooManyEvents, RunsAway) as why:
         raise Infeasible(str(why)) from why
-    place, way = np.empty(begin.size, dtype=np.int64), np.where(early, -halves, halves)
-    place[order] = first[:-1] + np.where(early[order], each, 0)
+    way = np.where(early, -halves, halves)
     states = run.states[place[:, None] + way[:, None] * np.arange(3)]
     return _with_matrices(collision, active, events, states, (begin, end, sample, event))
 
@@ -190,6 +184,26 @@ def _lay_steps(time_s, starts, whole, begin, end, sample, event):  # type: ignor
             at = knot
             done = i >= time_s.size if last else knot == starts[mode + 1]
     return r
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lay_instants(begin, end, halves, early, instants, place):  # type: ignore[no-untyped-def]
+    """Write the instants, twice ``halves`` a step, in order, and where among them each step begins.
+
+    All lie on the grid of the shortest steps, on which the solver is quickest; the ``early`` ones from the last on.
+    """
+    at = 0
+    for k in range(begin.size):
+        step = early - 1 - k if k < early else k
+        low, high = begin[step], end[step]
+        if k < early:
+            low, high = high, low
+        count = 2 * halves[step]
+        for j in range(count):
+            instants[at + j] = low + (high - low) * j / count
+        place[step] = at + count if k < early else at
+        at += count
+        instants[at] = high
 
 
 def _with_matrices(

@@ -107,7 +107,7 @@ def ask(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
     """Write A, its derivatives and the guard functions of a mode; False if there is no A.
 
     ``every`` holds n times "by none", then the parameters; ``plain`` has room for a state with so many derivatives.
-    n + 3 evaluations of the rates.
+    Up to n + 3 evaluations of the rates.
     """
     a, by, z, f = form.a, form.by, plain.z, plain.f
     n, count = a.shape[0] - 1, by.shape[0]
@@ -128,14 +128,14 @@ def ask(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
             by[k, i, n] = f[1 + n + k, i]
         for j in range(n + 1):
             by[k, n, j] = 0.0
-    for j in range(n):
+    for j in range(n if count > 0 else 0):
         z[0, j] = 1.0
         rates(plain, total, every, system, mode)
         for k in range(count):
             for i in range(n):
                 by[k, i, j] = f[1 + n + k, i] - by[k, i, n]
         z[0, j] = 0.0
-    for trial in range(2):
+    for trial in range(2 if system.slots.shape[0] > 0 else 0):  # the two bodies alone are linear
         side = 1.0 if trial == 0 else -1.5  # overlapping, and apart
         for j in range(n):
             z[0, j] = side * (1e-4 * (3 + j) if j % 2 == 0 else 0.1 * (j - 4))

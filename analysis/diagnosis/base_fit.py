@@ -20,6 +20,7 @@ from analysis.model.search import own_start
 from analysis.motion import Motion
 from analysis.shot import AnalysisError, Stop
 
+_SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # of the stiffness and damping of the contact that was read
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
 
@@ -92,14 +93,26 @@ def _from_the_guess(
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with effects, begun where the collision was read, not where the base was drawn.
 
-    What a base model lacks a thousandfold draws its own parameters to a wall: no step from there leads back.
+    What a base model lacks a thousandfold draws its own parameters to a wall: no step from there leads back.  It may
+    have drawn the contact that was read too, so a softer one is a second place to begin.
     """
     hypothesis = before.hypothesis
     shots = [prepare(motion) for motion in motions]
     guess = first_guesses(hypothesis.data.base, shots, stop)[0]
     own = np.array([own_start(shot, Model(hypothesis.data.base)) for shot in shots])
-    z = hypothesis.pack(Point(guess, own, before.point.values))
-    there = finish(hypothesis, search(hypothesis, z, before.floor, evaluations=1, cancelled=stop))
-    trail = Trail(before, catalogue, stop)
-    best = climb(there, trail)
-    return (best, trail) if best.bic < before.bic and best is not there else explore(before, catalogue, stop)
+    climbs = []
+    for softer in _SOFTENED:
+        contact = guess.copy()
+        contact[-2:] *= softer
+        point = _slow_enough(hypothesis, Point(contact, own, before.point.values))
+        try:
+            there = finish(
+                hypothesis, search(hypothesis, hypothesis.pack(point), before.floor, evaluations=1, cancelled=stop)
+            )
+        except Infeasible:
+            continue
+        trail = Trail(before, catalogue, stop)
+        best = climb(there, trail)
+        if best is not there and best.bic < before.bic:
+            climbs.append((best, trail))
+    return min(climbs, key=lambda climbed: climbed[0].bic) if climbs else explore(before, catalogue, stop)

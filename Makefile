@@ -23,7 +23,7 @@ types: $(READY)
 # kernels first, each once: two workers that meet an uncompiled one would both compile it
 unit: $(READY)
 	$(BIN)/python -m app --prepare
-	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 bench: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.benchmarks

@@ -4,10 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
+from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict
 from analysis.drive.fit import fit_driven
 from analysis.fit import Fit, Overlay, ShotFit
 from analysis.impact import Impact, KineticCor
+from analysis.laws.own import from_mapping
 from analysis.motion import BeatQuality, Motion
 from analysis.quantity import NotSeen, Quantity
 from analysis.recording import Setup
@@ -176,3 +177,23 @@ def diagnosis(of: Shot) -> Diagnosis:
         blind_spots=("a cosine error of the alignment", "a wrong wavelength"),
         separating_shot="two more shots at 0.4 m/s",
     )
+
+
+def learned_law() -> LearnedLaw:
+    """Return a law of the place with another form that fits, and one of the bend."""
+    at = np.linspace(-2e-3, 1e-3, 31)
+    force = -4e-3 * np.exp(-np.abs(at) / 5e-4)
+    own = from_mapping(
+        {
+            "name": "law_exponential", "words": "a force of the place, exponential", "where": "block",
+            "formula": "a*exp(-abs(x)/b)",
+            "parameters": {"a": {"unit": "N", "start": -4e-3}, "b": {"unit": "m", "start": 5e-4, "lower": 1e-6}},
+        }
+    )  # fmt: skip
+    other = OtherForm("block", "place", "inverse square", "a/(1 + abs(x)/b)**2", 4.2, 0.9 * force)
+    far = OtherForm("plate", "bend", "hinge", "a*max(0, y - c)", 8.0)
+    return LearnedLaw(
+        own.key, "block", "place", "exponential", own.formula.text, "exponential",
+        {"a": (Quantity(-4e-3, 1e-6), "N"), "b": (Quantity(5e-4, 1e-7), "m")}, (other, far), (), at, "m", force,
+        np.full(31, 1e-5), (-2e-3, 1e-3), ("any part outside the range visited",), {"delta_bic": -900.0}, force,
+    )  # fmt: skip

@@ -41,7 +41,7 @@ def test_the_doctor_judges_the_signals_of_a_source(capsys: pytest.CaptureFixture
     main(["--doctor", "--source", "bench"])
     lines = [line for line in capsys.readouterr().out.splitlines() if " signal, " in line]
     assert [line.split(", ")[1].split(":")[0] for line in lines] == ["PD0", "PD1", "light switch", "rest frequency"]
-    assert all("beat at 2.7" in line for line in lines[:2])
+    assert all("beat at 2.7" in line for line in lines[:2]), lines
     assert main(["--doctor", "--source", "nothing"]) == 1
     assert "fail  source: unknown source 'nothing'" in capsys.readouterr().out
 

@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.diagnosis.result import LearnedLaw, OtherForm
 from analysis.laws.own import from_mapping
-from analysis.quantity import Quantity
 from app.report.export_laws import export_laws
 from app.session.own_laws import OwnLaws
 from app.window.panels.law_curve import LawCurve
@@ -16,7 +14,7 @@ from app.window.panels.law_sheet import LawSheet
 from app.window.theme import LIGHT
 from instrument.law_file import law_text, read_law, write_law
 from instrument.recording_error import RecordingError
-from tests.app.synthetic import diagnosis, shot
+from tests.app.synthetic import diagnosis, learned_law, shot
 
 STIR = {
     "name": "stir",
@@ -25,25 +23,6 @@ STIR = {
     "formula": "-c * v**3 + 0*b",
     "parameters": {"c": {"unit": "N s3/m3", "start": 3e-3, "lower": 0.0}, "b": {"unit": "", "start": 1.0}},
 }
-
-
-def learned() -> LearnedLaw:
-    at = np.linspace(-2e-3, 1e-3, 31)
-    force = -4e-3 * np.exp(-np.abs(at) / 5e-4)
-    own = from_mapping(
-        {
-            "name": "law_exponential", "words": "a force of the place, exponential", "where": "block",
-            "formula": "a*exp(-abs(x)/b)",
-            "parameters": {"a": {"unit": "N", "start": -4e-3}, "b": {"unit": "m", "start": 5e-4, "lower": 1e-6}},
-        }
-    )  # fmt: skip
-    other = OtherForm("block", "place", "inverse square", "a/(1 + abs(x)/b)**2", 4.2, 0.9 * force)
-    far = OtherForm("plate", "bend", "hinge", "a*max(0, y - c)", 8.0)
-    return LearnedLaw(
-        own.key, "block", "place", "exponential", own.formula.text, "exponential",
-        {"a": (Quantity(-4e-3, 1e-6), "N"), "b": (Quantity(5e-4, 1e-7), "m")}, (other, far), (), at, "m", force,
-        np.full(31, 1e-5), (-2e-3, 1e-3), ("any part outside the range visited",), {"delta_bic": -900.0}, force,
-    )  # fmt: skip
 
 
 def test_a_law_is_written_as_it_is_read(tmp_path):
@@ -95,7 +74,7 @@ def test_the_curve_has_its_band_and_the_forms_that_fit(qtbot):
     panel = LawCurve(LIGHT)
     qtbot.addWidget(panel)
     assert panel.isHidden()
-    law = learned()
+    law = learned_law()
     panel.show_laws((law,))
     assert not panel.isHidden() and panel.other.isHidden()
     drawn = {curve.label: curve.samples for curve in panel.plot.plot.sampled}
@@ -118,7 +97,7 @@ def test_the_curve_has_its_band_and_the_forms_that_fit(qtbot):
 
 
 def test_the_curve_is_exported(tmp_path):
-    law = learned()
+    law = learned_law()
     (path,) = export_laws(replace(diagnosis(shot()), laws=(law,)), tmp_path)
     header, *rows = list(csv.reader(path.read_text().splitlines()))
     assert header == ["place_m", "force_n", "force_std_n", "exponential_n", "inverse_square_n"]

@@ -1,5 +1,7 @@
 """What every plot of the window can do, pressed by keys: cursors with their readout, moving, zooming, the menu."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PySide6.QtCore import QLocale, QPointF, QRectF, Qt
@@ -27,7 +29,8 @@ def panels(qtbot):
         session.add(synthetic.shot(f"shot-{index}", speed, index))
     layout.shot.show_shot(session.entries[0].shot)
     layout.compare.show_entries(list(session.entries))
-    layout.diagnosis.show_diagnosis(synthetic.diagnosis(session.entries[0].shot), [session.entries[0].shot])
+    found = replace(synthetic.diagnosis(session.entries[0].shot), laws=(synthetic.learned_law(),))
+    layout.diagnosis.show_diagnosis(found, [session.entries[0].shot])
     return layout
 
 
@@ -56,7 +59,7 @@ def _bring(panels, plot):
 
 def test_every_plot_has_cursors_whose_readout_comes_and_goes_with_it(panels, qtbot):
     plots = panels.findChildren(PlotView)
-    assert len(plots) == 17
+    assert len(plots) == 18
     for plot in plots:
         _bring(panels, plot)
         assert plot.isVisible() and panels.plot_in_front() is not None

@@ -19,7 +19,7 @@ from app.window.panels.effect_rows import EffectRows
 from app.window.panels.law_curve import LawCurve
 from app.window.panels.next_steps import NextSteps
 from app.window.panels.residuals import Residuals
-from app.window.plots.plot_view import PlotView
+from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.words.wording import kept_words, local_words, short_name
 
@@ -202,7 +202,7 @@ class DiagnosisPanel(QWidget):
         self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects, self._tried)
         self.next_steps.show_diagnosis(diagnosis, model_effects)
         self._evidence.setVisible(diagnosis is not None)
-        self.law_curve.show_laws(diagnosis.laws if diagnosis is not None else ())
+        self.law_curve.show_laws(diagnosis.laws if diagnosis is not None else (), shots)
         if diagnosis is None:
             self._verdict.setText(
                 f"{MARKS[Tone.BUSY]} diagnosing" if self._busy else f"{MARKS[Tone.NEUTRAL]} not diagnosed"
@@ -238,8 +238,8 @@ class DiagnosisPanel(QWidget):
         self.residuals.show_diagnosis(diagnosis, shots)
 
     def plot_in_front(self) -> PlotView:
-        """Return the residuals."""
-        return self.residuals.stack
+        """Return a law's curve where it has the keyboard, else the residuals."""
+        return in_front((self.residuals.stack, self.law_curve.plot))
 
     @Slot()
     def _diagnose(self) -> None:

@@ -7,6 +7,7 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import LearnedLaw
+from analysis.shot import Shot
 from app.report.export_laws import law_columns
 from app.window.pens import series_pen, straight
 from app.window.plots.cursor_readout import CursorReadout
@@ -14,7 +15,7 @@ from app.window.plots.cursors import CursorAxis
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
 from app.words.unit_prefix import scaled
-from app.words.wording import local_words
+from app.words.wording import local_words, short_name
 
 MOST_FORMS = 4
 ALONG = CursorAxis("mm", "mm")
@@ -76,8 +77,9 @@ class LawCurve(QWidget):
         for index, curve in enumerate(self._others):
             curve.setPen(series_pen(colours, index + 1))
 
-    def show_laws(self, laws: Sequence[LearnedLaw]) -> None:
-        """Show the first of these laws; none hides the panel."""
+    def show_laws(self, laws: Sequence[LearnedLaw], shots: Sequence[Shot] = ()) -> None:
+        """Show the first of these laws, learned from ``shots``; none hides the panel."""
+        self.plot.tell(shots if laws else (), ", ".join(short_name(shot.name) for shot in shots) if laws else "")
         self._laws, self._which = tuple(laws), 0
         self.setVisible(bool(laws))
         self.other.setVisible(len(laws) > 1)

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit attack bench bench-loop bench-drives bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app deb
+.PHONY: run test lint types unit slow attack bench bench-loop bench-drives bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app deb
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -23,7 +23,11 @@ types: $(READY)
 # kernels first, each once: two workers that meet an uncompiled one would both compile it
 unit: $(READY)
 	$(BIN)/python -m app --prepare
-	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal -m "not slow"
+
+# what takes too long for every change: measured collisions, a law learned through the command line
+slow: $(READY)
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest -m slow
 
 bench: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.benchmarks

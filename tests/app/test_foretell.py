@@ -93,6 +93,7 @@ def test_without_a_file_it_is_wrong_usage(tmp_path: Path) -> None:
     assert main(["--replay", str(tmp_path), "--foretell", "--model", "contact"]) == 2
 
 
+@pytest.mark.slow
 def test_the_air_track_foretells_a_run_it_never_saw(measured: Path) -> None:
     from analysis.signal.record import motion_from_displacement
 

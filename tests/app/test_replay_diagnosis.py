@@ -41,6 +41,7 @@ def test_what_is_found_is_cured_on_the_shot_left_out(
             assert abs(quantity["value"]) > 5.0 * quantity["std"]
 
 
+@pytest.mark.slow
 def test_what_no_effect_explains_is_learned_as_a_law(recordings: Path, capsys: pytest.CaptureFixture[str]) -> None:
     diagnosis = _diagnosis(capsys, recordings / "undeclared-3")
     assert diagnosis["verdict"] == "law_learned" and diagnosis["effects"] == []

@@ -60,7 +60,8 @@ def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tm
         return len(window.workbench.session.entries) == 1
 
     qtbot.waitUntil(taken, timeout=WAIT_MS)
-    assert {"ARMED", "ANALYSING"} <= words
+    assert "ANALYSING" in words
+    assert words & {"ARMED", "CAPTURED"}  # a busy machine may show no frame before the bench's switch fires
     entry = window.workbench.session.entries[0]
     assert entry.shot.problem is None
     assert entry.shot.impact.cor_quasi_static.value == pytest.approx(0.98756, abs=2e-3)

@@ -48,6 +48,7 @@ def test_two_strong_effects_are_both_named() -> None:
             assert abs(quantity.value - value) < 4 * quantity.std
 
 
+@pytest.mark.slow
 def test_what_is_off_the_catalogue_is_explained_in_part_and_the_rest_described() -> None:
     found = diagnose(shots({"magnet": {"force_n": -3e-3, "range_m": 7e-4}}, count=2))
     assert found.verdict is Verdict.PARTLY_EXPLAINED

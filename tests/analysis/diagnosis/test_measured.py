@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import pytest
+
 from analysis.diagnosis import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.signal.record import motion_from_displacement
 from instrument.motion_file import read_motion
 
 
+@pytest.mark.slow
 def test_the_air_track_lacks_a_damping_that_grows(measured: Path) -> None:
     motions = []
     for run in range(1, 6):

@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from analysis.laws.own import LawError, OwnLaw, from_key, from_mapping
+from analysis.laws.own import LawError, OwnLaw, from_mapping
 from instrument.law_file import read_laws, write_law
-from instrument.recording_error import RecordingError
 
 
 class OwnLaws:
@@ -27,11 +26,3 @@ class OwnLaws:
             raise LawError("there is no folder for laws here")
         write_law(law, self.folder)
         return law
-
-
-def table_of(key: str) -> dict[str, Any]:
-    """Return a learned law as a table that can be changed and kept."""
-    return from_key(key).written()
-
-
-__all__ = ["LawError", "OwnLaws", "RecordingError", "table_of"]

@@ -4,15 +4,12 @@ Outcomes are kept line by line (``--keep FILE``), so that a run that was cut off
 """
 
 import argparse
-import json
-import multiprocessing
 import os
-import random
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from tests.benchmarks.kept_runs import kept_runs
 from tests.benchmarks.law_cases import LawCase, LawOutcome, cases, judge
 from tests.benchmarks.law_score import lines, page
 
@@ -29,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     todo = cases(options.sets, options.clean, options.seed)
     outcomes = []
-    for done, outcome in enumerate(_all(todo, options.processes, options.keep), 1):
+    for done, outcome in enumerate(kept_runs(todo, _one, options.processes, options.keep, _from_json), 1):
         outcomes.append(outcome)
         if done % 10 == 0 or done == len(todo):
             print(f"{done}/{len(todo)} sets", file=sys.stderr, flush=True)
@@ -52,36 +49,13 @@ def _one(case: LawCase) -> LawOutcome:
     return judge(case, diagnose)
 
 
-def _all(todo: list[LawCase], processes: int, keep: Path | None) -> Iterator[LawOutcome]:
-    kept = _read(keep) if keep else {}
-    yield from (kept[case] for case in todo if case in kept)
-    left = [case for case in todo if case not in kept]
-    random.Random(0).shuffle(left)  # a run that is cut off is then a fair sample of all
-    # spawned, and one thread each: a kernel's own threads would fight over the cores
-    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        for outcome in pool.imap_unordered(_one, left, chunksize=1):
-            if keep:
-                keep.parent.mkdir(parents=True, exist_ok=True)
-                with keep.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(outcome.as_json()) + "\n")
-            yield outcome
-
-
-def _read(keep: Path) -> dict[LawCase, LawOutcome]:
-    kept: dict[LawCase, LawOutcome] = {}
-    if not keep.exists():
-        return kept
-    for row in keep.read_text(encoding="utf-8").splitlines():
-        values: dict[str, Any] = json.loads(row)
-        values["case"] = LawCase(**values["case"])
-        values["true"] = tuple(tuple(one) for one in values["true"])
-        for name in ("effects", "laws", "chi2"):
-            values[name] = tuple(values[name])
-        values["held_out"] = tuple(values["held_out"]) if values["held_out"] else None
-        kept[values["case"]] = LawOutcome(**values)
-    return kept
+def _from_json(values: dict[str, Any]) -> LawOutcome:
+    values["case"] = LawCase(**values["case"])
+    values["true"] = tuple(tuple(one) for one in values["true"])
+    for name in ("effects", "laws", "chi2"):
+        values[name] = tuple(values[name])
+    values["held_out"] = tuple(values["held_out"]) if values["held_out"] else None
+    return LawOutcome(**values)
 
 
 if __name__ == "__main__":

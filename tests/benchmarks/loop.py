@@ -6,14 +6,12 @@ was true.  Outcomes are kept line by line (``--keep FILE``), so that a run that 
 
 import argparse
 import functools
-import json
-import multiprocessing
 import os
-import random
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from tests.benchmarks.kept_runs import kept_runs
 
 FULL = {"clean": 300, "single": 20, "natural": 4, "pair": 60, "beyond": 20, "raw": 12}
 QUICK = {"clean": 4, "single": 1, "natural": 1, "pair": 2, "beyond": 1, "raw": 1}
@@ -47,7 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(f"--only: no kind {', '.join(sorted(unknown))}; there are {', '.join(runs)}")
     todo = [case for case in cases(runs, options.seed) if case.kind in wanted]
     outcomes = []
-    for done, outcome in enumerate(_all(todo, options.processes, options.keep), 1):
+    for done, outcome in enumerate(kept_runs(todo, _one, options.processes, options.keep, _from_json), 1):
         outcomes.append(outcome)
         if done % 20 == 0 or done == len(todo):
             print(f"{done}/{len(todo)} sets", file=sys.stderr, flush=True)
@@ -76,37 +74,14 @@ def _one(case: Any) -> Any:
     return judge(case, functools.partial(_diagnose()))
 
 
-def _all(todo: list[Any], processes: int, keep: Path | None) -> Iterator[Any]:
-    kept = _read(keep) if keep else {}
-    yield from (kept[case] for case in todo if case in kept)
-    left = [case for case in todo if case not in kept]
-    random.Random(0).shuffle(left)  # a run that is cut off is then a fair sample of all
-    # spawned, and one thread each: a kernel's own threads would fight over the cores
-    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        for outcome in pool.imap_unordered(_one, left, chunksize=1):
-            if keep:
-                keep.parent.mkdir(parents=True, exist_ok=True)
-                with keep.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(outcome.as_json()) + "\n")
-            yield outcome
-
-
-def _read(keep: Path) -> dict[Any, Any]:
+def _from_json(values: dict[str, Any]) -> Any:
     from tests.benchmarks.loop_cases import Case, Outcome
 
-    kept: dict[Any, Any] = {}
-    if not keep.exists():
-        return kept
-    for row in keep.read_text(encoding="utf-8").splitlines():
-        values = json.loads(row)
-        values["case"] = Case(**{**values["case"], "names": tuple(values["case"]["names"])})
-        values["named"] = tuple(values["named"])
-        values["classes"] = tuple(tuple(c) for c in values["classes"])
-        values["held_out"] = tuple(values["held_out"]) if values["held_out"] else None
-        kept[values["case"]] = Outcome(**values)
-    return kept
+    values["case"] = Case(**{**values["case"], "names": tuple(values["case"]["names"])})
+    values["named"] = tuple(values["named"])
+    values["classes"] = tuple(tuple(c) for c in values["classes"])
+    values["held_out"] = tuple(values["held_out"]) if values["held_out"] else None
+    return Outcome(**values)
 
 
 if __name__ == "__main__":

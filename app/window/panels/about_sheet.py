@@ -5,11 +5,10 @@ from importlib.metadata import PackageNotFoundError, metadata
 from typing import cast
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPlainTextEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QPlainTextEdit, QWidget
 
 from app.report.provenance import program_words
 from app.window.panels.side_sheet import SideSheet
-from app.window.theme import sized
 
 PARTS = (
     "numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "shiboken6", "pyqtgraph", "pyusb", "platformdirs",
@@ -38,17 +37,7 @@ class AboutSheet(SideSheet):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("About", parent)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(18, 14, 18, 14)
-        top = QHBoxLayout()
-        title = QLabel("About Levimass", self)
-        title.setFont(sized(self.font(), 1.5, bold=True))
-        self._close = QPushButton("Close", self)
-        self._close.setToolTip("Close this sheet  (Esc)")
-        self._close.clicked.connect(self.hide)
-        top.addWidget(title, 1)
-        top.addWidget(self._close)
-        column.addLayout(top)
+        column, self._close = self.head("About Levimass", "Close this sheet  (Esc)")
         self.words = QPlainTextEdit(self)
         self.words.setReadOnly(True)
         self.words.setTabChangesFocus(True)

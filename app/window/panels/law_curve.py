@@ -14,7 +14,7 @@ from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
-from app.words.unit_prefix import scaled
+from app.words.prefixes import prefix_for
 from app.words.wording import local_words, short_name
 
 MOST_FORMS = 4
@@ -108,8 +108,8 @@ class LawCurve(QWidget):
         self.plot.columns = {}
         if law is None:
             return
-        scale, unit = scaled(float(np.max(np.abs(law.curve_argument))), law.curve_unit)
-        force_scale, force_unit = scaled(float(np.max(np.abs(law.curve_force_n))), "N")
+        scale, unit = prefix_for(float(np.max(np.abs(law.curve_argument))), law.curve_unit)
+        force_scale, force_unit = prefix_for(float(np.max(np.abs(law.curve_force_n))), "N")
         x = scale * law.curve_argument
         for sign, curve in zip((-1, 1), self._band, strict=True):
             curve.show_points(x, force_scale * (law.curve_force_n + sign * 2 * law.curve_std_n))

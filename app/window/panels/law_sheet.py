@@ -7,18 +7,16 @@ from PySide6.QtWidgets import (
     QComboBox,
     QFormLayout,
     QGridLayout,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from analysis.laws.functions import FUNCTIONS
 from analysis.laws.own import MOST_PARAMETERS, LawError, from_mapping
 from app.window.panels.side_sheet import SideSheet
-from app.window.theme import MARKS, Colours, Tone, sized
+from app.window.theme import MARKS, Colours, Tone
 from app.words.typed_number import typed_number
 
 PLACES = (("block", "on the block"), ("plate", "on the plate"), ("contact", "between block and plate, in contact"))
@@ -37,18 +35,7 @@ class LawSheet(SideSheet):
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__("Propose a law", parent)
         self._colours = colours
-        column = QVBoxLayout(self)
-        column.setContentsMargins(18, 14, 18, 14)
-        top = QHBoxLayout()
-        title = QLabel("Propose a law", self)
-        title.setFont(sized(self.font(), 1.5, bold=True))
-        close = QPushButton("Close", self)
-        close.setToolTip("Close; what is typed stays  (Esc)")
-        close.clicked.connect(self.hide)
-        top.addWidget(title)
-        top.addStretch(1)
-        top.addWidget(close)
-        column.addLayout(top)
+        column, _ = self.head("Propose a law", "Close; what is typed stays  (Esc)")
         hint = QLabel(HINT, self)
         hint.setProperty("faint", True)
         hint.setWordWrap(True)
@@ -91,6 +78,8 @@ class LawSheet(SideSheet):
         self.save.clicked.connect(self._save)
         column.addWidget(self.save)
         self.where.currentIndexChanged.connect(self._look)
+        for line in self.findChildren(QLineEdit):
+            line.textChanged.connect(self._look)
         self._look()
 
     def _line(self, name: str, shown: str) -> QLineEdit:
@@ -98,7 +87,6 @@ class LawSheet(SideSheet):
         line.setAccessibleName(name)
         line.setToolTip(shown or name)
         line.setPlaceholderText(shown)
-        line.textChanged.connect(self._look)
         return line
 
     def fill(self, table: dict[str, Any]) -> None:
@@ -145,8 +133,6 @@ class LawSheet(SideSheet):
     @Slot()
     def _look(self) -> None:
         """Say what is wrong so far."""
-        if not hasattr(self, "save"):
-            return
         if not self.name.text().strip() and not self.formula.text().strip():
             self.save.setEnabled(False)
             self.say("", Tone.NEUTRAL)

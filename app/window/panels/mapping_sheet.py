@@ -7,17 +7,15 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QFormLayout,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from analysis.recording import Role, Setup
 from app.window.panels.side_sheet import SideSheet
-from app.window.theme import MARKS, Colours, Tone, sized
+from app.window.theme import MARKS, Colours, Tone
 from app.words.typed_number import typed_number
 from app.words.wording import local
 from instrument.foreign.contents import ForeignContents
@@ -63,17 +61,7 @@ class MappingSheet(SideSheet):
         super().__init__("Channels of a file from another program", parent)
         self._colours = colours
         self._held: ForeignContents | None = None
-        column = QVBoxLayout(self)
-        column.setContentsMargins(18, 14, 18, 14)
-        top = QHBoxLayout()
-        title = QLabel("Which channel is which?", self)
-        title.setFont(sized(self.font(), 1.5, bold=True))
-        close = QPushButton("Close", self)
-        close.setToolTip("Do not open this file  (Esc)")
-        close.clicked.connect(self.hide)
-        top.addWidget(title, 1)
-        top.addWidget(close)
-        column.addLayout(top)
+        column, _ = self.head("Which channel is which?", "Do not open this file  (Esc)")
         self._file = QLabel(self)
         self._file.setWordWrap(True)
         column.addWidget(self._file)

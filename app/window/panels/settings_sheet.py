@@ -13,14 +13,13 @@ from PySide6.QtWidgets import (
     QPushButton,
     QScrollArea,
     QSizePolicy,
-    QVBoxLayout,
     QWidget,
 )
 
 from app.session.setting_field import Field, Value
 from app.window.file_question import Want, ask
 from app.window.panels.side_sheet import SideSheet
-from app.window.theme import MARKS, Colours, Tone, sized
+from app.window.theme import MARKS, Colours, Tone
 from app.words.typed_number import typed_number
 from app.words.wording import local
 
@@ -37,18 +36,7 @@ class SettingsSheet(SideSheet):
         self._editors: dict[str, QWidget] = {}
         self._tone = Tone.NEUTRAL  # of what is said below the fields
         self._browsed = ""  # the field a folder was last asked for
-        column = QVBoxLayout(self)
-        column.setContentsMargins(18, 14, 18, 14)
-        top = QHBoxLayout()
-        title = QLabel("Settings", self)
-        title.setFont(sized(self.font(), 1.5, bold=True))
-        self._close = QPushButton("Close", self)
-        self._close.setToolTip("Close without applying  (F2 or Esc)")
-        self._close.clicked.connect(self.hide)
-        top.addWidget(title)
-        top.addStretch(1)
-        top.addWidget(self._close)
-        column.addLayout(top)
+        column, _ = self.head("Settings", "Close without applying  (F2 or Esc)")
         hint = QLabel("They hold for the next shots; each shot keeps the settings it was taken with.", self)
         hint.setProperty("faint", True)
         hint.setWordWrap(True)

@@ -1,8 +1,10 @@
 """A sheet over the right side of the window; it blocks nothing, and gives the keyboard back when it goes."""
 
 from PySide6.QtGui import QHideEvent
-from PySide6.QtWidgets import QFrame, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 from shiboken6 import isValid
+
+from app.window.theme import sized
 
 
 class SideSheet(QFrame):
@@ -14,6 +16,21 @@ class SideSheet(QFrame):
         self.setProperty("card", True)
         self.setAccessibleName(name)
         self.hide()
+
+    def head(self, title: str, hover: str) -> tuple[QVBoxLayout, QPushButton]:
+        """Begin the sheet with its title and the button that closes it; return its column, and the button."""
+        column = QVBoxLayout(self)
+        column.setContentsMargins(18, 14, 18, 14)
+        top = QHBoxLayout()
+        words = QLabel(title, self)
+        words.setFont(sized(self.font(), 1.5, bold=True))
+        close = QPushButton("Close", self)
+        close.setToolTip(hover)
+        close.clicked.connect(self.hide)
+        top.addWidget(words, 1)
+        top.addWidget(close)
+        column.addLayout(top)
+        return column, close
 
     def place(self) -> None:
         """Stand at the right edge of the window, over its full height."""

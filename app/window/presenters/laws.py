@@ -4,9 +4,11 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from app.session.own_laws import LawError, OwnLaws, RecordingError, table_of
+from analysis.laws.own import LawError, from_key
+from app.session.own_laws import OwnLaws
 from app.window.layout import Layout
 from app.window.theme import Tone
+from instrument.recording_error import RecordingError
 
 
 class LawsPresenter(QObject):
@@ -33,7 +35,7 @@ class LawsPresenter(QObject):
 
     @Slot(str)
     def _keep(self, key: str) -> None:
-        self._panels.law.fill(table_of(key))
+        self._panels.law.fill(from_key(key).written())
         self._panels.law.open()
 
     @Slot(dict)

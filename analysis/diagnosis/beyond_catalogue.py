@@ -34,8 +34,8 @@ def beyond_catalogue(
 ) -> Beyond | None:
     """Return what lowers the error of the held-out shots, or None where nothing does.
 
-    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Asked in turn: laws alone, those
-    effects alone, and laws beside those effects; what explains all is taken, otherwise what is likeliest.
+    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Laws alone
+    that explain all are taken; otherwise the likeliest of laws alone, those effects alone, and laws beside them.
     """
     tell("learning a law", 0.8)
     alone = learn_laws(before, held, tell, stop)

@@ -109,6 +109,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             json_to=options.json,
             export_to=options.export,
             model=options.model,
+            checked=not options.unchecked,
         )
     if options.replay is not None:
         from app.command_line.outputs import Outputs
@@ -122,6 +123,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             model=options.model,
             foretell=options.foretell,
             laws=options.law or (),
+            checked=not options.unchecked,
         )
     if options.acquire is not None:
         from app.command_line.acquire import acquire
@@ -209,6 +211,7 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--hdf5", action="store_true", help="with --export: a motion file a shot in HDF5 too")
     group.add_argument("--report", type=_path, metavar="FILE", help="write a report that prints: one HTML file")
     group.add_argument("--no-diagnose", action="store_true", help="stop after the base model's fit")
+    group.add_argument("--unchecked", action="store_true", help="leave out the comparison of data and SHA-512 (faster)")
     group.add_argument(
         "--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)"
     )
@@ -263,6 +266,7 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     names = ("json", "export", "report", "model", "law", "save_model", "jobs", "scheduler")
     given = {name for name in names if getattr(options, name) is not None}
     given |= {"no-diagnose"} if options.no_diagnose else set()
+    given |= {"unchecked"} if options.unchecked else set()
     if options.paper is not None:
         given -= {"json"}
     if options.prepare:

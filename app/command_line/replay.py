@@ -40,12 +40,14 @@ def replay(
     model: str | None = None,
     foretell: bool = False,
     laws: Sequence[Path] = (),
+    checked: bool = True,
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
     ``model`` is a base model's name or the path of a model file, whose effects are then part of the model;
     ``foretell`` puts the file's model to the test, as it is.
-    ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue.
+    ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue; ``checked`` compares the
+    data with their hash.
     """
     shots: list[Shot] = []
     try:
@@ -57,7 +59,7 @@ def replay(
         return 1
     settings = AnalysisSettings(effects=known.effects) if known else None
     for path in find_recordings(paths):
-        shot = load_and_analyse(path, known.base if known else model, settings=settings)
+        shot = load_and_analyse(path, known.base if known else model, settings=settings, checked=checked)
         if why := shot.problem or shot.fit_problem:
             print(complaint(shot.path or shot.name, why if shot.problem else f"not fitted: {why}"), file=sys.stderr)
         shots.append(shot)

@@ -31,17 +31,20 @@ def campaign(
     json_to: str | None,
     export_to: Path | None,
     model: str | None,
+    checked: bool = True,
 ) -> int:
     """Analyse every shot under ``paths``; return the exit status.
 
     What is done stands in a journal in ``export_to`` (or beside ``json_to``) and is not done again by the next call;
     a shot that was not reached stands in none.  The shots are not joined into one diagnosis.
+    ``checked`` compares the data with their hash, which costs a campaign a third of its time.
     """
     found = find_recordings(paths)
     try:
         known = known_model(model)
         check_outputs(json_to, export_to)
-        tasks = tasks_of(found, known.base if known else model, known.effects if known else (), export_to)
+        effects = known.effects if known else ()
+        tasks = tasks_of(found, known.base if known else model, effects, export_to, checked=checked)
         with contextlib.closing(_journal(json_to, export_to, tasks)) as journal:
             todo = [task for task in tasks if task.stamp not in journal]
             _say_again(tasks, journal)

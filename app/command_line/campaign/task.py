@@ -20,14 +20,15 @@ Entry = dict[str, Any]  # "stamp", "shot" as in the result file, "row" of shots.
 class Task:
     """One shot to analyse; its paths are absolute, as a worker may stand in another folder.
 
-    ``stamp`` changes when the files, the model or the program do; ``sizes`` are those of the shot's files (bytes, -1
-    where there is none) as seen by who hands it out.
+    ``stamp`` changes when the files, the model, whether the data are ``checked``, or the program do; ``sizes`` are
+    those of the shot's files (bytes, -1 where there is none) as seen by who hands it out.
     """
 
     path: str
     base: str | None
     effects: tuple[str, ...]
     motion_csv: str | None
+    checked: bool
     stamp: str
     sizes: tuple[int, ...]
 
@@ -45,15 +46,22 @@ class NotReached:
 Outcome = Entry | NotReached
 
 
-def tasks_of(found: Sequence[Path], base: str | None, effects: tuple[str, ...], export_to: Path | None) -> list[Task]:
+def tasks_of(
+    found: Sequence[Path],
+    base: str | None,
+    effects: tuple[str, ...],
+    export_to: Path | None,
+    *,
+    checked: bool = True,
+) -> list[Task]:
     """Return a task for each shot that was found; motion is written to ``export_to`` where that is given."""
     names = motion_file_names([recording_stem(path).stem for path in found])
     tasks = []
     for path, name in zip(found, names, strict=True):
         csv = str(export_to.absolute() / name) if export_to is not None else None
         sizes, dates = _state(path)
-        stamp = (program_version(), base, effects, csv, str(path.resolve()), sizes, dates)
-        tasks.append(Task(str(path.absolute()), base, effects, csv, "|".join(map(str, stamp)), sizes))
+        stamp = (program_version(), base, effects, csv, checked, str(path.resolve()), sizes, dates)
+        tasks.append(Task(str(path.absolute()), base, effects, csv, checked, "|".join(map(str, stamp)), sizes))
     return tasks
 
 
@@ -65,7 +73,7 @@ def analyse_one(task: Task) -> Outcome:
     settings = AnalysisSettings(effects=task.effects)
     motion_csv = ""
     try:
-        shot = analysed(path, task.base, settings=settings)
+        shot = analysed(path, task.base, settings=settings, checked=task.checked)
         if task.motion_csv and shot.motion is not None:
             write_motion(shot, Path(task.motion_csv))
             motion_csv = Path(task.motion_csv).name

@@ -5,7 +5,7 @@ Reading and writing the file is the caller's; these are pure functions on text.
 
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -37,7 +37,7 @@ class SavedModel:
     ``parameters`` has the names of a fit ("plate_stiffness_n_per_m", effects as "effect.parameter"), ``covariance``
     is over them in that order; ``errors`` may hold "before", "after", "held_out_before" and "held_out_after".
     ``base_parameters`` are those of the base alone, fitted to the same shots, where it was: what the effects are to
-    beat on other shots.
+    beat on other shots.  ``tried`` are those of ``effects`` that a person put in and no diagnosis named.
     """
 
     base: str
@@ -47,17 +47,25 @@ class SavedModel:
     shots: tuple[str, ...]
     errors: Mapping[str, Errors]
     base_parameters: Mapping[str, Quantity] = field(default_factory=dict)
+    tried: tuple[str, ...] = ()
 
 
-def saved(fit: Fit, shots: Sequence[str], diagnosis: Diagnosis | None = None) -> SavedModel:
-    """Return what is to be saved of a fit of ``shots``, with the errors of the diagnosis that led to it."""
+def saved(
+    fit: Fit, shots: Sequence[str], diagnosis: Diagnosis | None = None, tried: Collection[str] = ()
+) -> SavedModel:
+    """Return what is to be saved of a fit of ``shots``, with the errors of the diagnosis that led to it.
+
+    ``tried`` may name effects that are not in the fit.
+    """
     errors: dict[str, Errors] = {}
     if diagnosis is not None:
         given = {name: getattr(diagnosis, f"error_{name}") for name in _ERRORS}
         errors = {name: value for name, value in given.items() if value is not None}
     bare = diagnosis.fit_before if diagnosis is not None and not findings(diagnosis.fit_before.effects) else None
     base = dict(bare.parameters) if bare is not None and bare.converged else {}
-    return SavedModel(fit.model, fit.effects, dict(fit.parameters), fit.covariance, tuple(shots), errors, base)
+    only_tried = tuple(name for name in fit.effects if name in tried)
+    parameters = dict(fit.parameters)
+    return SavedModel(fit.model, fit.effects, parameters, fit.covariance, tuple(shots), errors, base, only_tried)
 
 
 def to_text(model: SavedModel) -> str:
@@ -66,6 +74,7 @@ def to_text(model: SavedModel) -> str:
         f"schema = {_string(SCHEMA)}",
         f"base = {_string(model.base)}",
         f"effects = [{', '.join(_string(name) for name in model.effects)}]",
+        *([f"tried = [{', '.join(map(_string, model.tried))}]  # no diagnosis named them"] if model.tried else []),
         f"shots = [{', '.join(_string(name) for name in model.shots)}]",
         "",
         "[parameters]  # value and standard uncertainty, SI units",
@@ -102,6 +111,9 @@ def from_text(text: str) -> SavedModel:
     known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()} | set(TAKEN_ALONG)
     if unknown := [name for name in effects if name not in known]:
         raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
+    tried = _strings(data, "tried")
+    if strange := [name for name in tried if name not in effects]:
+        raise ModelFileError(f"tried: {strange[0][:40]!r} is not among the effects")
     parameters, base_parameters = _read_quantities(data, "parameters"), _read_quantities(data, "base_parameters")
     rows = _table(data, "covariance").get("rows", [])
     try:
@@ -116,7 +128,7 @@ def from_text(text: str) -> SavedModel:
             raise ModelFileError(f"errors.{name}: one of {', '.join(_ERRORS)} is expected")
         keys = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
         errors[name] = Errors(*(_float(entry, key, name) for key in keys))
-    return SavedModel(base, effects, parameters, covariance, _strings(data, "shots"), errors, base_parameters)
+    return SavedModel(base, effects, parameters, covariance, _strings(data, "shots"), errors, base_parameters, tried)
 
 
 def drift(model: SavedModel, fit: Fit) -> dict[str, float]:

@@ -23,6 +23,7 @@ from app.report.export_hdf5 import export_hdf5
 from app.report.export_laws import export_laws
 from app.report.page import report_of
 from app.session.load import complaint, load_and_analyse
+from app.words.flag_words import by_weight, flag_words
 from instrument.law_file import read_law
 from instrument.recording_error import RecordingError
 from instrument.recording_search import find_recordings
@@ -67,11 +68,12 @@ def replay(
     if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     told = _foretold(shots, known) if foretell and known is not None else None
-    ok = _write(shots, diagnosis, told, outputs) and (told is not None or not foretell)
+    tried = known.tried if known is not None else ()
+    ok = _write(shots, diagnosis, told, outputs, tried) and (told is not None or not foretell)
     if known is not None and diagnosis is not None:
         _tell_drift(known, diagnosis)
     if outputs.model is not None:
-        ok = _save_model(shots, diagnosis, outputs.model) and ok
+        ok = _save_model(shots, diagnosis, outputs.model, tried) and ok
     return 0 if ok and shots and not any(shot.problem or shot.fit_problem for shot in shots) else 1
 
 
@@ -124,13 +126,13 @@ def _tell_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
             print(f"levimass: {name} lies {deviation:+.1f} standard deviations from the model file's", file=sys.stderr)
 
 
-def _save_model(shots: Sequence[Shot], diagnosis: Diagnosis | None, path: Path) -> bool:
+def _save_model(shots: Sequence[Shot], diagnosis: Diagnosis | None, path: Path, tried: Sequence[str]) -> bool:
     if diagnosis is None or not diagnosis.fit_after.converged:
         print(f"levimass: {path}: no model to save without a diagnosis whose fit converged", file=sys.stderr)
         return False
     names = [shot.path or shot.name for shot in shots if shot.fit is not None]
     try:
-        write_text_beside(path, to_text(saved(diagnosis.fit_after, names, diagnosis)), sync=True)
+        write_text_beside(path, to_text(saved(diagnosis.fit_after, names, diagnosis, tried)), sync=True)
     except RecordingError as error:
         print(f"levimass: {error}", file=sys.stderr)
         return False
@@ -142,6 +144,7 @@ def _write(
     diagnosis: Diagnosis | None,
     told: Foretold | None,
     outputs: Outputs,
+    tried: Sequence[str],
 ) -> bool:
     ok = True
     text = json.dumps(result(shots, diagnosis, told), indent=1, allow_nan=False) + "\n" if outputs.json else ""
@@ -155,7 +158,7 @@ def _write(
             if outputs.hdf5:
                 export_hdf5(shots, outputs.export)
         if outputs.report is not None:
-            write_text_beside(outputs.report, report_of(shots, diagnosis, foretold=told), sync=True)
+            write_text_beside(outputs.report, report_of(shots, diagnosis, foretold=told, tried=tried), sync=True)
         if outputs.json and outputs.json != "-":
             write_text_beside(Path(outputs.json), text, sync=True)
     except (RecordingError, OSError) as error:
@@ -199,7 +202,7 @@ def summary(shot: Shot) -> str:
     if shot.fit is not None and shot.fit.converged:
         lines += fit_lines(shot.fit)
     if shot.flags:
-        lines.append(f"  flags: {', '.join(shot.flags)}")
+        lines += [f"  {flag}: {flag_words(flag)}" for flag in by_weight(shot.flags)]
     return "\n".join(lines)
 
 

@@ -1,6 +1,7 @@
 """A shot's numbers as tables: each with its uncertainty, and what makes it uncertain."""
 
 import math
+from collections.abc import Collection
 
 from analysis.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
 from analysis.fit import Fit
@@ -8,7 +9,7 @@ from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.series import read
 from analysis.shot import Shot
 from app.report.markup import Markup, joined, table, tag
-from app.words.physics_words import parameter_parts
+from app.words.physics_words import effect_words, parameter_parts
 
 SCALES = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
 SMALL = 0.02  # of the combined uncertainty: what is below is told in one line
@@ -43,8 +44,11 @@ def numbers(shot: Shot, of: Budget | None) -> Markup:
     return table(header, rows, "numbers")
 
 
-def fitted(fit: Fit | None) -> Markup:
-    """Return the fitted model's parameters with their uncertainties and correlations, or why there are none."""
+def fitted(fit: Fit | None, tried: Collection[str] = ()) -> Markup:
+    """Return the fitted model's parameters with their uncertainties and correlations, or why there are none.
+
+    ``tried`` are effects that no diagnosis named: where one is in the model, that is said.
+    """
     if fit is None:
         return tag("p", "No model was fitted.")
     if not fit.converged:
@@ -56,12 +60,14 @@ def fitted(fit: Fit | None) -> Markup:
         correlations = [_correlation(fit, index, other) for other in range(len(names))]
         rows.append([_with_unit(words, unit), str(value), *correlations])
     header = ["", "value ± standard uncertainty", *(parameter_parts(name)[0] for name in names)]
-    effects = f" with {', '.join(fit.effects)}" if fit.effects else ""
+    effects = f" with {', '.join(map(effect_words, fit.effects))}" if fit.effects else ""
     said = (
         f"Model {fit.model}{effects}: reduced χ² {fit.reduced_chi2:.4g}, "
         f"noise {1e9 * fit.noise_std_m:.3g} nm a sample of displacement. Columns on the right: correlations."
     )
-    return joined(tag("p", said), table(header, rows, "numbers"))
+    unnamed = ", ".join(effect_words(name) for name in fit.effects if name in tried)
+    warning = tag("p", f"Tried: no diagnosis named {unnamed}.", class_="warning") if unnamed else Markup()
+    return joined(tag("p", said), warning, table(header, rows, "numbers"))
 
 
 def budgets(of: Budget | None) -> Markup:

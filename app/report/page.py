@@ -1,6 +1,6 @@
 """The report of a shot or of a session: one HTML file that prints, needs nothing else, and says how to repeat it."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from importlib import resources
 
@@ -16,7 +16,7 @@ from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import budgets, fitted, numbers
 from app.report.session_section import session_section
 from app.report.shot_figures import figures
-from app.words.physics_words import flag_words
+from app.words.flag_words import by_weight, flag_words
 
 MOST_DRAWN = 24  # shots: beyond that a page of figures each would make a file no browser likes
 NO_LOADING = "default-src 'none'; style-src 'unsafe-inline'"
@@ -30,11 +30,13 @@ def report_of(
     title: str | None = None,
     made_at: datetime | None = None,
     foretold: Foretold | None = None,
+    tried: Collection[str] = (),
 ) -> str:
     """Return the report as HTML.
 
     One shot gives its own report; several give a session's, with overlay and trends before the shots themselves.
     ``instrument`` is the type B part of the budgets (as stated by the rig's owner), ``made_at`` defaults to now.
+    ``tried`` are effects in the model that a person put in and no diagnosis named.
     Every figure is inline SVG, the style sheet is inside, nothing is loaded and nothing runs.
     """
     made = (made_at or datetime.now(UTC)).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
@@ -63,7 +65,7 @@ def report_of(
         body.append(tag("p", said, class_="warning"))
     for number, shot in enumerate(shots, 1):
         others = [other for other in shots if other is not shot]
-        body.append(_shot(shot, others, instrument, number, drawn, single=len(shots) == 1))
+        body.append(_shot(shot, others, instrument, number, drawn, tried, single=len(shots) == 1))
     body.append(_program())
     return "<!DOCTYPE html>\n" + tag("html", head, tag("body", body), lang="en") + "\n"
 
@@ -74,6 +76,7 @@ def _shot(
     instrument: InstrumentUncertainty | None,
     number: int,
     drawn: bool,
+    tried: Collection[str],
     *,
     single: bool,
 ) -> Markup:
@@ -83,7 +86,7 @@ def _shot(
     if shot.impact is not None:
         parts += [tag("h3", "Numbers"), numbers(shot, of)]
     if shot.motion is not None:
-        parts += [tag("h3", "Model"), fitted(shot.fit)]
+        parts += [tag("h3", "Model"), fitted(shot.fit, tried)]
     if drawn and shot.motion is not None:
         parts += [tag("h3", "Figures"), *figures(shot)]
     if drawn and of is not None:
@@ -91,7 +94,7 @@ def _shot(
     parts += [
         tag("h3", "Taken with"), provenance.taken_with(shot),
         tag("h3", "Analysed with"), provenance.analysed_with(shot),
-        tag("h3", "To repeat it"), provenance.repeated_by(shot),
+        tag("h3", "To repeat it"), provenance.repeated_by(shot, tried),
     ]  # fmt: skip
     return tag("section", parts, id=f"shot-{number}", class_="shot")
 
@@ -101,7 +104,7 @@ def _remarks(shot: Shot) -> Markup:
     if shot.problem:
         parts.append(tag("p", f"Not analysed: {shot.problem}", class_="warning"))
     if shot.flags:
-        parts.append(table([], [[flag, flag_words(flag)] for flag in shot.flags], "flags"))
+        parts.append(table([], [[flag, flag_words(flag)] for flag in by_weight(shot.flags)], "flags"))
     if shot.note:
         parts.append(tag("p", tag("b", "Note: "), shot.note, class_="note"))
     return joined(*parts)

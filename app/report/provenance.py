@@ -2,7 +2,7 @@
 
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -60,7 +60,7 @@ def analysed_with(shot: Shot) -> Markup:
     return table([], rows, "settings")
 
 
-def repeated_by(shot: Shot) -> Markup:
+def repeated_by(shot: Shot, tried: Collection[str] = ()) -> Markup:
     """Return program, data hash and the command that gives the same report again."""
     rows = [["program", program_words()]]
     if shot.path is None:
@@ -72,7 +72,7 @@ def repeated_by(shot: Shot) -> Markup:
         command = f"levimass --replay '{Path(shot.path).name}' --model {model} --report report.html"
         rows.append(["command", tag("code", command)])
         if shot.settings.effects and shot.fit is not None:
-            text = to_text(saved(shot.fit, [shot.path]))
+            text = to_text(saved(shot.fit, [shot.path], tried=tried))
             rows.append(["model.toml", tag("pre", text)])
         if shot.settings.corrections:
             rows.append(["put right", "in the window, after the shot was taken; the recording has other values"])

@@ -13,6 +13,7 @@ from app.report.number_tables import SCALES, scaled
 from app.report.shot_figures import figure
 from app.report.shot_times import contact_span_ms, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
+from app.words.flag_words import by_weight, flag_name
 
 COLOURS = 8  # of the style sheet: series-0 to series-7; further shots begin again
 NAMED = 8  # curves that a legend can keep apart
@@ -51,7 +52,7 @@ def _overview(shots: Sequence[Shot]) -> Markup:
                 scaled(impact.force_peak_n, "N")[0],
             ]
         failed = f"failed: {shot.problem}" if shot.problem else ""
-        said = "; ".join(part for part in (failed, ", ".join(shot.flags), shot.note) if part)
+        said = "; ".join(part for part in (failed, ", ".join(map(flag_name, by_weight(shot.flags))), shot.note) if part)
         rows.append([tag("a", shot.name, href=f"#shot-{number}"), shot.started_at or "", *cells, said])
     header = ["shot", "started", "v in (m/s)", "COR quasi-static", "COR kinetic", "peak force (N)", "remarks"]
     note = "± is here what each shot's own samples leave (type A), by which shots compare; the whole is in each shot."

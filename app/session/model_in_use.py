@@ -10,7 +10,7 @@ from analysis.fitted_shot import fit_jointly
 from analysis.model.effects import findings
 from analysis.shot import AnalysisError, Shot
 from app.session.model_effects import ModelEffects
-from app.words.wording import effect_words, local, parameter_parts
+from app.words.wording import effect_words, local, model_effect_words, parameter_parts
 from instrument.recording_error import RecordingError
 from instrument.recording_writer import write_text_beside
 from instrument.text_file import read_toml_text
@@ -42,7 +42,8 @@ def save_model(
         fit = fit_jointly(motions, bases[0], effects, cancelled)
     if not fit.converged:
         raise AnalysisError("the joint fit did not converge: diagnose the shots first, the model lacks something")
-    model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis)
+    named = {effect.name for effect in diagnosis.findings} if diagnosis is not None else set()
+    model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis, set(accepted.tried) - named)
     write_text_beside(path, to_text(model), sync=True)
     return f"Model {model_words(model)} saved as {path}"
 
@@ -56,8 +57,8 @@ def load_model(path: Path) -> SavedModel:
 
 
 def model_words(model: SavedModel) -> str:
-    """Return "paper + quadratic drag on the block, from 5 shots"."""
-    effects = " + ".join(effect_words(name) for name in model.effects) or "nothing"
+    """Return "paper + quadratic drag on the block, from 5 shots"; an effect no diagnosis named has "(tried)"."""
+    effects = " + ".join(model_effect_words(name, model.tried) for name in model.effects) or "nothing"
     count = len(model.shots)
     return f"{model.base} + {effects}, from {count} shot{'' if count == 1 else 's'}"
 

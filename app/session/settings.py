@@ -160,8 +160,7 @@ class Settings:
 
 
 SITES = tuple(
-    (name, f"{name}: {LEVELS_M_PER_S[name] * 1e6:.3g} µm/s in a third-octave" if name in LEVELS_M_PER_S else name)
-    for name in NAMES
+    (name, f"{name} ({LEVELS_M_PER_S[name] * 1e6:.3g} µm/s)" if name in LEVELS_M_PER_S else name) for name in NAMES
 )
 FIELDS: tuple[Field, ...] = (
     Field("moving_mass_kg", "The rig", "Moving mass", "number", "g", 1e3, 1e-4, 100.0,
@@ -196,14 +195,16 @@ FIELDS: tuple[Field, ...] = (
     Field("bandwidth_hz", "Analysis", "Bandwidth", "number", "kHz", 1e-3, 10.0, 1e6,
           "Of velocity and force; noise of force grows with its power 2.5"),
     Field("model", "Analysis", "Base model", "choice", choices=(
-        ("paper", "paper: two bodies, damping not clamped"), ("clamped", "clamped: as Eq. 10 is printed"),
-        ("no_tension", "no tension"), ("contact", "one body on a spring contact"), ("driven", "driven slider")),
-          hover="What is simulated and fitted"),
+        ("paper", "paper (two bodies)"), ("clamped", "damping clamped"), ("no_tension", "no tension"),
+        ("contact", "one body on a spring"), ("driven", "driven slider")),
+          hover="What is simulated and fitted. Paper: block and plate, damped both ways, pulling until the overlap is "
+          "gone; damping clamped: none while they part, as Eq. 10 is printed; no tension: the contact never pulls"),
     Field("rest", "Analysis", "Rest beat", "choice", choices=(
         ("smoothed", "smoothed PD0"), ("instantaneous", "instantaneous PD0")),
           hover="How PD0 is taken off PD1"),
     Field("site", "Simulated bench", "stands at", "choice", choices=SITES,
-          hover="How much the floor under the simulated bench moves: the vibration criteria of the field"),
+          hover="How much the floor under the simulated bench moves: the vibration criteria of the field, "
+          "as the rms velocity in a third-octave"),
     Field("folder", "Folders and looks", "Recordings", "folder",
           hover="Where shots are saved; empty: Levimass in your documents"),
     Field("appearance", "Folders and looks", "Colours", "choice", choices=(

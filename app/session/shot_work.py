@@ -43,10 +43,16 @@ def write_model(
 
 
 def write_report(
-    path: Path, shots: Sequence[Shot], diagnosis: Diagnosis | None, *, progress: Progress, cancelled: Asked
+    path: Path,
+    shots: Sequence[Shot],
+    diagnosis: Diagnosis | None,
+    tried: Sequence[str],
+    *,
+    progress: Progress,
+    cancelled: Asked,
 ) -> str:
     """Write the report of these shots, as the path's ending says, and return what was done in words."""
-    text = report_text(shots, diagnosis, progress=progress, cancelled=cancelled)
+    text = report_text(shots, diagnosis, tried, progress=progress, cancelled=cancelled)
     if path.suffix.lower() == ".pdf":
         from app.report.pdf import write_pdf  # only this needs Qt
 
@@ -56,10 +62,12 @@ def write_report(
     return f"Report of {len(shots)} shots saved as {path}"
 
 
-def report_text(shots: Sequence[Shot], diagnosis: Diagnosis | None, *, progress: Progress, cancelled: Asked) -> str:
-    """Return the report of these shots as HTML."""
+def report_text(
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[str], *, progress: Progress, cancelled: Asked
+) -> str:
+    """Return the report of these shots as HTML; ``tried`` are effects that no diagnosis named."""
     progress("drawing the report", 0.2)
-    return report_of(shots, diagnosis)
+    return report_of(shots, diagnosis, tried=tried)
 
 
 def write_csv(

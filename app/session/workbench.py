@@ -339,17 +339,20 @@ class Workbench:
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the report of these entries, or of all when none is named, as one HTML or PDF file."""
-        shots, diagnosis = self._reported(numbers)
-        self._submit_export("report", partial(write_report, path, shots, diagnosis))
+        self._submit_export("report", partial(write_report, path, *self._reported(numbers), self._tried))
 
     def report_to_print(self, numbers: Sequence[int]) -> None:
         """Queue the making of the report's text, which comes back to be printed."""
-        make = partial(report_text, *self._reported(numbers))
+        make = partial(report_text, *self._reported(numbers), self._tried)
 
         def work(report: Report, cancelled: Asked) -> Event:
             return Event(Kind.PRINT, self._do(make, report, cancelled))
 
         self.jobs.submit("report", work, "export")
+
+    @property
+    def _tried(self) -> tuple[str, ...]:
+        return self.session.effects.tried
 
     def _reported(self, numbers: Sequence[int]) -> tuple[list[Shot], Diagnosis | None]:
         entries = self._entries(numbers) or list(self.session.entries)
@@ -390,7 +393,7 @@ class Workbench:
             self._take_saved(result)
         elif isinstance(result, Loaded):
             self.known = result.model
-            self._use(result.model.base, result.model.effects)
+            self._use(result.model.base, result.model.effects, result.model.tried)
             words = f"Model {model_words(result.model)}, taken from {result.path}"
             self._waiting.append(Event(Kind.MODEL, words))
         elif isinstance(result, Opened):

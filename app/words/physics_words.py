@@ -1,7 +1,8 @@
-"""What the program's names of effects, parameters and flags mean, in words; used on the screen and in files (no Qt)."""
+"""What the program's names of effects and parameters mean, in words; used on the screen and in files (no Qt)."""
+
+from collections.abc import Collection
 
 from analysis.laws.own import from_key
-from analysis.signal.quality import MEANINGS
 from analysis.units import parts
 
 EFFECT_WORDS = {
@@ -36,33 +37,6 @@ EFFECT_WORDS = {
     "gain_error": "an error of the force's scale",
 }
 
-FLAG_WORDS = {
-    "setup_corrected": "mass, wavelength, air or rest frequency were corrected after the shot was taken",
-    "interrupted": "the capture was cut off before it was closed; analysed as far as it got",
-    "cut_short": "the capture ended before all samples asked for came",
-    "data_altered": "the data file is not the one that was recorded: its SHA-512 differs from that in the metadata",
-    "trigger_lost": "the light switch's sample lies beyond the end of the file",
-    "impulse_disagrees": "quasi-static COR and impulse ratio differ by more than three standard uncertainties",
-    "bounces_disturbed": "something else moves the block in its first flights: the kinetic COR is not given",
-    "read_from_model": "peak, width, contact time and deflection are the fitted model's: derivatives carry too little",
-    "pulse_disagrees": "peak and width of the force as read do not make the impulse that mass and velocities do",
-    "no_release": "the record ends within the contact",
-    "no_turn": "the block does not turn round in what was taken for the contact",
-    "flight_cut": "something else moves the block near the impact (a hand, a second blow): read up to it only",
-    "goes_on": "something moves the block after the flight (a hand): the first collision is read",
-    "vibration": "the path shakes: its lines were taken off, the rest stands in the uncertainties",
-    "knock": "something struck the table in a flight: that stretch was left out, or stands in the uncertainties",
-    "restitution_above_one": "a restitution above one: the plate cannot give back more than it took",
-    "momentum_disagrees": "the impulse of the force is not m (v_out - v_in)",
-    "fit_disagrees": "the model's velocities contradict those read, beyond their uncertainties",
-    "chi2_far_from_one": "the model leaves far more, or far less, than the noise: its uncertainties do not hold",
-    "plate_shaken": "the table shakes the plate before it is touched: the ± of the fitted parameters do not hold that",
-    "fit_not_converged": "the model's fit did not converge: its numbers are withheld",
-    "mass_disagrees": "force and motion contradict the stated mass: the fitted one is used",
-    "fit_failed": "the model could not be fitted: its numbers are withheld",
-    "noise_not_known": "too little quiet flight to learn the noise from",
-}
-
 
 def effect_words(name: str) -> str:
     """Return an effect's name as a person says it."""
@@ -71,9 +45,9 @@ def effect_words(name: str) -> str:
     return EFFECT_WORDS.get(name, name.replace("_", " "))
 
 
-def flag_words(flag: str) -> str:
-    """Return what a flag means and what to do, in one line."""
-    return MEANINGS.get(flag) or FLAG_WORDS.get(flag, flag.replace("_", " "))
+def model_effect_words(name: str, tried: Collection[str]) -> str:
+    """Return an effect in the model in words, "(tried)" behind one that a person put in and no diagnosis named."""
+    return f"{effect_words(name)} (tried)" if name in tried else effect_words(name)
 
 
 def parameter_parts(name: str) -> tuple[str, str]:

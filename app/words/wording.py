@@ -8,20 +8,12 @@ from PySide6.QtCore import QLocale
 from analysis.laws.own import called
 from analysis.quantity import NotSeen, Quantity, Reading
 from app.words.physics_words import effect_words as effect_words
-from app.words.physics_words import flag_words as flag_words
+from app.words.physics_words import model_effect_words as model_effect_words
 from app.words.physics_words import parameter_parts as parameter_parts
 from app.words.prefixes import prefix_for
 
 DASH = "–"
 LONGEST_NAME = 24  # characters of a shot's name beside others
-
-MILD_FLAGS = (
-    "wander",
-    "vibration",
-    "leak_removed",
-    "rest_drift",
-    "goes_on",
-)  # seen, and already contained in the numbers
 
 
 def local(text: str) -> str:

@@ -91,3 +91,9 @@ def test_the_floor_of_the_site_is_shown_with_its_lines_and_advice(panel):
     assert "u(COR)" in panel.floor.summary.text() and "24.9" in panel.floor.lines.text()
     assert "costs you a factor" in panel.floor.advice.text()
     assert panel.floor.plot.columns["rms velocity (m/s)"] is floor.third_octave_m_per_s
+
+
+def test_before_the_block_has_rested_the_criteria_stand_where_they_belong(panel):
+    (left, right), (low, high) = panel.floor.plot.plot.getViewBox().viewRange()
+    assert 10**left == pytest.approx(4.0, rel=0.2) and 10**right == pytest.approx(400.0, rel=0.2)
+    assert 0.3 < 10**low < 0.78 and 50 < 10**high < 150  # VC-G to VC-A in µm/s

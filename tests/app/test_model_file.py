@@ -54,6 +54,18 @@ def test_what_lies_beyond_chance_is_named_largest_first() -> None:
     assert drift_words(replace(known, base="clamped"), other) == ""
 
 
+def test_a_model_that_is_saved_says_which_effects_were_only_tried(tmp_path: Path) -> None:
+    shot = synthetic.shot("a", 0.2, 1)
+    found = synthetic.diagnosis(shot)
+    assert shot.fit is not None
+    (named,) = {effect.name for effect in found.effects}
+    found = replace(found, fit_after=replace(shot.fit, effects=(named, "adhesion")))
+    effects = ModelEffects((named, "adhesion")).trying(("adhesion", named))
+    said = save_model(tmp_path / "m.toml", [shot], effects, found, _never)
+    assert load_model(tmp_path / "m.toml").tried == ("adhesion",)  # the other was named meanwhile
+    assert "adhesion at release (tried)" in said
+
+
 def test_the_accepted_effects_come_back_with_the_session(tmp_path: Path) -> None:
     session = Session(tmp_path / "session.json")
     session.set_effects(ModelEffects(("quadratic_drag",), ("coulomb_friction",)))
@@ -82,13 +94,14 @@ def test_saved_and_opened_by_keys(qtbot: QtBot, tmp_path: Path, warm_kernels: No
         shot = synthetic.shot("a", 0.2, 1)
         assert shot.fit is not None
         model = saved(shot.fit, ["a"])
-        for name, effects in (("tilted", ("tilt",)), ("plain", ())):
+        for name, effects, tried in (("tilted", ("tilt", "adhesion"), ("adhesion",)), ("plain", (), ())):
             path = tmp_path / f"{name}.toml"
-            path.write_text(to_text(replace(model, effects=effects)), encoding="utf-8")
+            path.write_text(to_text(replace(model, effects=effects, tried=tried)), encoding="utf-8")
             qtbot.keyClick(window, Qt.Key.Key_O, both)
             answer(path)
             qtbot.waitUntil(lambda path=path: path.name in window.panels.work.notices.words, timeout=WAIT_MS)
             assert window.workbench.effects_of("paper") == effects
+            assert window.workbench.session.effects.tried == tried
         assert not window.panels.model.known
         entry = window.workbench.add_shot(shot)
         window.pull()

@@ -18,6 +18,7 @@ from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.large import LargePanel
 from app.window.panels.notice import NoticeLine
 from app.window.panels.numbers import NumbersPanel
+from app.window.panels.session_model import FLAGS
 from app.window.panels.session_table import NOTE, SessionTable
 from app.window.panels.shot import ShotPanel
 from app.window.plots import save
@@ -88,6 +89,24 @@ def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
     assert "impulse of the force" in panel._values["peak force"].accessibleDescription()
     panel.show_shot(shot)
     assert not any(MARKS[Tone.WARNING] in label.text() for label in panel._names.values())
+
+
+def test_what_only_widens_an_uncertainty_is_no_alarm(qtbot, shot):
+    panel, table, session = NumbersPanel(LIGHT), SessionTable(), Session()
+    qtbot.addWidget(panel)
+    qtbot.addWidget(table)
+    signs = LIGHT.signs
+    panel.show_shot(replace(shot, flags=("wander", "clipped", "vibration")))
+    lines = panel.flags.text().split("<br>")
+    assert [signs[Tone.WARNING] in line for line in lines] == [True, False, False] and "cut off" in lines[0]
+    session.add(replace(shot, flags=("wander", "clipped", "vibration")))
+    session.add(replace(shot, flags=("wander",)))
+    table.show_session(session)
+    shown = [table.model.index(row, FLAGS).data() for row in range(2)]
+    assert shown == ["clipped + 2", "path drift"]
+    assert table.model.index(0, FLAGS).data(Qt.ItemDataRole.ToolTipRole).count("\n") == 2
+    table.select([1])
+    assert "clipped, wander, vibration" in table.as_text()  # whole, by the names that files have
 
 
 def test_the_numbers_name_what_the_effects_in_the_model_came_to(qtbot):

@@ -94,8 +94,19 @@ def test_the_diagnosis_is_in_it(whole: str) -> None:
     assert one.fit is not None
     found = replace(diagnosis(one), fit_after=replace(one.fit, effects=("quadratic_drag",)))
     text = Elements(report_of([one], found, made_at=MADE)).text
-    assert "shot-1 (nm)" in text and "before and after." in text and "with quadratic_drag" in text
+    assert "shot-1 (nm)" in text and "before and after." in text and "with quadratic drag on the block" in text
     assert "Diagnosis" not in Elements(report_of([shot()], None, made_at=MADE)).text
+
+
+def test_an_effect_that_no_diagnosis_named_is_told(tmp_path: Path) -> None:
+    one = shot(count=8000)
+    assert one.fit is not None
+    fit = replace(one.fit, effects=("tilt", "adhesion"))
+    tried = replace(one, fit=fit, path=str(tmp_path / "a"), settings=replace(one.settings, effects=fit.effects))
+    text = Elements(report_of([tried], made_at=MADE, tried=("adhesion", "cyclic_error"))).text
+    assert "no diagnosis named adhesion at release." in text  # and not the one that is not in the model
+    assert 'tried = ["adhesion"]' in text
+    assert "no diagnosis named" not in Elements(report_of([tried], made_at=MADE)).text
 
 
 def test_nothing_foreign_becomes_markup() -> None:

@@ -5,16 +5,28 @@ from collections.abc import Iterator
 import pytest
 from PySide6.QtCore import QRect
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QMainWindow, QStyle, QStyleOptionButton, QWidget
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QComboBox,
+    QLabel,
+    QMainWindow,
+    QStyle,
+    QStyleOptionButton,
+    QStyleOptionComboBox,
+    QWidget,
+)
 
 from analysis.drive.curves import drive_curves
+from analysis.signal.quality import MEANINGS
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
 from app.window.layout import Layout
+from app.window.panels.session_model import FLAGS
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Theme, Tone
+from app.words.flag_words import FLAG_WORDS, flags_in_short
 from tests.app import synthetic
 
 SMALLEST = (960, 540)
@@ -141,6 +153,28 @@ def test_the_tabs_and_the_number_of_a_shot_above_99_are_whole(window):
     last = table.model.index(table.model.rowCount() - 1, 0)
     assert table.fontMetrics().horizontalAdvance("123 (100)") < table.table.columnWidth(0) - 8
     assert last.data() == "123"
+
+
+def test_every_flag_has_room_in_its_column(window):
+    table = window.panels.table
+    words = [flags_in_short([flag, *["x"] * 9]) for flag in (*MEANINGS, *FLAG_WORDS)]
+    widest = max(table.fontMetrics().horizontalAdvance(text) for text in words)
+    assert widest < table.table.columnWidth(FLAGS) - 8
+
+
+def test_every_choice_has_room_in_its_box(window):
+    window.panels.settings.open()
+    window.panels.place_sheets()
+    QTest.qWait(20)
+    cut = []
+    for box in window.findChildren(QComboBox):
+        option = QStyleOptionComboBox()
+        box.initStyleOption(option)
+        part = QStyle.SubControl.SC_ComboBoxEditField
+        room = box.style().subControlRect(QStyle.ComplexControl.CC_ComboBox, option, part, box).width()
+        words = [box.itemText(index) for index in range(box.count())] if box.isVisible() else []
+        cut += [text for text in words if box.fontMetrics().horizontalAdvance(text) > room]
+    assert not cut
 
 
 def test_a_driven_record_is_whole_too(window):

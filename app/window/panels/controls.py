@@ -23,7 +23,7 @@ class Controls(QWidget):
         self.source.setAccessibleName("Source of the samples")
         self.source.setToolTip("Where the samples come from: the simulated bench, a recording, or a device  (S)")
         self.source.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.source.setMinimumContentsLength(16)
+        self.source.setMinimumContentsLength(19)  # "Simulated bench with a flaw"
         self.arm = QPushButton("ARM", self)
         self.arm.setProperty("primary", True)
         self.arm.setToolTip("Wait for the light switch and record the next shot  (space)")

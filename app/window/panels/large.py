@@ -10,7 +10,8 @@ from analysis.impact import Impact
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
-from app.words.wording import DASH, MILD_FLAGS, local, number
+from app.words.flag_words import MILD_FLAGS
+from app.words.wording import DASH, local, number
 
 MOST_DIGITS = 7  # more are not read from afar
 ROWS: tuple[tuple[str, str, float, Callable[[Impact], Reading]], ...] = (

@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLay
 
 from analysis.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
-from app.words.wording import effect_words, number, with_prefix
+from app.words.wording import model_effect_words, number, with_prefix
 
 LACKING_CHI2 = 1.5  # above, what is left over is more than noise by far
 
@@ -20,6 +20,7 @@ class ModelPanel(QFrame):
         super().__init__(parent)
         self._colours = colours
         self._shot: Shot | None = None
+        self._tried: tuple[str, ...] = ()
         self._said = self._told = ("", Tone.NEUTRAL)
         column = QVBoxLayout(self)
         column.setContentsMargins(10, 2, 8, 4)
@@ -54,19 +55,19 @@ class ModelPanel(QFrame):
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
         self._colours = colours
-        self.show_shot(self._shot)
+        self.show_shot(self._shot, self._tried)
         self.show_verdict(*self._said)
         self.show_known(*self._told)
 
-    def show_shot(self, shot: Shot | None) -> None:
-        """Show the model of this shot's fit."""
-        self._shot = shot
+    def show_shot(self, shot: Shot | None, tried: tuple[str, ...] = ()) -> None:
+        """Show the model of this shot's fit; ``tried`` are effects that no diagnosis named."""
+        self._shot, self._tried = shot, tried
         fit = shot.fit if shot is not None else None
         if fit is None:
             self._model.setText("paper's two bodies" if shot is None else f"model {shot.settings.model}: not fitted")
             self._fit.setText("")
             return
-        effects = " + ".join(effect_words(name) for name in fit.effects) or "nothing"
+        effects = " + ".join(model_effect_words(name, self._tried) for name in fit.effects) or "nothing"
         self._model.setText(f"<b>{fit.model}</b> + {effects}")
         if not fit.converged:
             self._fit.setText(f"{MARKS[Tone.BAD]} the fit did not converge: its numbers are not shown")

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from html import escape
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
@@ -21,13 +22,13 @@ from analysis.budget import budget
 from analysis.doubts import concerning
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
+from app.window.flag_tone import flag_line, flag_tone
 from app.window.panels.number_rows import DRIVE, GROUPS, Row
 from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.flag_words import by_weight, flag_words
 from app.words.wording import (
-    MILD_FLAGS,
     concise_text,
     effect_words,
-    flag_words,
     how_text,
     kept_words,
     parameter_words,
@@ -36,10 +37,6 @@ from app.words.wording import (
 
 NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
 COMBINED = "± is the combined standard uncertainty, all sources of the budget together."
-
-
-def _flag_tone(flag: str) -> Tone:
-    return Tone.NEUTRAL if flag in MILD_FLAGS else Tone.WARNING
 
 
 def _effect_lines(shot: Shot | None) -> list[str]:
@@ -191,7 +188,7 @@ class NumbersPanel(QScrollArea):
                 label.setText(self._fitting(label, reading, row.scale))
                 which = COMBINED if row.key in self._combined else NOISE_ONLY
                 doubts = concerning(row.key, shot.flags) if shot is not None else ()
-                said = "".join(f"<br>{MARKS[_flag_tone(flag)]} {flag_words(flag)}" for flag in doubts)
+                said = "".join(f"<br>{flag_line(flag)}" for flag in doubts)
                 hover = how_text(row.name, reading, row.meaning, which) + said
                 label.setToolTip(hover)
                 self._mark(row, doubts, hover)
@@ -204,7 +201,7 @@ class NumbersPanel(QScrollArea):
     def _mark(self, row: Row, doubts: tuple[str, ...], hover: str) -> None:
         """Let a number in doubt say so at its name; a mild flag only in its hover."""
         name = self._names[row.name]
-        doubted = any(_flag_tone(flag) is Tone.WARNING for flag in doubts)
+        doubted = any(flag_tone(flag) is Tone.WARNING for flag in doubts)
         name.setText(f"{row.name} {MARKS[Tone.WARNING]}" if doubted else row.name)
         name.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}; font-weight: bold" if doubted else "")
         name.setToolTip(hover)
@@ -250,11 +247,15 @@ class NumbersPanel(QScrollArea):
             self.agreement.setToolTip("Quasi-static and impulse ratio, against their combined standard uncertainty")
 
     def _show_flags(self, shot: Shot | None) -> None:
-        lines = [f"{MARKS[Tone.NEUTRAL]} {kept_words(self._version)}; Ctrl+R analyses anew"] if self._version else []
+        """Say what is wrong, what is in doubt, and in quiet letters what is only to be known."""
+        lines: list[tuple[Tone, str]] = []
         if shot is not None and shot.problem:
-            lines.append(f"{MARKS[Tone.BAD]} {shot.problem}")
+            lines.append((Tone.BAD, f"{MARKS[Tone.BAD]} {shot.problem}"))
         if shot is not None:
-            lines += [f"{MARKS[_flag_tone(flag)]} {flag_words(flag)}" for flag in shot.flags]
-        mild = shot is None or (not shot.problem and all(flag in MILD_FLAGS for flag in shot.flags))
-        self.flags.setText("\n".join(lines))
-        self.flags.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL if mild else Tone.WARNING]}")
+            lines += [(flag_tone(flag), flag_line(flag)) for flag in by_weight(shot.flags)]
+        if self._version:
+            lines.append((Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {kept_words(self._version)}; Ctrl+R analyses anew"))
+        signs = self._colours.signs
+        self.flags.setText(
+            "<br>".join(f"<span style='color: {signs[tone]}'>{escape(line)}</span>" for tone, line in lines)
+        )

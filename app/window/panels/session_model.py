@@ -7,8 +7,10 @@ from PySide6.QtGui import QFont
 
 from analysis.quantity import NotSeen, Quantity, Reading
 from app.session.session import Entry
+from app.window.flag_tone import flag_line
 from app.window.panels.session_order import Order, ordered
-from app.words.wording import DASH, concise_text, flag_words, how_text, value_text
+from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
+from app.words.wording import DASH, concise_text, how_text, value_text
 
 COLUMNS = (
     ("#", 9),
@@ -21,10 +23,10 @@ COLUMNS = (
     ("F max (N)", 13),
     ("k_p (N/m)", 17),
     ("verdict", 24),
-    ("flags", 11),
+    ("flags", 25),
     ("note", 14),
 )
-NOTE = len(COLUMNS) - 1
+FLAGS, NOTE = len(COLUMNS) - 2, len(COLUMNS) - 1
 
 
 def _reading(entry: Entry, column: int) -> Reading | None:
@@ -57,7 +59,7 @@ def _sorted_by(entry: Entry, column: int) -> float | str | None:
         1: (shot.started_at or "") if shot is not None else "",
         2: entry.name,
         9: entry.verdict,
-        10: ", ".join(shot.flags) if shot is not None else "",
+        FLAGS: ", ".join(by_weight(shot.flags)) if shot is not None else "",
         NOTE: entry.note,
     }
     return float(entry.number) if column == 0 else texts[column]
@@ -120,8 +122,12 @@ class SessionModel(QAbstractTableModel):
         return found if isinstance(found, Entry) else None
 
     def _searched(self, entry: Entry) -> str:
-        flags = " ".join(flag_words(flag) for flag in entry.shot.flags) if entry.shot is not None else ""
-        return " ".join((*(self._text(entry, column) for column in (0, 1, 2, 9, 10, NOTE)), flags))
+        flags = (
+            " ".join(f"{flag_name(flag)} {flag_words(flag)}" for flag in entry.shot.flags)
+            if entry.shot is not None
+            else ""
+        )
+        return " ".join((*(self._text(entry, column) for column in (0, 1, 2, 9, FLAGS, NOTE)), flags))
 
     def rowCount(self, parent: QModelIndex | None = None) -> int:
         """Return the number of rows, headings of groups among them."""
@@ -152,6 +158,8 @@ class SessionModel(QAbstractTableModel):
         entry, column = self.rows[index.row()], index.column()
         if isinstance(entry, str):
             return _heading(entry, column, role)
+        if role == Qt.ItemDataRole.DisplayRole and column == FLAGS:
+            return flags_in_short(entry.shot.flags) if entry.shot is not None else ""
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
             return self._text(entry, column)
         if role == Qt.ItemDataRole.ToolTipRole:
@@ -172,8 +180,8 @@ class SessionModel(QAbstractTableModel):
             if shot is None:
                 return "reading …"
             return shot.problem or entry.verdict or DASH
-        if column == 10:
-            return ", ".join(shot.flags) if shot is not None and shot.flags else ""
+        if column == FLAGS:
+            return ", ".join(by_weight(shot.flags)) if shot is not None else ""
         if column == NOTE:
             return entry.note
         return concise_text(_reading(entry, column))
@@ -182,8 +190,8 @@ class SessionModel(QAbstractTableModel):
         if 3 <= column <= 8:
             reading = _reading(entry, column)
             return how_text(COLUMNS[column][0], reading, value_text(reading))
-        if column == 10 and entry.shot is not None:
-            return "\n".join(flag_words(flag) for flag in entry.shot.flags) or None
+        if column == FLAGS and entry.shot is not None:
+            return "\n".join(map(flag_line, by_weight(entry.shot.flags))) or None
         if column == 2:
             s = entry.settings
             copy = f"Shot {entry.copy_of} with other settings.\n" if entry.copy_of is not None else ""

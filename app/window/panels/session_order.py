@@ -28,7 +28,7 @@ def _series(entry: Entry) -> str:
 
 GROUPS: dict[str, tuple[str, Callable[[Entry], str]]] = {
     "day": ("day", _day),
-    "series": ("name without its number", _series),
+    "series": ("series", _series),
     "verdict": ("verdict", lambda entry: entry.verdict or "not diagnosed"),
     "model": ("base model", lambda entry: entry.settings.model),
 }

@@ -121,7 +121,7 @@ class SessionTable(QFrame):
         self.filter.setMaximumWidth(14 * self.fontMetrics().horizontalAdvance("n"))
         self.group = QComboBox(self)
         self.group.setAccessibleName("How the shots are grouped")
-        self.group.setToolTip("Stand shots together that are alike in this")
+        self.group.setToolTip("Stand shots together that are alike in this; series: names alike but for their number")
         self.group.addItem("no groups", "")
         for name, (words, _) in GROUPS.items():
             self.group.addItem(f"by {words}", name)
@@ -238,7 +238,8 @@ class SessionTable(QFrame):
         chosen = set(self._numbers) or set(self.shown)
         rows = [row for row, e in enumerate(self.model.rows) if isinstance(e, Entry) and e.number in chosen]
         lines = [[COLUMNS[n][0] for n in shown]]
-        lines += [[str(self.model.index(row, n).data()) for n in shown] for row in rows]
+        whole = Qt.ItemDataRole.EditRole  # the flags are not cut to the first
+        lines += [[str(self.model.index(row, n).data(whole)) for n in shown] for row in rows]
         return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
     def edit_note(self) -> None:

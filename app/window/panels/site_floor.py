@@ -2,6 +2,7 @@
 
 import numpy as np
 import pyqtgraph as pg
+from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
@@ -67,6 +68,7 @@ class SiteFloorPanel(QWidget):
         words.addWidget(CursorReadout(self.plot, self))
         words.addStretch(1)
         row.addLayout(words, 1)
+        self._show_levels(np.empty(0))
         self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
@@ -86,13 +88,17 @@ class SiteFloorPanel(QWidget):
             self.lines.setText("")
             self.advice.setText("")
             self._curve.show_points(np.empty(0), np.empty(0))
+            self._show_levels(np.empty(0))
             return
         level = UM_PER_S * np.maximum(floor.third_octave_m_per_s, 1e-12)
         self._curve.show_points(CENTRES_HZ, level)
-        low = min(float(level.min()), UM_PER_S * CRITERIA_M_PER_S[SHOWN[-1]])
-        high = max(float(level.max()), UM_PER_S * CRITERIA_M_PER_S[SHOWN[0]])
-        self.plot.show_range((float(CENTRES_HZ[0]), float(CENTRES_HZ[-1])), (low / 1.6, 1.6 * high))
+        self._show_levels(level)
         self.plot.columns = {"frequency (Hz)": CENTRES_HZ, "rms velocity (m/s)": floor.third_octave_m_per_s}
         self.summary.setText(floor_words(floor))
         self.lines.setText("\n".join(line_words(floor)))
         self.advice.setText("\n".join(f"{sentence}." for sentence in floor.advice))
+
+    def _show_levels(self, level: NDArray[np.float64]) -> None:
+        """Let the criteria and these levels in µm/s, shape (k,), be in view."""
+        levels = [*level, *(UM_PER_S * CRITERIA_M_PER_S[name] for name in (SHOWN[0], SHOWN[-1]))]
+        self.plot.show_range((float(CENTRES_HZ[0]), float(CENTRES_HZ[-1])), (min(levels) / 1.6, 1.6 * max(levels)))

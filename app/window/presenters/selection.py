@@ -95,7 +95,7 @@ class SelectionPresenter(QObject):
                 shot, _called(entry) if entry is not None else "", entry.version if entry is not None else ""
             )
             p.large.show_shot(shot, _called(entry) if entry is not None else "")
-            p.model.show_shot(shot)
+            p.model.show_shot(shot, self._workbench.session.effects.tried)
         verdict = entry.verdict if entry is not None else ""
         fit = shot.fit if shot is not None else None
         p.model.show_verdict(*told(verdict, fit.effects if fit is not None else ()))

@@ -30,6 +30,13 @@ def test_what_is_written_comes_back() -> None:
     assert dataclasses.replace(back, covariance=MODEL.covariance, parameters=MODEL.parameters) == MODEL
 
 
+def test_an_effect_that_no_diagnosis_named_stays_marked() -> None:
+    tried = dataclasses.replace(MODEL, tried=("coulomb_friction",))
+    assert "tried" not in to_text(MODEL) and from_text(to_text(tried)).tried == ("coulomb_friction",)
+    with pytest.raises(ModelFileError, match="tried: 'tilt'"):
+        from_text(to_text(dataclasses.replace(MODEL, tried=("tilt",))))
+
+
 def test_a_name_that_is_no_text_does_no_harm() -> None:
     assert from_text(to_text(dataclasses.replace(MODEL, shots=("shot\udcff",)))).shots == ("shot?",)
 

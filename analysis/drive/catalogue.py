@@ -55,7 +55,8 @@ class Bent:
 class Law:
     """A row: ``force(run, bent)`` returns one column (n,) a linear parameter, in N a unit of it; ``formula`` says what.
 
-    Without ``force`` the law moves the time of the measured force (its one bent parameter, in s).
+    Without ``force`` the law moves the time of the measured force (its one bent parameter, in s).  ``of_force``: it is
+    made of that force, and where it is nearly the force itself it would explain anything.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Law:
     formula: str
     force: Callable[[Run, Sequence[float]], Columns] | None
     bent: tuple[Bent, ...] = ()
+    of_force: bool = False
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -159,7 +161,7 @@ LAWS: dict[str, Law] = {
             (Bent("pitch_m", Span.PITCH, 1.0 / 400.0, 0.7),),
         ),
         Law("place_dependent_friction", ("slope_n_per_m", "curvature_n_per_m2"), "sgn v (s x + q x^2)", place_friction),
-        Law("load_dependent_friction", ("fraction",), "m |F| sgn v", load_friction),
+        Law("load_dependent_friction", ("fraction",), "m |F| sgn v", load_friction, of_force=True),
         Law("bearing_gradient", ("stiffness_n_per_m",), "k x", gradient),
         Law("quadratic_stiffness", ("coefficient_n_per_m2",), "k_2 x^2", quadratic_spring),
         Law("cubic_stiffness", ("coefficient_n_per_m3",), "k_3 x^3", cubic_spring),

@@ -171,7 +171,7 @@ def regress(
     order = [(*names, *known).index(name) for name in _all_names(laws)]
     return Regression(
         _all_names(laws), every[order], covariance[np.ix_(order, order)], tuple(laws), bent, residual, whole, mask,
-        independent(residual[mask]),
+        independent(residual[mask], table.record[mask]),
     )  # fmt: skip
 
 
@@ -301,12 +301,18 @@ def _long_run(scores: Floats) -> Floats:
     return np.asarray(blocks.T @ blocks)
 
 
-def independent(residual: Floats) -> float:
-    """Return how many independent samples a remainder is worth."""
+def independent(residual: Floats, record: NDArray[np.int64]) -> float:
+    """Return how many independent samples a remainder is worth: less what neighbours share.
+
+    Where one record is much noisier than the others it alone decides what is left, so that theirs count for little
+    (as in Kish's effective size of a weighted sample, 1965).
+    """
     variance = float(residual @ residual)
     if variance == 0.0:
         return float(residual.size)
-    return residual.size * variance / max(variance, float(_long_run(residual[:, None])[0, 0]))
+    shares, counts = np.bincount(record, residual**2) / variance, np.bincount(record)
+    evenly = 1.0 / float(np.sum(shares**2 / np.maximum(counts, 1)))
+    return evenly * variance / max(variance, float(_long_run(residual[:, None])[0, 0]))
 
 
 def _not_apart(laws: Sequence[str]) -> str:

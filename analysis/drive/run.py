@@ -1,9 +1,9 @@
 """The samples of driven records, force and motion through one filter.
 
 A derivative of the displacement is known in a band only; a force that holds more than that band would be compared with
-a motion that cannot show it.  Force and every law's force therefore pass the low-pass whose derivatives give velocity
-and acceleration ("parallel filtering" of the identification of robots: M. Gautier, 1997; A. Janot, P.-O. Vandanjon,
-M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014).
+a motion that cannot show it.  Force and every law's force therefore pass the very low-pass that displacement, velocity
+and acceleration have passed ("parallel filtering" of the identification of robots: M. Gautier, 1997; A. Janot,
+P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014).
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,15 @@ from scipy.signal import fftconvolve, upfirdn
 from analysis.drive.bandwidth import bandwidth_of
 from analysis.motion import Motion
 from analysis.shot import AnalysisError
-from analysis.signal.filters import derivative_filters, derivatives, stretches
+from analysis.signal.filters import stretches
 
 Floats = NDArray[np.float64]
 FEWEST_SAMPLES = 200
 STANDSTILL_SIGMAS = 5.0
 OVERSAMPLED = 3.0  # samples kept for every hertz of the bandwidth: what lies between them is interpolation
 LONGEST_DELAY = 0.5  # between force and motion, in 1 / bandwidth: what is looked for
-_KAISER = 5.65  # of the derivative filters
+_KAISER = 5.65  # 60 dB
+_HALF_LENGTH = 3.0  # of the low-pass, in 1 / bandwidth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,8 +57,8 @@ class Run:
 
 @lru_cache(maxsize=64)
 def low_pass(sample_rate_hz: float, bandwidth_hz: float, later_s: float = 0.0) -> Floats:
-    """Return the low-pass that the derivative filters are derivatives of, shape (2 half + 1,), moved by ``later_s``."""
-    reach = max(4, int(np.ceil(3.0 * sample_rate_hz / bandwidth_hz)))
+    """Return the low-pass of force and motion, shape (2 half + 1,), moved by ``later_s``."""
+    reach = max(4, int(np.ceil(_HALF_LENGTH * sample_rate_hz / bandwidth_hz)))
     moved = later_s * sample_rate_hz
     half = reach + int(np.ceil(LONGEST_DELAY * sample_rate_hz / bandwidth_hz))
     at = np.arange(-half, half + 1) - moved
@@ -65,6 +66,28 @@ def low_pass(sample_rate_hz: float, bandwidth_hz: float, later_s: float = 0.0) -
     window = np.i0(_KAISER * np.sqrt(inside)) * (np.abs(at) <= reach)
     taps = np.sinc(2.0 * bandwidth_hz / sample_rate_hz * at) * window
     return np.asarray(taps / taps.sum())
+
+
+@lru_cache(maxsize=16)
+def derived(sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]:
+    """Return the taps of velocity (1/s) and acceleration (1/s^2), each (2 half + 1,), to convolve a displacement with.
+
+    Their response is that of ``low_pass`` times i w and (i w)^2, to what the cut ends leave (some 1e-6): the derivative
+    filters of a motion are flatter than that low-pass, by 5e-3 near their edge, which a force of high signal shows as
+    a delay or a mass that nobody has.
+    """
+    taps = low_pass(sample_rate_hz, bandwidth_hz)
+    length = 1 << int(np.ceil(np.log2(8 * taps.size)))
+    turn = 2.0j * np.pi * np.fft.rfftfreq(length, 1.0 / sample_rate_hz)
+    half = taps.size  # twice the low-pass's own
+    spectrum = np.fft.rfft(np.roll(np.pad(taps, (0, length - taps.size)), -(taps.size // 2)))
+    # beyond the low-pass's own length only a sign that changes from tap to tap is left: it may end softly
+    beyond = np.clip((np.abs(np.arange(-half, half + 1)) - taps.size // 2) / (half - taps.size // 2), 0.0, 1.0)
+    soft = np.cos(0.5 * np.pi * beyond) ** 2
+    velocity, acceleration = (
+        soft * np.roll(np.fft.irfft(spectrum * factor, length), half)[: 2 * half + 1] for factor in (turn, turn**2)
+    )
+    return np.asarray(velocity), np.asarray(acceleration - acceleration.mean())
 
 
 def prepare(motions: Sequence[Motion]) -> tuple[Run, ...]:
@@ -92,8 +115,10 @@ def prepare(motions: Sequence[Motion]) -> tuple[Run, ...]:
 
 def _stretches(motion: Motion, record: int, bandwidth_hz: float) -> list[Run]:
     rate = motion.sample_rate_hz
-    filters = derivative_filters(rate, bandwidth_hz)
-    edge = 2 * filters.half + int(np.ceil(LONGEST_DELAY * rate / bandwidth_hz))
+    filters = derived(rate, bandwidth_hz)
+    half = int(np.ceil(_HALF_LENGTH * rate / bandwidth_hz))
+    edge = filters[0].size // 2 + half
+    velocity_gain = float(np.linalg.norm(filters[0]))
     noise_m = float(np.nanmedian(motion.displacement_std_m))
     step = max(1, int(rate / (OVERSAMPLED * bandwidth_hz)))
     taps = low_pass(rate, bandwidth_hz)
@@ -103,9 +128,11 @@ def _stretches(motion: Motion, record: int, bandwidth_hz: float) -> list[Run]:
             continue
         piece = slice(start, stop)
         x = motion.displacement_m[piece]
-        velocity, acceleration = derivatives(x, rate, bandwidth_hz)
-        place = x[0] + np.asarray(fftconvolve(x - x[0], taps, mode="same"))
-        moves = _moving(np.abs(velocity) > STANDSTILL_SIGMAS * filters.velocity_gain * noise_m, filters.half)
+        place, velocity, acceleration = (
+            np.asarray(fftconvolve(x - x[0], each, mode="same")) for each in (taps, *filters)
+        )
+        place += x[0]
+        moves = _moving(np.abs(velocity) > STANDSTILL_SIGMAS * velocity_gain * noise_m, half)
         moves[:edge] = moves[-edge:] = False
         used = np.arange(-(taps.size // 2) % step, stop - start, step)  # where a thinned filter has its outputs
         columns = (motion.time_s[piece], place, velocity, acceleration, motion.force_n[piece])

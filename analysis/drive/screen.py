@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 MOST_WAVES = 400.0  # along the travel: the finest ripple that is looked for
 WAVE_STEP = 0.4
 RIPPLES = 3
+APART_FROM_FORCE = 0.1  # of a law made of the force: less beside the force, and the force explains itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +94,12 @@ def _group(table: Table, law: Law, bent: tuple[float, ...], mask: Mask, basis: F
     size = np.linalg.norm(columns, axis=0)
     if not (size > 0.0).all():
         return None
-    left, strength, _ = np.linalg.svd(beside(basis, columns / size), full_matrices=False)
+    alone = beside(basis, columns / size)
+    left, strength, _ = np.linalg.svd(alone, full_matrices=False)
     seen = strength > SAME**0.5
+    if law.of_force:
+        force = orthonormal(beside(basis, table.force()[mask][:, None]))
+        seen &= np.linalg.norm(beside(force, alone)) > APART_FROM_FORCE
     return _Group(law.name, bent, left[:, seen]) if seen.all() else None
 
 

@@ -10,9 +10,10 @@ from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.drive.curves import drive_curves
 from analysis.drive.fit import fit_driven
-from analysis.drive.regress import Table, regress
+from analysis.drive.regress import Table, independent, regress
 from analysis.drive.repeat import Floor, floor
 from analysis.drive.run import low_pass, prepare
+from analysis.drive.screen import screen
 from analysis.motion import Motion
 from analysis.shot import AnalysisError
 from analysis.signal.record import motion_from_displacement
@@ -156,6 +157,34 @@ def test_records_of_one_input_are_the_floor() -> None:
     assert seen.what == "what records of one input repeat to"
     passed = float(np.linalg.norm(low_pass(RATE_HZ, prepare([one, other])[0].bandwidth_hz)))
     assert 0.8 * passed < seen.force_n < 1.2 * passed  # the noise of 1 N through the filter, not the 4 N of the odd law
+
+
+def test_force_and_motion_pass_the_very_same_filter() -> None:
+    """Without noise nothing is left: a filter flatter than the force's left 0.02 N of 60, told as a delay of 57 us."""
+    motion = Drive(noise_n=1e-9, encoder_m=1e-12).motion()
+    found = regress(Table.of(prepare([motion])))
+    assert found.rms_n < 1e-5 * float(np.std(motion.force_n))
+    assert found.values == pytest.approx([MASS, VISCOUS, OFFSET], rel=2e-5)
+
+
+def test_quiet_records_count_for_little_beside_a_noisy_one() -> None:
+    random = np.random.default_rng(4)
+    record = np.repeat([0, 1, 2], 1000)
+
+    def worth(noise: tuple[float, float, float]) -> float:
+        draws = random.normal(0.0, np.repeat(noise, 1000), (40, 3000))
+        return float(np.median([independent(left, record) for left in draws]))
+
+    assert worth((1.0, 1.0, 1.0)) == pytest.approx(3000, rel=0.15)
+    assert worth((0.1, 0.1, 3.0)) == pytest.approx(1000, rel=0.15)
+
+
+def test_one_way_the_load_is_the_force_itself_and_no_candidate() -> None:
+    motion = Drive(seconds=12.0, steady_m_per_s=2.0, seed=3).motion()
+    assert (motion.force_n > 0.0).all() and (np.diff(motion.displacement_m) > 0.0).all()
+    screening = screen((table := Table.of(prepare([motion]))), regress(table))
+    assert "load_dependent_friction" in screening.coinciding
+    assert diagnose_driven([motion]).verdict is Verdict.ADEQUATE
 
 
 def test_the_accepted_laws_are_the_model() -> None:

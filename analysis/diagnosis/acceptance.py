@@ -84,7 +84,7 @@ def accepted_effects(effects: list[FoundEffect], rest: Residual, best: Fitted) -
     certain = all(
         clear(effect, rest, CRITERIA.clear_of_misfit if doubtful else CRITERIA.clear_of_rest) for effect in effects
     )
-    return effects if certain else [], Verdict.UNEXPLAINED
+    return (effects, Verdict.PARTLY_EXPLAINED) if certain else ([], Verdict.UNEXPLAINED)
 
 
 def clear(effect: FoundEffect, rest: Residual, times: float) -> bool:

@@ -1,4 +1,4 @@
-"""Where no effect of the catalogue was named: learned laws, the effects that came nearest, or both together."""
+"""Where the catalogue leaves something: learned laws, alone or beside the effects that were found or came nearest."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -52,6 +52,21 @@ def beyond_catalogue(
     rest = judge(nearest, projector(nearest))
     found.append(Beyond(nearest, Verdict.PARTLY_EXPLAINED, list(effects), (), helped, rest))
     return min((one for one in found if one is not None), key=lambda one: one.fitted.bic)
+
+
+def beside(
+    named: Fitted, effects: Sequence[FoundEffect], before: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop
+) -> Beyond | None:
+    """Return a law beside ``effects`` that passed every test and left something, or None where there is none.
+
+    ``named`` is the fit with those effects, ``before`` the base model's.
+    """
+    tell("learning a law beside the effects that were found", 0.8)
+    found = learn_laws(named, held, tell, stop)
+    if found is None:
+        return None
+    base = predict(before, held, named.floor, stop) or found.foretold[0]
+    return _learned(Discovery(found.laws, found.fitted, found.rest, (base, found.foretold[1])), list(effects))
 
 
 def _learned(found: Discovery, effects: list[FoundEffect]) -> Beyond:

@@ -10,7 +10,7 @@ from analysis.diagnosis import words
 from analysis.diagnosis.acceptance import accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
 from analysis.diagnosis.base_fit import accept, base_fit, explored, pays_along
-from analysis.diagnosis.beyond_catalogue import beyond_catalogue
+from analysis.diagnosis.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.competing_models import apart
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, choose, predict
@@ -103,13 +103,18 @@ def diagnose(
     after = sure if effects else before
     left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(best, trail, rest)
     learned: tuple[LearnedLaw, ...] = ()
-    if verdict is Verdict.UNEXPLAINED and not effects:
+    certain = bool(effects)
+    if verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
         held = choose(data) if hold_out is None else held
-        beyond = beyond_catalogue(before, best, found, held, tell, stop)
+        beyond = (
+            beside(best, effects, before, held, tell, stop)
+            if effects
+            else beyond_catalogue(before, best, found, held, tell, stop)
+        )
         if beyond is not None:
             after, verdict, effects, learned = beyond.fitted, beyond.verdict, beyond.effects, beyond.laws
             told, left = beyond.foretold, beyond.rest.text
-        else:
+        elif not effects:
             told = (told[0], told[0]) if told and best is not before else told
     tell("errors before and after", 0.9)
     error_before, error_after = (_errors(motions, f, after.floor) for f in (before, after))
@@ -117,7 +122,7 @@ def diagnose(
     after_fit = as_fit(after, motions, model, 0.0)
     diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=words.verdict(verdict, effects, left, fall, learned) + words.taken_along(after_fit),
+        sentence=words.verdict(verdict, effects, left, fall, learned, certain=certain) + words.taken_along(after_fit),
         effects=tuple(effects),
         candidates=_candidates(best, trail),
         error_before=error_before,

@@ -22,7 +22,7 @@ class Verdict(StrEnum):
     EFFECT_FOUND = "effect_found"  # the effects account for the remainder down to the noise
     LAW_LEARNED = "law_learned"  # a law off the catalogue, learned from the shots, does (with the effects beside it)
     PARTLY_EXPLAINED = "partly_explained"  # the effects foretell better, a significant remainder stays and is described
-    UNEXPLAINED = "unexplained"  # nothing foretells better, a significant remainder stays
+    UNEXPLAINED = "unexplained"  # nothing passed every test or foretells better, a significant remainder stays
 
 
 @dataclass(frozen=True, slots=True)

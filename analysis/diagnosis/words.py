@@ -79,8 +79,13 @@ def verdict(
     remainder: str,
     fall: float | None,
     laws: Sequence[LearnedLaw] = (),
+    *,
+    certain: bool = False,
 ) -> str:
-    """Return the verdict as one sentence; ``fall`` is error after over before (displacement rms)."""
+    """Return the verdict as one sentence; ``fall`` is error after over before (displacement rms).
+
+    ``certain`` effects passed every test though a rest stays; others are only what comes nearest.
+    """
     if kind is Verdict.ADEQUATE:
         return "The model is adequate: nothing is missing that this data could show."
     cured = f" The error falls to {100 * fall:.2g} % of what it was." if fall is not None and (effects or laws) else ""
@@ -88,9 +93,8 @@ def verdict(
     if kind in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
         return f"The model lacks {listed}.{cured}"
     if kind is Verdict.PARTLY_EXPLAINED:
-        return f"Partly explained: what is missing is mostly like {listed}; a rest stays: {remainder}.{cured}"
-    if effects:
-        return f"The model lacks {listed}, and more that stays unexplained: {remainder}.{cured}"
+        lacks = "the model lacks" if certain else "what is missing is mostly like"
+        return f"Partly explained: {lacks} {listed}; a rest stays: {remainder}.{cured}"
     return f"Unexplained: something is missing that no effect of the catalogue accounts for: {remainder}."
 
 

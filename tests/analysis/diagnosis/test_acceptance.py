@@ -44,6 +44,15 @@ def test_beside_a_wandering_floor_an_effect_does_more_than_the_next_freedom(floo
     assert verdict is (Verdict.EFFECT_FOUND if named else Verdict.UNEXPLAINED)
 
 
+@pytest.mark.parametrize(("snr", "verdict"), [(60.0, Verdict.PARTLY_EXPLAINED), (17.0, Verdict.UNEXPLAINED)])
+def test_what_passed_beside_a_rest_is_told_as_partly_explained(snr: float, verdict: Verdict) -> None:
+    rest = Residual(20.0, 15.0, 0.03, 1.1, "a line", size=16.0)
+    assert rest.significant
+    effects, said = acceptance.accepted_effects([effect(snr)], rest, cast(Any, Fit(("tilt",))))
+    assert said is verdict
+    assert bool(effects) is (verdict is Verdict.PARTLY_EXPLAINED)
+
+
 def kept(sizes: dict[str, float], worth: float, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
     """Return which effects of these sizes and this worth each are not too faint."""
     monkeypatch.setattr(acceptance, "snr", lambda _fit, _at, name: sizes[name])

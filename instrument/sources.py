@@ -2,10 +2,11 @@
 
 ``bench`` · ``replay:PATH`` · ``hantek6022`` · ``scpi:ADDRESS`` · ``niscope:RESOURCE``, all but the second with options
 after a question mark, for example ``hantek6022?roles=switch,measurement&gains=1,5`` or
-``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling&level=1.2``.  ``bench?effect=quadratic_drag`` is a simulated rig
-with what the base model lacks, ``seed`` another one, ``bench?site=VC-D`` one in a building.  The last three
-sources take what is known of the rig: ``mass`` (kg), ``rest`` (the rest frequency in Hz, needed where no channel
-carries PD0) and ``wavelength`` (in air, m).
+``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling&level=1.2``.  ``bench?effect=quadratic_drag`` is a simulated
+rig with what the base model lacks, ``seed`` another one, ``bench?site=VC-D`` one in a building;
+``bench?speed=0.45&added=0.05&first=3`` is pushed to this speed (m/s) with so much more on the block (kg), the first
+push being the fourth of its seed.  The last three sources take what is known of the rig: ``mass`` (kg), ``rest`` (the
+rest frequency in Hz, needed where no channel carries PD0) and ``wavelength`` (in air, m).
 """
 
 import importlib
@@ -22,10 +23,12 @@ from instrument.digitizer import Digitizer, DigitizerError
 from instrument.drivers.assumed_rig import assumed_rig
 from instrument.found_devices import FoundDevice, found_devices
 
-__all__ = ["SOURCES", "FoundDevice", "at_site", "found_devices", "is_bench", "open_source"]
+__all__ = ["SOURCES", "FoundDevice", "at_site", "found_devices", "is_bench", "open_source", "pushed"]
 
 SOURCES = ("bench", "replay:PATH", "hantek6022", "scpi:ADDRESS", "niscope:RESOURCE")
 _RIG = ("mass", "rest", "wavelength")
+_PUSH = ("speed", "added", "first")
+_SET_SPREAD = 0.02  # part by which a push that was set is off
 _REMEDY = "use one of " + ", ".join(SOURCES)
 
 _USB_ADDRESS = re.compile(r"usb(?::([0-9a-f]{4}):([0-9a-f]{4}))?", re.IGNORECASE)
@@ -54,6 +57,17 @@ def is_bench(source: str) -> bool:
     return source.strip().partition("?")[0].lower() == "bench"
 
 
+def pushed(source: str, speed_m_per_s: float, added_kg: float, first: int) -> str:
+    """Return the text of a simulated bench's source with its push set: speed, weights on the block, which push it is.
+
+    Nothing else of the bench changes, nothing of what is wrong with it is told.
+    """
+    kind, _, rest = source.strip().partition("?")
+    kept = [item for item in rest.split("&") if item and item.partition("=")[0] not in _PUSH]
+    push = [f"speed={speed_m_per_s:.4f}", f"added={added_kg:.5f}", f"first={first}"]
+    return f"{kind}?{'&'.join([*kept, *push])}"
+
+
 def at_site(source: str, site: str) -> str:
     """Return the text of a source with its bench at ``site``; of another source, or one that says where, unchanged."""
     if not is_bench(source) or re.search("[?&]site=", source):
@@ -62,7 +76,7 @@ def at_site(source: str, site: str) -> str:
 
 
 def _bench(rest: str, setup: Setup | None) -> Digitizer:
-    options = _options(rest.removeprefix("?"), "bench", ("effect", "seed", "site"))
+    options = _options(rest.removeprefix("?"), "bench", ("effect", "seed", "site", *_PUSH))
     try:
         effects = _imported("instrument.bench.effects").parse(options["effect"]) if "effect" in options else {}
     except ValueError as error:
@@ -72,9 +86,18 @@ def _bench(rest: str, setup: Setup | None) -> Digitizer:
     except ValueError as error:
         raise DigitizerError(f"source bench: {error}", "leave the site out, or name another") from error
     seed = _integer(options.get("seed", "1"), "seed")
-    rig = _imported("instrument.bench.bench").Rig(effects=effects, site=site, seed=seed)
+    push: dict[str, float] = {}
+    if "speed" in options:  # one who sets it takes more care than one who just pushes
+        push = {"velocity_m_per_s": _number(options["speed"], "speed"), "velocity_spread": _SET_SPREAD}
+    if "added" in options:
+        push["added_kg"] = _number(options["added"], "added mass")
+    try:
+        rig = _imported("instrument.bench.bench").Rig(effects=effects, site=site, seed=seed, **push)
+    except ValueError as error:
+        raise DigitizerError(f"source bench: {error}", "set another speed or less weight") from error
+    first = _integer(options.get("first", "0"), "first push")
     # patient: a shot of the simulated rig with holes in it, because the computer is busy, teaches nobody anything
-    bench: Digitizer = _imported("instrument.bench.digitizer").BenchDigitizer(rig, patient=True)
+    bench: Digitizer = _imported("instrument.bench.digitizer").BenchDigitizer(rig, patient=True, first_shot=first)
     return bench
 
 

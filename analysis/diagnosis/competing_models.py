@@ -58,7 +58,7 @@ def challenged(
         left = [kind for kind in near if known[kind.name] is None]
         fitted = [one for one in known.values() if one is not None]
         if left:
-            instead = partial(_instead, best, projector(fewer), distances, frequency, trail.stop)
+            instead = partial(fitted_instead, best, projector(fewer), distances, frequency, trail.stop)
             fitted += [one for one in side_by_side(instead, left) if one is not None]
         for one in fitted:
             trail.keep(one)
@@ -112,7 +112,7 @@ def _known(trail: Trail, fewer: Fitted, kind: TrialEffect, frequency_hz: float |
     return known if _close(values, frequency_hz) else None
 
 
-def _instead(
+def fitted_instead(
     best: Fitted, at: Projector, far: Separation, frequency_hz: float | None, stop: Stop, kind: TrialEffect
 ) -> Fitted | None:
     """Return the fit with ``kind`` in place of an effect that ``at`` lacks; None where there is no trajectory.

@@ -72,15 +72,15 @@ class Hypothesis(SearchVector):
         known = self._lately.get(z.tobytes())
         if known is not None:
             return known
-        tangents = has_tangents(self)
-        out = side_by_side(
-            lambda i: linearised_shot(self, i, z) if tangents else self._differenced_shot(i, z),
-            range(len(self.data.shots)),
-        )
+        out = side_by_side(lambda i: self.of_shot(i, z), range(len(self.data.shots)))
         while len(self._lately) >= _REMEMBERED:
             del self._lately[next(iter(self._lately))]
         self._lately[z.tobytes()] = out
         return out
+
+    def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
+        """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""
+        return linearised_shot(self, index, z) if has_tangents(self) else self._differenced_shot(index, z)
 
     def _differenced_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
         shot = self.data.shots[index]

@@ -19,7 +19,7 @@ def acquire(shots: int, *, source: str, out: Path, rate_hz: float | None, sample
     saved: list[Path] = []
     try:
         digitizer = open_apart(source, arms_s=max(timeout_s, LEAST_ARMING_S))
-        settings = _settings(digitizer, rate_hz, samples)
+        settings = capture_settings(digitizer, rate_hz, samples)
         saved = record(digitizer, out, shots, settings, timeout_s, report=_say)
     except AcquireError as error:
         saved = error.saved
@@ -31,7 +31,7 @@ def acquire(shots: int, *, source: str, out: Path, rate_hz: float | None, sample
     return 0 if len(saved) == shots else 1
 
 
-def _settings(digitizer: Digitizer, rate_hz: float | None, samples: int | None) -> CaptureSettings | None:
+def capture_settings(digitizer: Digitizer, rate_hz: float | None, samples: int | None) -> CaptureSettings | None:
     """Return what was asked for; None leaves everything to a digitizer that knows (replay)."""
     rates = digitizer.capabilities.rates_hz
     if rate_hz is None and samples is None and len(rates) < 2:

@@ -128,10 +128,16 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
     if options.acquire is not None:
         from app.command_line.acquire import acquire
 
+        source = options.source if options.site is None else _at_site(options.source, options.site)
+        if options.resolve is not None:
+            from app.command_line.resolve import Taking, resolve
+
+            taking = Taking(source, options.out, options.rate, options.samples, options.timeout)
+            return partial(resolve, options.acquire, options.resolve, taking, options.json)
         return partial(
             acquire,
             options.acquire,
-            source=options.source if options.site is None else _at_site(options.source, options.site),
+            source=source,
             out=options.out,
             rate_hz=options.rate,
             samples=options.samples,
@@ -238,6 +244,9 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--rate", type=_positive, metavar="HZ", help="sample rate")
     group.add_argument("--samples", type=_positive_int, metavar="N", help="samples a channel and shot")
     group.add_argument("--timeout", type=_positive, metavar="S", default=60.0, help="longest wait for a shot (60)")
+    group.add_argument(
+        "--resolve", type=_positive_int, metavar="M", help="diagnose, and take up to M shots that decide (--json FILE)"
+    )
     group = parser.add_argument_group("with --map (and --rate)")
     group.add_argument("--channel", action="append", metavar="ROLE=NAME", help="measurement, reference or switch")
     group.add_argument("--volts", action="append", metavar="ROLE=VOLTS", help="volts of one stored unit")
@@ -271,6 +280,10 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         given -= {"json"}
     if options.prepare:
         given -= {"jobs"}
+    if options.resolve is not None:
+        given -= {"json"}
+        if options.acquire is None:
+            parser.error("--resolve goes with --acquire")
     if given and options.replay is None:
         parser.error(f"--{sorted(given)[0]} goes with --replay")
     if options.hdf5 and options.export is None:

@@ -1,6 +1,6 @@
 """The rig as a whole: any stretch of the stream of counts, in any order, from one seed."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,18 +29,26 @@ class Rig:
     floor_m: float = 3e-10  # rms of what the optical path does by itself
     velocity_m_per_s: float = 0.265  # towards the plate
     velocity_spread: float = 0.15  # each push is off by up to this part
+    added_kg: float = 0.0  # weights put on the block
     seed: int = 1
 
     def __post_init__(self) -> None:
         complete(self.effects)
         if not 0.02 <= self.velocity_m_per_s <= 1.0 or not 0 <= self.velocity_spread < 1:
             raise ValueError(f"a push to {self.velocity_m_per_s} m/s: 0.02 to 1 m/s can be simulated")
+        if not 0 <= self.added_kg <= 1:
+            raise ValueError(f"weights of {self.added_kg} kg on the block: 0 to 1 kg can be simulated")
+
+    @property
+    def laden(self) -> Bodies:
+        """Get the bodies with the weights on the block."""
+        return replace(self.bodies, block_mass_kg=self.bodies.block_mass_kg + self.added_kg)
 
     @property
     def setup(self) -> Setup:
         """Get what is known of the rig to those who record it; nothing of its effects."""
         return Setup(
-            moving_mass_kg=self.bodies.block_mass_kg,
+            moving_mass_kg=self.laden.block_mass_kg,
             moving_mass_u_kg=1e-6,
             wavelength_air_m=self.optics.wavelength_m,
             rest_frequency_hz=None if self.optics.with_reference else self.optics.rest_frequency_hz,
@@ -80,7 +88,7 @@ class Stage:
         effects = for_shot(self._effects, self._shot, rig.seed)
 
         def collide(velocity: float, distance: float, duration: float, frame: Frame) -> Trajectory:
-            return shoot(velocity, effects, rig.bodies, distance, duration, frame)
+            return shoot(velocity, effects, rig.laden, distance, duration, frame)
 
         start_s = next_pause_s(max(time_s, self.free_from_s))
         self._frame = self._frame.knocked(start_s + push_s(speed), self._shot)

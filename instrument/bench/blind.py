@@ -40,8 +40,23 @@ class Record:
 
 
 @dataclass(frozen=True, slots=True)
+class Take:
+    """How one shot is taken: weights put on the block, and how much of its flight the record holds."""
+
+    added_kg: float = 0.0
+    before_touch_s: float = BEFORE_TOUCH_S
+    duration_s: float = DURATION_S
+
+
+_USUAL = Take()
+
+
+@dataclass(frozen=True, slots=True)
 class Truth:
-    """What a set was made of; ``effects`` as of the first shot, see ``for_shot`` for the others."""
+    """What a set was made of; ``effects`` as of the first shot, see ``for_shot`` for the others.
+
+    ``takes`` say how the first shots were taken, the others are taken as usual.
+    """
 
     bodies: Bodies
     effects: Effects
@@ -49,6 +64,7 @@ class Truth:
     noise: Noise
     seed: int
     site: Site = QUIET
+    takes: tuple[Take, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -58,6 +74,14 @@ class Truth:
     def of_shot(self, shot: int) -> dict[str, dict[str, float]]:
         """Return the effects of one shot."""
         return for_shot(self.effects, shot, self.seed)
+
+    def take(self, shot: int) -> Take:
+        """Return how a shot is taken."""
+        return self.takes[shot] if shot < len(self.takes) else _USUAL
+
+    def block_mass_kg(self, shot: int) -> float:
+        """Return what moves in a shot, its weights included."""
+        return self.bodies.block_mass_kg + self.take(shot).added_kg
 
 
 def drawn(names: Sequence[str], seed: int, noise: Noise | None = None, shots: int = 3, site: Site = QUIET) -> Truth:
@@ -80,14 +104,16 @@ def drawn(names: Sequence[str], seed: int, noise: Noise | None = None, shots: in
 def run(truth: Truth, shot: int, bodies: Bodies | None = None, speed_m_per_s: float | None = None) -> Trajectory:
     """Let one shot of ``truth`` happen, with other bodies or another speed where given."""
     effects = truth.of_shot(shot)
+    take = truth.take(shot)
     speed = truth.speeds_m_per_s[shot] if speed_m_per_s is None else speed_m_per_s
     motion = effects.get("plate_motion", _NONE)
+    bare = bodies or truth.bodies
     return collide(
         -speed,
-        bodies=bodies or truth.bodies,
+        bodies=replace(bare, block_mass_kg=bare.block_mass_kg + take.added_kg),
         extra=force_slots(effects),
-        distance_m=truth.speeds_m_per_s[shot] * BEFORE_TOUCH_S,
-        duration_s=DURATION_S,
+        distance_m=truth.speeds_m_per_s[shot] * take.before_touch_s,
+        duration_s=take.duration_s,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
         steps_s=_STEPS_S,
         frame=_frame(truth, shot),
@@ -101,9 +127,9 @@ def _frame(truth: Truth, shot: int) -> Frame | None:
     return frame_of(truth.site, seed).knocked(0.0, shot)
 
 
-def times_s() -> Floats:
+def times_s(take: Take = _USUAL) -> Floats:
     """Return the times of a record's samples."""
-    return np.arange(round(DURATION_S * RATE_HZ)) / RATE_HZ
+    return np.arange(round(take.duration_s * RATE_HZ)) / RATE_HZ
 
 
 def clean_m(
@@ -113,9 +139,9 @@ def clean_m(
     speed_m_per_s: float | None = None,
     time_s: Floats | None = None,
 ) -> Floats:
-    """Return what the optics would show of one shot without noise, in m at ``time_s`` (default ``times_s()``)."""
+    """Return what the optics would show of one shot without noise, in m at ``time_s`` (default: its record's)."""
     effects = truth.of_shot(shot)
-    time_s = times_s() if time_s is None else time_s
+    time_s = times_s(truth.take(shot)) if time_s is None else time_s
     trajectory = run(truth, shot, bodies, speed_m_per_s)
     x, v = seen(trajectory, effects, time_s)
     optics = lit(Optics(wavelength_m=DEFAULT_WAVELENGTH_AIR_M), effects)
@@ -132,8 +158,8 @@ def records(truth: Truth) -> tuple[Record, ...]:
     for shot in range(len(truth.speeds_m_per_s)):
         x = clean_m(truth, shot)
         x = x - x[0] + truth.noise.draw(x.size, RATE_HZ, random)
-        mass = truth.bodies.block_mass_kg
-        result.append(Record(times_s(), x, truth.noise.white_m, mass, DEFAULT_WAVELENGTH_AIR_M))
+        time_s, mass_kg = times_s(truth.take(shot)), truth.block_mass_kg(shot)
+        result.append(Record(time_s, x, truth.noise.white_m, mass_kg, DEFAULT_WAVELENGTH_AIR_M))
     return tuple(result)
 
 

@@ -34,8 +34,9 @@ class BenchDigitizer(Digitizer):
         push_every_s: float = 3.0,
         clock: Callable[[], float] = time.monotonic,
         patient: bool = False,
+        first_shot: int = 0,
     ) -> None:
-        """Get ready; ``push_every_s`` 0: only ``push`` moves the block.
+        """Get ready; ``push_every_s`` 0: only ``push`` moves the block; ``first_shot`` is the number of its first push.
 
         ``patient``: where the computer cannot keep up, the rig's time slows down and nothing is lost.
         """
@@ -50,7 +51,7 @@ class BenchDigitizer(Digitizer):
         self._push = threading.Event()
         self._closed = False
         self._stage: Stage | None = None
-        self._shots = 0
+        self._shots = first_shot
         self._rate_hz = 0.0
         self._started = 0.0
         self._next_sample = 0

@@ -116,7 +116,7 @@ def play_shot(rig: Rig, index: int, speed_m_per_s: float, duration_s: float) -> 
     distance = max(speed_m_per_s * BEFORE_TOUCH_S, rig.optics.switch_m + 1e-3)
     seed = int(np.random.default_rng((rig.seed, index, 0xC)).integers(2**62))
     frame = frame_of(rig.site, seed).knocked(0.0, index)
-    return Played(shoot(-speed_m_per_s, effects, rig.bodies, distance, duration_s + 1e-4, frame), frame, effects, seed)
+    return Played(shoot(-speed_m_per_s, effects, rig.laden, distance, duration_s + 1e-4, frame), frame, effects, seed)
 
 
 def record_shot(

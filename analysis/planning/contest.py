@@ -1,0 +1,128 @@
+"""The models that a diagnosis could not tell apart, each fitted to the shots at hand."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.diagnosis.competing_models import fitted_instead
+from analysis.diagnosis.effective_parameters import Point
+from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.forward_selection import Trail, without
+from analysis.diagnosis.free_parameters import trial_effect, trials_named
+from analysis.diagnosis.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.hypothesis_fit import Fitted, finish, fit, search
+from analysis.diagnosis.identifiability import separation
+from analysis.diagnosis.projector import projector
+from analysis.diagnosis.result import Diagnosis
+from analysis.diagnosis.samples import FINE_RATE_HZ, RATE_HZ, together
+from analysis.diagnosis.screening import fixed_of
+from analysis.fit import Fit
+from analysis.model.effects import named
+from analysis.model.fitting import base_named
+from analysis.model.least_squares import Infeasible
+from analysis.motion import Motion
+from analysis.shot import AnalysisError, Stop
+
+_MOST = 4  # members that are compared
+_UNLIKELY = 9.0  # of chi^2 behind the best: three sigma, and a member need no longer be reckoned with as the true one
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One of the models that compete: the effect in which it differs from the others, its fit, what it leaves over."""
+
+    effect: str
+    fitted: Fitted
+    chi2: float  # under the floor that all are compared under
+
+
+@dataclass(frozen=True, slots=True)
+class Contest:
+    """Models that the shots at hand do not tell apart, the likeliest first."""
+
+    members: tuple[Member, ...]
+    floor: Floor
+
+    @property
+    def likely(self) -> tuple[Member, ...]:
+        """Get the members that may well be the true one."""
+        return tuple(m for m in self.members if m.chi2 < self.members[0].chi2 + _UNLIKELY)
+
+    @property
+    def reached(self) -> float:
+        """Get how far the likeliest member stands from the next, in noise norms: the root of what that leaves more."""
+        return float(np.sqrt(max(0.0, self.members[1].chi2 - self.members[0].chi2)))
+
+
+def undecided(diagnosis: Diagnosis) -> tuple[str, tuple[str, ...]] | None:
+    """Return the first found effect that another could stand for, and these others; None where every name is sure."""
+    for effect in diagnosis.effects:
+        if effect.indistinguishable_from:
+            return effect.name, effect.indistinguishable_from[: _MOST - 1]
+    return None
+
+
+def contest(
+    diagnosis: Diagnosis, motions: Sequence[Motion], among: Sequence[str] | None = None, stop: Stop = lambda: False
+) -> Contest | None:
+    """Return the models between which a diagnosis of ``motions`` left the choice open; None where it left none.
+
+    ``among`` names the effects that stand for each other, where they are known from before: one of them must be in
+    the model.  Raises AnalysisError where the model is no longer one of these shots, Cancelled.
+    """
+    open_class = _given(diagnosis, among) if among else undecided(diagnosis)
+    if open_class is None:
+        return None
+    name, others = open_class
+    best = again(diagnosis.fit_after, motions, stop, [*others])
+    kinds = [trial_effect(named(other)) for other in others]
+    far = separation(best, projector(best), name, kinds)
+    trail = Trail(best, kinds, stop)
+    fewer = without(best, name, trail)
+    frequency = best.point.values[0][name].get("frequency_hz")
+    members = [Member(name, best, _chi2(best, best.floor))]
+    for kind in kinds:
+        if fewer is None or kind.name not in far.starts:
+            continue
+        rival = fitted_instead(best, projector(fewer), far, frequency, stop, kind)
+        if rival is not None:
+            # Under the best one's floor: its own may have taken for noise what it cannot do.
+            ended = search(rival.hypothesis, rival.z, best.floor, evaluations=40, cancelled=stop)
+            rival = finish(rival.hypothesis, ended)
+            members.append(Member(kind.name, rival, _chi2(rival, best.floor)))
+    if len(members) < 2:
+        return None
+    return Contest(tuple(sorted(members, key=lambda member: member.chi2)), best.floor)
+
+
+def _given(diagnosis: Diagnosis, among: Sequence[str]) -> tuple[str, tuple[str, ...]] | None:
+    found = [effect.name for effect in diagnosis.effects if effect.name in among]
+    return (found[0], tuple(other for other in among if other != found[0])) if found else None
+
+
+def again(given: Fit, motions: Sequence[Motion], stop: Stop, beside: Sequence[str] = ()) -> Fitted:
+    """Return the fit that a diagnosis ended with as it was searched, fine enough for the effects ``beside`` it."""
+    kinds = trials_named(given.effects)
+    finely = any(named(name).ripples for name in (*given.effects, *beside))
+    data = JointData(together(motions, FINE_RATE_HZ if finely else RATE_HZ), base_named(given.model))
+    values = tuple({kind.name: _values(given, kind.name, shot) for kind in kinds} for shot in range(len(motions)))
+    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
+    fixed = {kind.name: fixed_of(kind, values[0][kind.name]) for kind in kinds}
+    hypothesis = Hypothesis(data, kinds, fixed)
+    base = np.array([given.parameters[name].value for name in data.base.names])
+    white_m = given.noise_std_m / np.sqrt(data.shots[0].factor)
+    floor = Floor(float(white_m), (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)
+    try:
+        return fit(hypothesis, hypothesis.pack(Point(base, np.array(own), values)), floor, cancelled=stop)
+    except Infeasible as why:
+        raise AnalysisError(f"the diagnosed model has no motion for these shots: {why}") from why
+
+
+def _values(given: Fit, name: str, shot: int) -> Mapping[str, float]:
+    every = {**given.parameters, **given.shots[shot].own_parameters}
+    return {p.name: every[f"{name}.{p.name}"].value for p in named(name).parameters}
+
+
+def _chi2(fitted: Fitted, floor: Floor) -> float:
+    return sum(float(left @ left) for left in fitted.whitened(floor))

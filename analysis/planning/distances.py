@@ -1,0 +1,112 @@
+"""How far the rivals of a member stay off after shots not yet taken: to first order, and fitted anew."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from math import inf, sqrt
+
+from analysis.model.least_squares import Infeasible
+from analysis.planning.contest import Contest
+from analysis.planning.foreseen import Informs, at_hand, blank, foretold, informs, refitted_chi2
+from analysis.planning.next_shot import NextShot
+from analysis.shot import Cancelled, Stop
+from analysis.side_by_side import side_by_side
+
+Pair = tuple[int, int]  # the member that is true, its rival
+Shots = tuple[NextShot, ...]
+_FAR = 3.0  # times the nearest rival to first order: one so far off is not fitted anew
+
+
+@dataclass(frozen=True, slots=True)
+class Distances:
+    """What shots at hand and shots to choose from say to first order of every rival, were a member true.
+
+    ``own_chi2`` is what every member itself leaves of the shots at hand.
+    """
+
+    at_hand: Mapping[Pair, Informs]
+    each: Mapping[NextShot, Mapping[Pair, Informs]]
+    own_chi2: Mapping[int, float]
+
+    @property
+    def members(self) -> tuple[int, ...]:
+        """Get the members that may be true."""
+        return tuple(self.own_chi2)
+
+    def of_pairs(self, shots: Shots) -> dict[Pair, float]:
+        """Return the distance of every rival after these shots, in noise norms."""
+        out = {}
+        for pair, every in self.at_hand.items():
+            for shot in shots:
+                every = every + self.each[shot][pair]
+            out[pair] = sqrt(max(0.0, every.least - self.own_chi2[pair[0]]))
+        return out
+
+    def nearest(self, shots: Shots) -> dict[int, float]:
+        """Return, for every member that may be true, the distance of its nearest rival after these shots."""
+        return _nearest(self.of_pairs(shots))
+
+
+def screened(contest: Contest, shots: Sequence[NextShot], tell: Callable[[float], None], stop: Stop) -> Distances:
+    """Return what each of ``shots`` says; those for which a member has no motion are left out.  Raises Cancelled.
+
+    Cost: for every shot one motion a member and one with derivatives a pair, 1 to 11 ms each.
+    """
+    members, floor = contest.members, contest.floor
+    true = [k for k, member in enumerate(members) if member in contest.likely]
+    pairs = tuple((a, b) for a in true for b in range(len(members)) if a != b)
+    known = {b: at_hand(members[b].fitted, floor) for b in {b for _, b in pairs}}
+    samples = members[0].fitted.hypothesis.data.shots
+    done = count(1)
+
+    def of_shot(shot: NextShot) -> dict[Pair, Informs] | None:
+        if stop():
+            raise Cancelled
+        empty = blank(shot, samples)
+        try:
+            shown = {a: foretold(members[a].fitted, empty) for a in true}
+            return {(a, b): informs(members[b].fitted, shown[a], floor) for a, b in pairs}
+        except Infeasible:
+            return None
+        finally:
+            tell(next(done) / len(shots))
+
+    found = zip(shots, side_by_side(of_shot, shots), strict=True)
+    return Distances(
+        {pair: known[pair[1]] for pair in pairs},
+        {shot: out for shot, out in found if out is not None},
+        {a: members[a].chi2 for a in true},
+    )
+
+
+def refitted(contest: Contest, shots: Shots, distances: Distances, stop: Stop) -> dict[int, float]:
+    """Return what ``Distances.nearest`` does, rivals fitted anew; those far off by first order are left at that.
+
+    Raises Cancelled.
+    """
+    empty = [blank(shot, contest.members[0].fitted.hypothesis.data.shots) for shot in shots]
+    first = distances.of_pairs(shots)
+    nearest = _nearest(first)
+    shown = {true: [foretold(contest.members[true].fitted, one) for one in empty] for true in nearest}
+
+    def of_pair(pair: Pair) -> float:
+        if stop():
+            raise Cancelled
+        true, rival = pair
+        if first[pair] > _FAR * nearest[true]:
+            return first[pair]
+        try:
+            chi2 = refitted_chi2(contest.members[rival].fitted, shown[true], contest.floor, stop)
+        except Infeasible:
+            return inf
+        return sqrt(max(0.0, chi2 - distances.own_chi2[true]))
+
+    pairs = list(first)
+    return _nearest(dict(zip(pairs, side_by_side(of_pair, pairs), strict=True)))
+
+
+def _nearest(distances: Mapping[Pair, float]) -> dict[int, float]:
+    out: dict[int, float] = {}
+    for (true, _), value in distances.items():
+        out[true] = min(out.get(true, inf), value)
+    return out

@@ -1,0 +1,165 @@
+"""What a model says that a shot not yet taken would show, and what another model could make of it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.cross_validation import shared_places
+from analysis.diagnosis.effective_parameters import Point
+from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.hypothesis import Hypothesis
+from analysis.diagnosis.hypothesis_fit import Fitted, search, square_of
+from analysis.diagnosis.samples import Samples
+from analysis.model.least_squares import Infeasible
+from analysis.model.starts import Course
+from analysis.planning.next_shot import NextShot, as_found_kg, contact_s
+from analysis.shot import Stop
+
+Floats = NDArray[np.float64]
+_EVALUATIONS = 15
+
+
+def blank(shot: NextShot, shots: Sequence[Samples]) -> Samples:
+    """Return the samples of a shot not yet taken, nothing in them: sampled and as noisy as those at hand."""
+    like = shots[0]
+    touching_s = contact_s(shot, shots)
+    rate_hz = like.factor / like.spacing_s
+    count = int((shot.before_s + touching_s + shot.after_s) * rate_hz) // like.factor * like.factor
+    time_s = np.arange(count) / rate_hz
+    averaged = count // like.factor
+    return Samples(
+        time_s=time_s,
+        used=np.ones(count, dtype=np.bool_),
+        factor=like.factor,
+        centre_s=time_s.reshape(averaged, like.factor).mean(axis=1),
+        displacement_m=np.zeros(averaged),
+        valid=np.ones(averaged, dtype=np.bool_),
+        spacing_s=like.spacing_s,
+        moving_mass_kg=as_found_kg(shots) + shot.added_mass_kg,
+        wavelength_m=like.wavelength_m,
+        course=_course(like.course, shot, touching_s),
+        white_m=like.white_m,
+    )
+
+
+def _course(like: Course, shot: NextShot, touching_s: float) -> Course:
+    return replace(
+        like,
+        touch_time_s=shot.before_s,
+        velocity_in_m_per_s=-shot.speed_m_per_s,
+        turnaround_time_s=shot.before_s + touching_s / 2,
+        rate_rad_per_s=float(np.pi / touching_s),
+        release_time_s=shot.before_s + touching_s,
+    )
+
+
+def with_shots(fitted: Fitted, added: Sequence[Samples]) -> tuple[Hypothesis, Floats]:
+    """Return a fit's hypothesis over its shots and ``added`` ones, and the vector that foretells these.
+
+    They begin as they are set, and what every shot has for itself is as large as in the shots at hand.
+    """
+    before = fitted.hypothesis
+    data = replace(before.data, shots=(*before.data.shots, *added))
+    hypothesis = Hypothesis(data, before.effects, before.fixed)
+    point = fitted.point
+    own = [[s.course.velocity_in_m_per_s, s.course.touch_time_s, 0.0] for s in added]
+    values = _typical(fitted)
+    return hypothesis, hypothesis.pack(
+        Point(point.base, np.concatenate([point.own, own]), (*point.values, *(values for _ in added)))
+    )
+
+
+def _typical(fitted: Fitted) -> dict[str, Mapping[str, float]]:
+    """Return the effects of a shot like those at hand: sizes that differ from shot to shot are their mean square's."""
+    every = fitted.point.values
+    out: dict[str, Mapping[str, float]] = {}
+    for kind in fitted.hypothesis.effects:
+        values = dict(every[0][kind.name])
+        for free in kind.own:
+            if free.name in kind.amplitude and free.name != "phase_rad":
+                values[free.name] = float(np.sqrt(np.mean([v[kind.name][free.name] ** 2 for v in every])))
+        out[kind.name] = values
+    return out
+
+
+def foretold(fitted: Fitted, shot: Samples) -> Samples:
+    """Return the samples of a shot as a fit foretells them, without noise.  Raises Infeasible."""
+    hypothesis, z = with_shots(fitted, [shot])
+    last = len(hypothesis.data.shots) - 1
+    shown = hypothesis.averaged(last, hypothesis.unpack(z))
+    if not np.all(np.isfinite(shown)):
+        raise Infeasible("the trajectory is not finite")
+    return replace(shot, displacement_m=shown)
+
+
+@dataclass(frozen=True, slots=True)
+class Informs:
+    """What a shot says of a model's shared parameters to first order, its own start eliminated.
+
+    ``curvature``, shape (p, p), and ``gradient``, shape (p,), of half the sum of squares ``chi2`` by them.
+    """
+
+    curvature: Floats
+    gradient: Floats
+    chi2: float
+
+    def __add__(self, other: "Informs") -> "Informs":
+        return Informs(self.curvature + other.curvature, self.gradient + other.gradient, self.chi2 + other.chi2)
+
+    @property
+    def least(self) -> float:
+        """Get the least sum of squares that the shared parameters can reach, to first order."""
+        scale = np.sqrt(np.maximum(np.diag(self.curvature), 1e-300))
+        scaled = self.curvature / np.outer(scale, scale)
+        step = np.linalg.lstsq(scaled, self.gradient / scale, rcond=1e-13)[0]
+        return max(0.0, self.chi2 - float(self.gradient / scale @ step))
+
+
+def informs(rival: Fitted, shot: Samples, floor: Floor) -> Informs:
+    """Return what a foretold shot says of a rival's shared parameters.  Raises Infeasible.
+
+    Cost: one shot with derivatives, 1 to 11 ms.
+    """
+    hypothesis, z = with_shots(rival, [shot])
+    last = len(hypothesis.data.shots) - 1
+    here, columns = hypothesis.of_shot(last, z)
+    rows = floor.whiten(np.column_stack([here - shot.displacement_m, columns]), shot.valid, shot.weight)
+    if not np.all(np.isfinite(rows)):
+        raise Infeasible("the trajectory is not finite")
+    return _eliminated(rows[:, 1:], rows[:, 0], hypothesis)
+
+
+def at_hand(fitted: Fitted, floor: Floor) -> Informs:
+    """Return what the shots at hand say of a fit's shared parameters."""
+    hypothesis = fitted.hypothesis
+    square = square_of(hypothesis, floor, fitted.z)
+    shared = shared_places(hypothesis)
+    own = np.setdiff1d(np.arange(hypothesis.size), shared)
+    of_own = np.linalg.pinv(square.curvature[own][:, own], hermitian=True)
+    into: Floats = square.curvature[shared][:, own] @ of_own
+    return Informs(
+        square.curvature[shared][:, shared] - into @ square.curvature[own][:, shared],
+        square.gradient[shared] - into @ square.gradient[own],
+        float(square.chi2 - square.gradient[own] @ of_own @ square.gradient[own]),
+    )
+
+
+def _eliminated(jacobian: Floats, left: Floats, hypothesis: Hypothesis) -> Informs:
+    shared = shared_places(hypothesis)
+    own = jacobian[:, np.setdiff1d(np.arange(hypothesis.size), shared)]
+    own = own[:, np.any(own != 0.0, axis=0)]
+    basis = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
+    beside = jacobian[:, shared] - basis @ (basis.T @ jacobian[:, shared])
+    rest = left - basis @ (basis.T @ left)
+    return Informs(beside.T @ beside, beside.T @ rest, float(rest @ rest))
+
+
+def refitted_chi2(rival: Fitted, added: Sequence[Samples], floor: Floor, stop: Stop) -> float:
+    """Return what a rival leaves of the shots at hand and of foretold ones when it is fitted to all of them jointly.
+
+    Raises Infeasible where it has no motion for them.  Cost: some ten evaluations of all shots.
+    """
+    hypothesis, z = with_shots(rival, added)
+    return search(hypothesis, z, floor, evaluations=_EVALUATIONS, cancelled=stop).square.chi2

@@ -1,0 +1,101 @@
+"""The shots an operator could take next, and what each costs him."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from analysis.diagnosis.samples import Samples
+
+SPEEDS_M_PER_S = (0.05, 0.10, 0.20, 0.35, 0.60)
+ADDED_KG = (0.0, 0.05)
+_OTHER_WEIGHTS = 0.5  # of a shot's effort
+_LONGER = 0.1
+_SAME_MASS = 1e-5  # relative: weighed twice, not weighted
+
+
+@dataclass(frozen=True, slots=True)
+class NextShot:
+    """One shot as it can be set: speed at the touch, weights put on the block, flight on the record's two sides.
+
+    ``added_mass_kg`` counts from the block as found.
+    """
+
+    speed_m_per_s: float
+    added_mass_kg: float
+    before_s: float
+    after_s: float
+    longer: bool = False  # than the shots at hand
+
+    @property
+    def words(self) -> str:
+        """Get what to set, for a person."""
+        weights = f" with {1e3 * self.added_mass_kg:.4g} g added" if self.added_mass_kg else ""
+        record = f", recorded from {1e3 * self.before_s:.0f} ms before the touch to {1e3 * self.after_s:.0f} ms after"
+        return f"{self.speed_m_per_s:.2g} m/s{weights}{f'{record} the contact' if self.longer else ''}"
+
+    def to_json(self) -> dict[str, float | str]:
+        """Return the shot as the result file has it."""
+        names = ("speed_m_per_s", "added_mass_kg", "before_s", "after_s", "words")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """What the rig can do: speeds and weights to choose from, the free path before the plate, the flight after it."""
+
+    speeds_m_per_s: tuple[float, ...] = SPEEDS_M_PER_S
+    added_kg: tuple[float, ...] = ADDED_KG
+    run_up_m: float = 12e-3
+    after_s: float = 0.12
+
+    def before_s(self, speed_m_per_s: float) -> float:
+        """Return the longest free flight before the touch."""
+        return 0.95 * self.run_up_m / speed_m_per_s
+
+
+def as_found_kg(shots: Sequence[Samples]) -> float:
+    """Return the mass of the block without weights: the least of the shots'."""
+    return min(shot.moving_mass_kg for shot in shots)
+
+
+def contact_s(shot: NextShot, shots: Sequence[Samples]) -> float:
+    """Return how long a shot's contact is likely to last: as the root of the mass on the plate's spring."""
+    like = shots[0]
+    mass_kg = as_found_kg(shots) + shot.added_mass_kg
+    return like.course.contact_time_s * math.sqrt(mass_kg / like.moving_mass_kg)
+
+
+def effort(sequence: Sequence[NextShot], on_the_block_kg: float) -> float:
+    """Return what a sequence costs, in shots: a change of weights is half a shot, a longer record a tenth."""
+    total, on = 0.0, on_the_block_kg
+    for shot in sequence:
+        total += 1.0 + _LONGER * shot.longer
+        total += _OTHER_WEIGHTS * (abs(shot.added_mass_kg - on) > _SAME_MASS)
+        on = shot.added_mass_kg
+    return total
+
+
+def in_order(sequence: Sequence[NextShot], on_the_block_kg: float) -> tuple[NextShot, ...]:
+    """Return the shots in the order of least effort: those with the weights that are on the block first."""
+    return min(itertools.permutations(sequence), key=lambda order: effort(order, on_the_block_kg))
+
+
+def next_shots(shots: Sequence[Samples], reach: Reach) -> list[NextShot]:
+    """Return the shots to choose from: every speed and weight, recorded as the shots at hand and as long as it goes."""
+    before, after = usual_flights(shots)
+    out = []
+    for speed, added in itertools.product(reach.speeds_m_per_s, reach.added_kg):
+        usual = NextShot(speed, added, min(before, reach.before_s(speed)), min(after, reach.after_s))
+        longest = NextShot(speed, added, max(usual.before_s, min(reach.before_s(speed), 0.1)), reach.after_s, True)
+        out.append(usual)
+        if longest.before_s + longest.after_s > 1.3 * (usual.before_s + usual.after_s):
+            out.append(longest)
+    return out
+
+
+def usual_flights(shots: Sequence[Samples]) -> tuple[float, float]:
+    """Return the flight that the shots at hand hold before the touch and after the release, in s."""
+    before = min(shot.course.touch_time_s - float(shot.centre_s[0]) for shot in shots)
+    after = min(float(shot.centre_s[-1]) - shot.course.release_time_s for shot in shots)
+    return max(before, 2e-3), max(after, 5e-3)

@@ -1,0 +1,92 @@
+"""The log of shots that were planned and taken: what each was to show, and what it showed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from analysis.diagnosis.result import Diagnosis
+from analysis.motion import Motion
+from analysis.planning.contest import contest
+from analysis.planning.next_shot import NextShot, Reach
+from analysis.planning.plan import MOST_SHOTS, Plan, plan
+from analysis.shot import Progress, Stop
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One planned shot: ``expected`` gives the separation it was to bring by the effect that is the true one.
+
+    ``reached`` is what all shots up to it bring, ``leader`` the likeliest member then; None before it was taken.
+    """
+
+    shot: NextShot
+    members: tuple[str, ...]
+    expected: Mapping[str, float]
+    reached: float | None = None
+    leader: str | None = None
+
+    @property
+    def expected_separation(self) -> float:
+        """Get the separation foreseen for the member that turned out the likeliest; before, for the first of them."""
+        return self.expected.get(self.leader or "", next(iter(self.expected.values())))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the step as the result file has it (docs/formats.md)."""
+        return {
+            "shot": self.shot.to_json(),
+            "between": list(self.members),
+            "expected_separation": self.expected_separation,
+            "expected_if": dict(self.expected),
+            "reached_separation": self.reached,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Where a set of shots stands: its diagnosis, what to take next (None: nothing is open), the log so far."""
+
+    diagnosis: Diagnosis
+    plan: Plan | None
+    steps: tuple[Step, ...] = ()
+
+    @property
+    def settled(self) -> bool:
+        """Get whether nothing is open, or nothing that a shot could tell."""
+        return self.plan is None or not self.plan.settles
+
+
+def stand(
+    motions: Sequence[Motion],
+    diagnosis: Diagnosis,
+    steps: Sequence[Step] = (),
+    *,
+    left: int = MOST_SHOTS,
+    reach: Reach | None = None,
+    progress: Progress = lambda _what, _fraction: None,
+    stop: Stop = lambda: False,
+) -> Standing:
+    """Return where ``motions`` with their ``diagnosis`` stand, the last of ``steps`` just taken if there are any.
+
+    ``left`` shots may still be taken: none plans no further.  Raises AnalysisError, Cancelled.
+    """
+    done = list(steps)
+    if done:
+        done[-1] = _reached(done[-1], motions, diagnosis, stop)
+    now = contest(diagnosis, motions, stop=stop)
+    if now is None:
+        return Standing(diagnosis, None, tuple(done))
+    further = plan(now, reach, most=max(1, left), progress=progress, stop=stop)
+    return Standing(diagnosis, further, tuple(done))
+
+
+def _reached(step: Step, motions: Sequence[Motion], diagnosis: Diagnosis, stop: Stop) -> Step:
+    """Return a taken step with how far its members stand apart now; as it is where none is in the model any more."""
+    now = contest(diagnosis, motions, step.members, stop)
+    return step if now is None else replace(step, reached=now.reached, leader=now.members[0].effect)
+
+
+def next_step(standing: Standing) -> Step:
+    """Return the first shot of a standing's plan as a step to be taken."""
+    assert standing.plan is not None and standing.plan.shots
+    further = standing.plan
+    return Step(further.shots[0], further.members, further.after_first)

@@ -1,0 +1,44 @@
+"""What a plan says to the one who is to take the shots."""
+
+from collections.abc import Sequence
+
+from analysis.diagnosis.words import plain
+from analysis.planning.next_shot import NextShot
+from analysis.planning.plan import Plan
+
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+_SAME = {
+    frozenset({"plate_damping", "viscoelastic_arm"}): (
+        "an arm that relaxes faster than the plate moves is a dashpot of k tau: one loss, two readings"
+    ),
+    frozenset({"support_compliance", "second_plate_mode"}): (
+        "a clamp that gives and a second mode are the same plate with two modes, seen from the block: one, two readings"
+    ),
+}
+
+
+def told(plan: Plan) -> str:
+    """Return the plan as one sentence."""
+    listed = " or ".join(map(plain, plan.members))
+    if not plan.settles:
+        most = f"the best would reach {plan.best:.2g} noise norms"
+        return f"No shot of this rig tells {listed} apart: {most}{_why(plan)}."
+    open_ones = [name for name in plan.expected if name in plan.inseparable]
+    but = f"; were it {' or '.join(map(plain, open_ones))}, no shot would" if open_ones else ""
+    apart = f"{plan.separation:.2g} noise norms (now {plan.now:.2g})"
+    return f"{shots(plan.shots)} would tell {listed} apart by {apart}{but}."
+
+
+def shots(sequence: Sequence[NextShot]) -> str:
+    """Return shots in words, like ones counted together."""
+    counted: dict[str, int] = {}
+    for shot in sequence:
+        counted[shot.words] = counted.get(shot.words, 0) + 1
+    parts = [f"{_NUMBERS[n] if n < len(_NUMBERS) else n} shot{'s' if n > 1 else ''} at {w}" for w, n in counted.items()]
+    text = " and ".join(parts)
+    return text[:1].upper() + text[1:]
+
+
+def _why(plan: Plan) -> str:
+    same = next((words for names, words in _SAME.items() if set(plan.members) <= names), "")
+    return f" ({same})" if same else ""

@@ -9,7 +9,7 @@ from analysis.diagnosis.competing_models import fitted_instead
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.forward_selection import Trail, without
-from analysis.diagnosis.free_parameters import trial_effect, trials_named
+from analysis.diagnosis.free_parameters import trials_named
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.hypothesis_fit import Fitted, finish, fit, search
 from analysis.diagnosis.identifiability import separation
@@ -55,31 +55,28 @@ class Contest:
         return float(np.sqrt(max(0.0, self.members[1].chi2 - self.members[0].chi2)))
 
 
-def undecided(diagnosis: Diagnosis) -> tuple[str, tuple[str, ...]] | None:
-    """Return the first found effect that another could stand for, and these others; None where every name is sure."""
+def undecided(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return the first found effect that another could stand for, and these others; none where every name is sure."""
     for effect in diagnosis.effects:
         if effect.indistinguishable_from:
-            return effect.name, effect.indistinguishable_from[: _MOST - 1]
-    return None
+            return (effect.name, *effect.indistinguishable_from[: _MOST - 1])
+    return ()
 
 
-def contest(
-    diagnosis: Diagnosis, motions: Sequence[Motion], among: Sequence[str] | None = None, stop: Stop = lambda: False
-) -> Contest | None:
-    """Return the models between which a diagnosis of ``motions`` left the choice open; None where it left none.
+def contest(given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: Stop = lambda: False) -> Contest | None:
+    """Return the models in which each of the effects ``among`` stands for the one of them that is in ``given``.
 
-    ``among`` names the effects that stand for each other, where they are known from before: one of them must be in
-    the model.  Raises AnalysisError where the model is no longer one of these shots, Cancelled.
+    ``given`` is a joint fit of ``motions``.  None where none of them is in it, or no other has a motion for these
+    shots.  Raises AnalysisError where the fit is not one of these shots, Cancelled.
     """
-    open_class = _given(diagnosis, among) if among else undecided(diagnosis)
-    if open_class is None:
+    name = next((name for name in among if name in given.effects), None)
+    if name is None:
         return None
-    name, others = open_class
-    best = again(diagnosis.fit_after, motions, stop, [*others])
-    kinds = [trial_effect(named(other)) for other in others]
+    others = [other for other in among if other != name]
+    best = again(given, motions, stop, others)
+    kinds = trials_named(others)
     far = separation(best, projector(best), name, kinds)
-    trail = Trail(best, kinds, stop)
-    fewer = without(best, name, trail)
+    fewer = without(best, name, Trail(best, kinds, stop))
     frequency = best.point.values[0][name].get("frequency_hz")
     members = [Member(name, best, _chi2(best, best.floor))]
     for kind in kinds:
@@ -94,11 +91,6 @@ def contest(
     if len(members) < 2:
         return None
     return Contest(tuple(sorted(members, key=lambda member: member.chi2)), best.floor)
-
-
-def _given(diagnosis: Diagnosis, among: Sequence[str]) -> tuple[str, tuple[str, ...]] | None:
-    found = [effect.name for effect in diagnosis.effects if effect.name in among]
-    return (found[0], tuple(other for other in among if other != found[0])) if found else None
 
 
 def again(given: Fit, motions: Sequence[Motion], stop: Stop, beside: Sequence[str] = ()) -> Fitted:

@@ -6,7 +6,7 @@ from typing import Any
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.motion import Motion
-from analysis.planning.contest import contest
+from analysis.planning.contest import contest, undecided
 from analysis.planning.next_shot import NextShot, Reach
 from analysis.planning.plan import MOST_SHOTS, Plan, plan
 from analysis.shot import Progress, Stop
@@ -72,7 +72,7 @@ def stand(
     done = list(steps)
     if done:
         done[-1] = _reached(done[-1], motions, diagnosis, stop)
-    now = contest(diagnosis, motions, stop=stop)
+    now = contest(diagnosis.fit_after, undecided(diagnosis), motions, stop)
     if now is None:
         return Standing(diagnosis, None, tuple(done))
     further = plan(now, reach, most=max(1, left), progress=progress, stop=stop)
@@ -81,7 +81,7 @@ def stand(
 
 def _reached(step: Step, motions: Sequence[Motion], diagnosis: Diagnosis, stop: Stop) -> Step:
     """Return a taken step with how far its members stand apart now; as it is where none is in the model any more."""
-    now = contest(diagnosis, motions, step.members, stop)
+    now = contest(diagnosis.fit_after, step.members, motions, stop)
     return step if now is None else replace(step, reached=now.reached, leader=now.members[0].effect)
 
 

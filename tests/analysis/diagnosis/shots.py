@@ -25,6 +25,11 @@ def shots(effects: Effects, *, seed: int = 3, count: int = 3, floor: bool = Fals
     """Return motions of a rig with ``effects``, white noise of 0.1 nm a sample and, if asked for, a floor of 0.3 nm."""
     noise = Noise(NoiseKind.FLOOR if floor else NoiseKind.WHITE, white_m=WHITE_M)
     truth: Truth = replace(drawn((), seed, noise, count), effects=effects)
+    return motions_of(truth)
+
+
+def motions_of(truth: Truth) -> tuple[Motion, ...]:
+    """Return the shots of a rig as the demodulator would give them."""
     settings = AnalysisSettings()
     out = []
     for record in records(truth):

@@ -1,0 +1,40 @@
+"""Shots with weights on the block beside shots without: one plate, one contact, every shot its own stated mass."""
+
+from dataclasses import replace
+
+import pytest
+
+from analysis.model.fitting import fit_shots
+from instrument.bench.blind import Take, Truth, drawn
+from instrument.bench.noise import Noise, NoiseKind
+from tests.analysis.diagnosis.shots import WHITE_M, motions_of
+
+LADEN = Take(added_kg=0.05, before_touch_s=0.02, duration_s=0.13)
+
+
+def _truth() -> Truth:
+    rig = drawn((), 6, Noise(NoiseKind.WHITE, white_m=WHITE_M))
+    friction = {"coulomb_friction": {"force_n": 2e-5}}
+    return replace(rig, effects=friction, speeds_m_per_s=(0.2, 0.3), takes=(Take(), LADEN))
+
+
+def test_a_joint_fit_takes_every_shots_own_mass():
+    truth = _truth()
+    fit = fit_shots(motions_of(truth), effects=("coulomb_friction",))
+    assert fit.converged and 0.97 < fit.reduced_chi2 < 1.03
+    true = {
+        "plate_stiffness_n_per_m": truth.bodies.plate_stiffness_n_per_m,
+        "plate_mass_kg": truth.bodies.plate_mass_kg,
+        "contact_stiffness_n_per_m": truth.bodies.contact_stiffness_n_per_m,
+        "contact_damping_n_s_per_m": truth.bodies.contact_damping_n_s_per_m,
+        "coulomb_friction.force_n": 2e-5,
+    }
+    for name, value in true.items():
+        assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].std, name
+
+
+def test_the_order_of_the_shots_does_not_matter():
+    one, laden = motions_of(_truth())
+    there, back = (fit_shots(some, effects=("coulomb_friction",)) for some in ([one, laden], [laden, one]))
+    for name, quantity in there.parameters.items():
+        assert back.parameters[name].value == pytest.approx(quantity.value, abs=0.02 * quantity.std), name

@@ -7,6 +7,7 @@ import numpy as np
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.quantity import Quantity
 from analysis.shot import Shot
+from analysis.weights import weights_words
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
@@ -35,11 +36,12 @@ MOST_DRAWN = 8  # shots whose residuals are drawn
 
 def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
     """Return the whole section; ``shots`` are those of the report, in their order."""
-    count = sum(shot.motion is not None and shot.fit is not None for shot in shots)
+    masses_kg = [shot.motion.moving_mass_kg for shot in shots if shot.motion is not None and shot.fit is not None]
+    count, weights = len(masses_kg), weights_words(masses_kg)
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict]}."), class_="verdict"),
         tag("p", diagnosis.sentence),
-        tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together."),
+        tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together{f': {weights}' if weights else ''}."),
     ]
     if diagnosis.effects:
         parts += [tag("h3", "Effects"), *[_effect(effect) for effect in diagnosis.effects]]

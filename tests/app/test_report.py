@@ -109,6 +109,14 @@ def test_an_effect_that_no_diagnosis_named_is_told(tmp_path: Path) -> None:
     assert "no diagnosis named" not in Elements(report_of([tried], made_at=MADE)).text
 
 
+def test_weights_on_the_block_are_told() -> None:
+    one = shot()
+    assert one.motion is not None
+    laden = replace(one, motion=replace(one.motion, moving_mass_kg=one.motion.moving_mass_kg + 0.05))
+    text = Elements(report_of([one, laden], diagnosis(one), made_at=MADE)).text
+    assert "Made from 2 shots together: shots 1 as found, 2 with 50.00 g added." in text
+
+
 def test_nothing_foreign_becomes_markup() -> None:
     one = shot()
     assert one.setup is not None and one.fit is not None

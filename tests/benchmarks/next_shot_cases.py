@@ -1,0 +1,126 @@
+"""Blind sets that a diagnosis leaves open, the planned shots taken, and as many at random beside them."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from analysis.diagnosis.result import Diagnosis
+from analysis.motion import Motion
+from analysis.planning.contest import undecided
+from analysis.planning.next_shot import NextShot, Reach
+from analysis.planning.steps import Step, next_step, stand
+from instrument.bench.blind import Take, Truth, records
+from tests.benchmarks.loop_cases import Case, as_motion, draw
+
+MOST = 3
+_SET_OFF = 0.02  # part by which a speed that was asked for is missed
+_CONTACT_S = 1.05  # of half a swing of block and plate
+
+Diagnose = Callable[[Sequence[Motion]], Diagnosis]
+
+
+@dataclass(frozen=True, slots=True)
+class NextOutcome:
+    """What a set said at once, after the planned shots, and after as many and twice as many at random.
+
+    ``open_*`` are the effects between which it was undecided; ``steps`` (expected, reached) of every planned shot;
+    ``proven`` says that the plan found no shot to tell them apart, with the best ``best`` noise norms.
+    """
+
+    case: Case
+    snr: float
+    named_first: tuple[str, ...]
+    open_first: tuple[str, ...]
+    named: tuple[str, ...] = ()
+    open_last: tuple[str, ...] = ()
+    steps: tuple[tuple[float, float | None], ...] = ()
+    proven: bool = False
+    best: float = 0.0
+    random_open: tuple[str, ...] | None = None
+    random_named: tuple[str, ...] = ()
+    twice_open: tuple[str, ...] | None = None
+    twice_named: tuple[str, ...] = ()
+    truth: dict[str, dict[str, float]] = field(default_factory=dict)
+    problem: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """Return a plain dictionary."""
+        return asdict(self)
+
+
+def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutcome:
+    """Draw a case, have it diagnosed, take what is planned until it is settled, and write down what was said."""
+    rig = draw(case)
+    truth = rig.truth
+    first = diagnose(_motions(truth))
+    outcome = NextOutcome(case, rig.snr, _names(first), undecided(first), truth=dict(truth.effects))
+    if not outcome.open_first:
+        return replace(outcome, named=outcome.named_first)
+    random = np.random.default_rng((case.seed, 0x19))
+    said, steps, now = first, (), truth
+    try:
+        standing = stand(_motions(now), said, steps)
+        while not standing.settled and len(standing.steps) < MOST:
+            step: Step = next_step(standing)
+            now = taken(now, step.shot, random)
+            shown = _motions(now)
+            said = diagnose(shown)
+            standing = stand(shown, said, (*standing.steps, step), left=MOST - len(standing.steps) - 1)
+    except Exception as error:
+        return replace(outcome, problem=f"{type(error).__name__}: {error}"[:200])
+    outcome = replace(
+        outcome,
+        named=_names(said),
+        open_last=undecided(said),
+        steps=tuple((step.expected_separation, step.reached) for step in standing.steps),
+        proven=standing.plan is not None and not standing.plan.settles,
+        best=0.0 if standing.plan is None else standing.plan.best,
+    )
+    count = len(standing.steps)
+    if not at_random or not count:
+        return outcome
+    one, two = (diagnose(_motions(_at_random(truth, n, random))) for n in (count, 2 * count))
+    return replace(
+        outcome,
+        random_open=undecided(one),
+        random_named=_names(one),
+        twice_open=undecided(two),
+        twice_named=_names(two),
+    )
+
+
+def taken(truth: Truth, shot: NextShot, random: np.random.Generator) -> Truth:
+    """Return the set with one shot more, its speed as near to what was asked for as a hand comes."""
+    speed = shot.speed_m_per_s * (1 + _SET_OFF * float(random.uniform(-1, 1)))
+    mass_kg = truth.bodies.block_mass_kg + shot.added_mass_kg + truth.bodies.plate_mass_kg
+    contact_s = _CONTACT_S * math.pi * math.sqrt(mass_kg / truth.bodies.plate_stiffness_n_per_m)
+    whole_s = round(shot.before_s + contact_s + shot.after_s, 4)
+    takes = [truth.take(index) for index in range(len(truth.speeds_m_per_s))]
+    return replace(
+        truth,
+        speeds_m_per_s=(*truth.speeds_m_per_s, speed),
+        takes=(*takes, Take(shot.added_mass_kg, shot.before_s, whole_s)),
+    )
+
+
+def _at_random(truth: Truth, count: int, random: np.random.Generator) -> Truth:
+    """Return the set with shots that nobody planned: any speed, weights and record that a plan could have asked for."""
+    reach = Reach()
+    for _ in range(count):
+        low, high = min(reach.speeds_m_per_s), max(reach.speeds_m_per_s)
+        speed = math.exp(random.uniform(math.log(low), math.log(high)))
+        before = random.uniform(0.01, max(0.011, min(reach.before_s(speed), 0.1)))
+        shot = NextShot(speed, float(random.choice(reach.added_kg)), before, float(random.uniform(0.02, reach.after_s)))
+        truth = taken(truth, shot, random)
+    return truth
+
+
+def _motions(truth: Truth) -> tuple[Motion, ...]:
+    return tuple(as_motion(record) for record in records(truth))
+
+
+def _names(diagnosis: Diagnosis) -> tuple[str, ...]:
+    return tuple(effect.name for effect in diagnosis.effects)

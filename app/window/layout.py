@@ -1,6 +1,7 @@
 """How the panels stand in the window; what they do with one another is in ``window``."""
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QTabWidget, QVBoxLayout, QWidget
 
 from app.window.panels.about_sheet import AboutSheet
@@ -36,6 +37,7 @@ class Layout(QWidget):
 
     def __init__(self, theme: Theme, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self._number: int | None = None  # of the shot in front
         c = theme.colours
         self.controls = Controls(self)
         self.banner = Banner(c, self)
@@ -104,6 +106,7 @@ class Layout(QWidget):
         across.setStretchFactor(0, 1)
         across.setStretchFactor(1, 0)
         across.setChildrenCollapsible(False)
+        across.splitterMoved.connect(self._rename)
         down = self.down = QSplitter(Qt.Orientation.Vertical, self)
         down.addWidget(across)
         down.addWidget(self.table)
@@ -136,6 +139,23 @@ class Layout(QWidget):
             self.tour,
         ):
             panel.dress(self._theme.colours)
+
+    def name_shot(self, number: int | None) -> None:
+        """Let the tab of SHOT bear the number of the shot in front, where all tabs have room beside it."""
+        self._number = number
+        bar = self.tabs.tabBar()
+        self.tabs.setTabText(self.SHOT, "SHOT" if number is None else f"SHOT {number}")
+        if sum(bar.tabSizeHint(index).width() for index in range(bar.count())) > self.tabs.width():
+            self.tabs.setTabText(self.SHOT, "SHOT")
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Name the tabs anew."""
+        super().resizeEvent(event)
+        self._rename()
+
+    @Slot()
+    def _rename(self) -> None:
+        self.name_shot(self._number)
 
     def plot_in_front(self) -> PlotView | None:
         """Return the plot that the keys act on: of the page in front the one in focus, else its first."""

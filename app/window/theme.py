@@ -185,7 +185,7 @@ def style_sheet(colours: Colours) -> str:
     QLabel[heading="true"] {{ color: {colours.faint}; font-weight: bold; letter-spacing: 1px; }}
     QPushButton, QToolButton {{ padding: 4px 9px; border: 1px solid {colours.edge}; border-radius: 5px;
         background: {colours.panel}; color: {colours.text}; }}
-    QFileDialog QToolButton {{ padding: 2px; }}
+    QFileDialog QToolButton, QTabBar QToolButton {{ padding: 2px; }}
     QPushButton:hover, QToolButton:hover {{ border-color: {colours.accent}; }}
     QPushButton:focus, QToolButton:focus {{ border: 2px solid {colours.accent}; padding: 3px 8px; }}
     QPushButton:pressed, QToolButton:pressed {{ background: {colours.edge}; }}
@@ -220,6 +220,16 @@ def style_sheet(colours: Colours) -> str:
         selection-color: {colours.accent_text}; alternate-background-color: {colours.window}; }}
     QTableView::item {{ padding: 0 6px; }}
     QTableView::item:selected {{ background: {colours.accent}; color: {colours.accent_text}; }}
+    QTreeView::item {{ padding: 2px 4px; }}
+    QScrollBar {{ background: {colours.panel}; border: none; }}
+    QScrollBar:vertical {{ width: 12px; }}
+    QScrollBar:horizontal {{ height: 12px; }}
+    QScrollBar::handle {{ background: {colours.edge}; border-radius: 4px; margin: 2px; }}
+    QScrollBar::handle:vertical {{ min-height: 28px; }}
+    QScrollBar::handle:horizontal {{ min-width: 28px; }}
+    QScrollBar::handle:hover {{ background: {colours.marker}; }}
+    QScrollBar::add-line, QScrollBar::sub-line, QScrollBar::add-page, QScrollBar::sub-page {{ background: none;
+        width: 0; height: 0; }}
     QScrollArea, QScrollArea > QWidget {{ border: none; background: {colours.panel}; }}
     QSplitter::handle {{ background: {colours.edge}; }}
     QSplitter::handle:horizontal {{ width: 3px; }}

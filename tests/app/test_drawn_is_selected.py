@@ -1,5 +1,6 @@
 """Every plot draws what is selected, in whatever order shots of different kinds come to whatever page."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from PySide6.QtTest import QTest
 
 from analysis.drive.curves import drive_curves
+from app.session.event import Diagnosed
 from app.session.session import Entry
 from app.window.layout import Layout
 from app.window.main_window import MainWindow, open_window
@@ -105,3 +107,34 @@ def test_a_driven_record_has_views_and_numbers_of_its_own(window):
     select(window, "fast")
     assert panel._buttons["gap"].isVisible() and not panel.drive.say.isVisible()
     assert panel._buttons["contact"].text() == "First contact"
+
+
+def test_a_drives_diagnosis_draws_what_its_force_leaves_over(window):
+    entry = select(window, "driven")
+    fit = entry.shot.fit
+    told = replace(synthetic.diagnosis(entry.shot), fit_before=fit, fit_after=fit)
+    slow = select(window, "slow")
+    plain = synthetic.diagnosis(slow.shot)
+    window.workbench.diagnoses += [Diagnosed(told, (entry.number,)), Diagnosed(plain, (slow.number,))]
+    window.panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
+    residuals = window.panels.diagnosis.residuals
+    curves = drive_curves(entry.shot.motion, fit)
+    try:
+        for _ in range(2):
+            select(window, "driven")
+            settled(window)
+            (plot,) = drawn(window, Layout.DIAGNOSIS)
+            assert plot is residuals.forces.stack and plot.shows == (entry.shot,)
+            for part in plot.plots:
+                (curve,) = part.sampled
+                scale = {"N": 1.0, "mN": 1e3, "µN": 1e6}[part.unit]
+                np.testing.assert_allclose(curve.samples, scale * curves.residual_n)
+            assert "RESIDUAL OF FORCE, driven" in residuals._heading.text()
+            assert window.panels.plot_in_front() is residuals.forces.stack
+            select(window, "slow")
+            settled(window)
+            (plot,) = drawn(window, Layout.DIAGNOSIS)
+            assert plot is residuals.stack and plot.shows == (slow.shot,)
+            assert not len(residuals.forces._curves[0].samples)
+    finally:
+        window.workbench.diagnoses.clear()

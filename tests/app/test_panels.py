@@ -215,7 +215,7 @@ def test_the_table_shows_shots_and_passes_notes_on(qtbot, shot):
     table.show_session(session)
     model = table.model
     assert model.rowCount() == 2
-    assert model.data(model.index(0, 5)) == "0.9875560(70)"
+    assert model.data(model.index(0, 5)) == "0.9875560(72)"  # the budget's, not from noise alone
     assert model.data(model.index(1, 5)) == "–"
     assert model.data(model.index(1, 9)) == "no beat on PD1"
     with qtbot.waitSignal(table.note_edited) as noted:
@@ -353,6 +353,11 @@ def test_large_numbers_fill_the_page_and_are_never_cut(qtbot, shot):
     assert panel.text("F max") == "1.2e-6"
     panel.show_shot(None, "")
     assert panel.text("COR") == "–"
+    panel.show_shot(replace(shot, flags=("plate_shaken",)), "")  # of the fitted plate, which is not shown here
+    assert MARKS[Tone.WARNING] not in panel._title.text()
+    panel.show_shot(synthetic.driven_shot(), "")
+    seen = {label.text() for label in panel.findChildren(QLabel) if label.isVisible()}
+    assert {"mass", "viscous drag", "offset"} <= seen and "COR" not in seen and panel.text("mass") != "–"
 
 
 def test_several_effects_are_added_by_one_press(qtbot):

@@ -1,23 +1,29 @@
 """No text is cut or lies over another, from the smallest screen to the largest, told by the fonts' own measures."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 from PySide6.QtCore import QRect
+from PySide6.QtGui import QFontMetricsF
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
     QAbstractButton,
+    QAbstractScrollArea,
     QComboBox,
     QLabel,
     QMainWindow,
+    QScrollArea,
     QStyle,
     QStyleOptionButton,
     QStyleOptionComboBox,
     QWidget,
 )
 
+from analysis.diagnosis.result import Verdict
 from analysis.drive.curves import drive_curves
 from analysis.signal.quality import MEANINGS
+from app.session.jobs import Jobs
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
@@ -147,12 +153,82 @@ def test_the_labels_of_axes_are_whole_or_not_there(window):
 
 def test_the_tabs_and_the_number_of_a_shot_above_99_are_whole(window):
     tabs = window.panels.tabs.tabBar()
+    window.panels.name_shot(123)
+    QTest.qWait(20)
     assert tabs.tabRect(tabs.count() - 1).right() <= tabs.width()
     assert not [button for button in tabs.findChildren(QAbstractButton) if button.isVisible()]  # they scroll
     table = window.panels.table
     last = table.model.index(table.model.rowCount() - 1, 0)
     assert table.fontMetrics().horizontalAdvance("123 (100)") < table.table.columnWidth(0) - 8
     assert last.data() == "123"
+
+
+def _scrolls_across(area: QAbstractScrollArea) -> bool:
+    bar = area.horizontalScrollBar()
+    return area.isVisible() and bar.isVisible() and bar.maximum() > 0
+
+
+def test_no_page_is_wider_than_the_window(window):
+    panels = window.panels
+    shot = panels.diagnosis._shots[0]
+    found = synthetic.diagnosis(shot)
+    kinds = (found, replace(found, verdict=Verdict.UNEXPLAINED), replace(found, laws=(synthetic.learned_law(),)))
+    for page in _pages(window):
+        for kind in kinds if page == Layout.DIAGNOSIS else (found,):
+            panels.diagnosis.show_diagnosis(kind, [shot])
+            QTest.qWait(20)
+            areas = [area for area in panels.tabs.currentWidget().findChildren(QScrollArea) if _scrolls_across(area)]
+            assert not areas, (page, kind.verdict)
+            assert not {text for widget in _shown(window) if (text := _cut(widget)) is not None}
+    panels.diagnosis.show_diagnosis(found, [shot])
+
+
+def test_a_learned_law_says_which_line_is_which(window):
+    panel = window.panels.diagnosis
+    shot = panel._shots[0]
+    panel.show_diagnosis(replace(synthetic.diagnosis(shot), laws=(synthetic.learned_law(),)), [shot])
+    curve = panel.law_curve
+    assert [words for words, _ in curve._legend.entries] == ["what the shots show", "± 2 σ", "closed form: exponential"]
+    curve.compare.click()
+    assert curve._legend.entries[-1][0] == "inverse square" and curve.plot.legend == curve._legend.entries
+    curve.compare.click()
+    panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
+
+
+def test_all_keys_are_read_without_moving_the_sheet_aside(window):
+    sheet = window.panels.keys
+    sheet.show()
+    sheet.place()
+    QTest.qWait(30)
+    try:
+        assert not _scrolls_across(sheet._scroll)
+        assert not {text for widget in _shown(window) if (text := _cut(widget)) is not None}
+    finally:
+        sheet.hide()
+
+
+def test_what_is_being_done_is_never_cut_in_mid_word(window):
+    line, long = window.panels.work, "preparing the analysis: compiling the diagnosis, at the first start only (+12)"
+    jobs = Jobs()
+    line.show_work(jobs, long, 0.5)
+    QTest.qWait(20)
+    line.show_work(jobs, long, 0.5)
+    shown = line.progress.format()
+    assert line.fontMetrics().horizontalAdvance(shown) < line.progress.width()
+    assert shown == long or (shown.endswith("…") and line.progress.toolTip() == long)
+    line.show_work(jobs, None, None)
+    assert jobs.close()
+
+
+def test_the_numbers_of_an_axis_never_lie_over_one_another(window):
+    for _ in _pages(window):
+        for plot in window.findChildren(PlotView):
+            for item in plot.scene().items() if plot.isVisible() else ():
+                if isinstance(item, PlainAxis) and item.orientation == "left" and item.isVisible():
+                    (low, high), height = item.range, item.size().height()
+                    line = QFontMetricsF(item.font()).height()
+                    for spacing, _ in item.tickSpacing(low, high, height) if height > line and high > low else ():
+                        assert spacing * height / (high - low) >= line * (1 - 1e-9)
 
 
 def test_every_flag_has_room_in_its_column(window):

@@ -73,3 +73,4 @@ class CandidateBars(QScrollArea):
                 grid.addWidget(widget, line, place)
         grid.setRowStretch(SHOWN_CANDIDATES, 1)
         self.setWidget(inner)
+        self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())

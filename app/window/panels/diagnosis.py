@@ -1,6 +1,7 @@
 """DIAGNOSIS: the verdict in words first, then the candidates, the residual before and after, and what was blind."""
 
 from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
@@ -24,6 +25,7 @@ from app.window.theme import MARKS, Colours, Tone, sized
 from app.words.wording import kept_words, local_words, short_name
 
 MOST_NAMED = 5  # shots
+LEAST_BESIDE = 78  # letters M of width
 NEAR_ONE = 1.5  # a chi2 below this reads as if nothing were left
 TONES = {
     Verdict.ADEQUATE: Tone.GOOD,
@@ -129,8 +131,8 @@ class DiagnosisPanel(QWidget):
         self.residuals = Residuals(colours, split)
         split.setSizes([480, 500])
         split.setChildrenCollapsible(False)
-        split.setMinimumHeight(15 * self.fontMetrics().lineSpacing())
         column.addWidget(split, 1)
+        self._stand_evidence()
         self._blind = QLabel(self)
         self._blind.setWordWrap(True)
         self._blind.setProperty("faint", True)
@@ -160,6 +162,17 @@ class DiagnosisPanel(QWidget):
         self.bars.dress(colours)
         self.law_curve.dress(colours)
         self.show_diagnosis(self._diagnosis, self._shots, self._model_effects, self._version)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the evidence within the width."""
+        super().resizeEvent(event)
+        self._stand_evidence()
+
+    def _stand_evidence(self) -> None:
+        """Let residuals stand beside the candidates, on a narrow page below them."""
+        beside = self.width() >= LEAST_BESIDE * self.fontMetrics().horizontalAdvance("M")
+        self._evidence.setOrientation(Qt.Orientation.Horizontal if beside else Qt.Orientation.Vertical)
+        self._evidence.setMinimumHeight((15 if beside else 27) * self.fontMetrics().lineSpacing())
 
     def mark_tried(self, tried: tuple[str, ...]) -> None:
         """Say which effects in the model no diagnosis named; the next ``show_diagnosis`` shows it."""
@@ -239,7 +252,7 @@ class DiagnosisPanel(QWidget):
 
     def plot_in_front(self) -> PlotView:
         """Return a law's curve where it has the keyboard, else the residuals."""
-        return in_front((self.residuals.stack, self.law_curve.plot))
+        return in_front((self.residuals.stack_in_view, self.law_curve.plot))
 
     @Slot()
     def _diagnose(self) -> None:

@@ -1,46 +1,48 @@
 """LARGE: the numbers that matter, in letters as large as the page, for whoever stands at the far end of the table."""
 
-from collections.abc import Callable
-
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
-from analysis.impact import Impact
+from analysis.doubts import CONCERNS
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
+from app.window.panels.number_rows import DRIVE, GROUPS, Row
 from app.window.theme import MARKS, Colours, Tone
 from app.words.flag_words import MILD_FLAGS
 from app.words.wording import DASH, local, number
 
 MOST_DIGITS = 7  # more are not read from afar
-ROWS: tuple[tuple[str, str, float, Callable[[Impact], Reading]], ...] = (
-    ("COR", "", 1.0, lambda impact: impact.cor_quasi_static),
-    ("v in", "m/s", 1.0, lambda impact: impact.velocity_in_m_per_s),
-    ("v out", "m/s", 1.0, lambda impact: impact.velocity_out_m_per_s),
-    ("F max", "N", 1.0, lambda impact: impact.force_peak_n),
-    ("contact", "ms", 1e3, lambda impact: impact.contact_time_s),
-)
+SHORT = {  # what a number is called from afar
+    "quasi-static": "COR",
+    "velocity in": "v in",
+    "velocity out": "v out",
+    "peak force": "F max",
+    "contact time": "contact",
+}
+_ROWS = {row.name: row for _, rows in GROUPS for row in rows}
+COLLISION = tuple(_ROWS[name] for name in SHORT)
+DRIVEN = tuple(row for heading, rows in GROUPS if heading == DRIVE for row in rows)
 LEAST_PX, SPARE = 12, 0.92
 
 
 class LargePanel(QWidget):
-    """Five lines and a title, their font as large as the widest line allows."""
+    """A few lines and a title, their font as large as the widest line allows."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
         self._doubtful = False
+        self._rows: tuple[Row, ...] = COLLISION
         grid = QGridLayout(self)
         grid.setContentsMargins(16, 6, 16, 6)
         self._title = QLabel(self)
         grid.addWidget(self._title, 0, 0, 1, 3)
         self._cells: list[tuple[QLabel, QLabel, QLabel]] = []
-        for line, (name, unit, *_) in enumerate(ROWS, 1):
-            cells = QLabel(name, self), QLabel(DASH, self), QLabel(unit, self)
+        for line in range(1, 1 + max(len(COLLISION), len(DRIVEN))):
+            cells = QLabel(self), QLabel(DASH, self), QLabel(self)
             cells[1].setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
             cells[1].setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-            cells[1].setAccessibleName(f"{name} {unit}".strip())
             for place, cell in enumerate(cells):
                 cell.setMinimumSize(1, 1)  # the font follows the page, never the page the font
                 grid.addWidget(cell, line, place)
@@ -51,13 +53,26 @@ class LargePanel(QWidget):
 
     def show_shot(self, shot: Shot | None, title: str) -> None:
         """Show a shot's numbers, rounded to their uncertainty; its doubts as a mark at the title."""
-        self._doubtful = shot is not None and any(flag not in MILD_FLAGS for flag in shot.flags)
+        self._rows = DRIVEN if shot is not None and shot.settings.model == "driven" else COLLISION
+        self._doubtful = shot is not None and any(self._casts_doubt(flag) for flag in shot.flags)
         self._title.setText((f"{MARKS[Tone.WARNING]} " if self._doubtful else "") + (title or "No shot yet"))
-        impact = shot.impact if shot is not None else None
-        for (_, _, scale, find), (_, value, _) in zip(ROWS, self._cells, strict=True):
-            value.setText(plain_digits(find(impact), scale) if impact is not None else DASH)
+        for line, (name, value, unit) in enumerate(self._cells):
+            there = line < len(self._rows)
+            for cell in (name, value, unit):
+                cell.setVisible(there)
+            if there:
+                row = self._rows[line]
+                name.setText(SHORT.get(row.name, row.name))
+                unit.setText(row.unit)
+                value.setAccessibleName(f"{name.text()} {row.unit}".strip())
+                value.setText(plain_digits(row.find(shot) if shot is not None else None, row.scale))
         self.dress(self._colours)
         self._fit()
+
+    def _casts_doubt(self, flag: str) -> bool:
+        """Return whether a flag is an alarm for the numbers shown here, or for all."""
+        about = CONCERNS.get(flag)
+        return flag not in MILD_FLAGS and (about is None or any(row.key in about for row in self._rows))
 
     def text(self, name: str) -> str:
         """Return what is shown for a number."""
@@ -84,8 +99,9 @@ class LargePanel(QWidget):
         font.setBold(True)
         font.setPixelSize(100)
         metrics = QFontMetricsF(font)
-        columns = [max(metrics.horizontalAdvance(cells[place].text()) for cells in self._cells) for place in range(3)]
-        lines = len(ROWS) + 1.4
+        shown = self._cells[: len(self._rows)]
+        columns = [max(metrics.horizontalAdvance(cells[place].text()) for cells in shown) for place in range(3)]
+        lines = len(self._rows) + 1.4
         size = SPARE * min(100.0 * width / (sum(columns) + 1.0), 100.0 * height / (lines * metrics.height()))
         font.setPixelSize(max(LEAST_PX, int(size)))
         for cells in self._cells:
@@ -98,7 +114,7 @@ class LargePanel(QWidget):
         self._title.setFont(title)
 
 
-def plain_digits(reading: Reading, scale: float = 1.0) -> str:
+def plain_digits(reading: Reading | None, scale: float = 1.0) -> str:
     """Return a number to its first uncertain digit, at most ``MOST_DIGITS``; a dash where none was read."""
     if not isinstance(reading, Quantity):
         return DASH

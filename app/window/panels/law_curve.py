@@ -9,9 +9,10 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 from analysis.diagnosis.result import LearnedLaw
 from analysis.shot import Shot
 from app.report.export_laws import law_columns
-from app.window.pens import series_pen, straight
+from app.window.pens import series_pen, straight, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis
+from app.window.plots.legend import Legend, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
 from app.words.prefixes import prefix_for
@@ -45,6 +46,8 @@ class LawCurve(QWidget):
         for button in (self.other, self.compare, self.keep):
             line.addWidget(button)
         column.addLayout(line)
+        self._legend = Legend(self)
+        column.addWidget(self._legend)
         self.plot = PlainPlot("Learned law", ("force", "mN"), "", ALONG, self)
         self._band = [self.plot.add_curve(f"{sign} 2 σ") for sign in ("-", "+")]
         self._curve = self.plot.add_curve("what the shots show")
@@ -73,9 +76,11 @@ class LawCurve(QWidget):
         for curve in self._band:
             curve.setPen(straight(colours.band_edge))
         self._curve.setPen(straight(colours.measured))
-        self._form.setPen(straight(colours.simulated))
+        self._form.setPen(under(colours.simulated))
+        self._form.setZValue(-1)
         for index, curve in enumerate(self._others):
             curve.setPen(series_pen(colours, index + 1))
+        self._draw()
 
     def show_laws(self, laws: Sequence[LearnedLaw], shots: Sequence[Shot] = ()) -> None:
         """Show the first of these laws, learned from ``shots``; none hides the panel."""
@@ -123,6 +128,16 @@ class LawCurve(QWidget):
                 assert other.curve_force_n is not None
                 curve.label = other.form
                 curve.show_points(x, force_scale * other.curve_force_n)
+        c = self._colours
+        legend: list[tuple[str, Look]] = [
+            ("what the shots show", straight(c.measured)),
+            ("± 2 σ", straight(c.band_edge)),
+        ]
+        legend.append((f"{'closed form' if law.form else 'nearest form'}: {law.nearest_form}", under(c.simulated)))
+        if self.compare.isChecked():
+            legend += [(other.form, series_pen(c, index + 1)) for index, other in enumerate(others)]
+        self._legend.show_entries(legend)
+        self.plot.legend = legend
         self.plot.label_value("force", force_unit)
         self.plot.plot.setLabel("bottom", f"{law.argument} ({unit})")
         self.plot.columns = {name: np.array(values) for name, values in law_columns(law).items()}

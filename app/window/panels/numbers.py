@@ -18,10 +18,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.budget import budget
 from analysis.doubts import concerning
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
+from app.window.combined import COMBINED, combined_of
 from app.window.flag_tone import flag_line, flag_tone
 from app.window.panels.number_rows import DRIVE, GROUPS, Row
 from app.window.theme import MARKS, Colours, Tone, sized
@@ -36,7 +36,6 @@ from app.words.wording import (
 )
 
 NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
-COMBINED = "± is the combined standard uncertainty, all sources of the budget together."
 
 
 def _effect_lines(shot: Shot | None) -> list[str]:
@@ -175,8 +174,7 @@ class NumbersPanel(QScrollArea):
         self._shot, self._version = shot, version
         self._title = title or (shot.name if shot is not None else "No shot")
         self._fit_title()
-        whole = not self.noise_only.isChecked() and shot is not None and shot.impact is not None
-        self._combined = {q.key: q.std for q in budget(shot).quantities} if whole and shot is not None else {}
+        self._combined = combined_of(shot) if shot is not None and not self.noise_only.isChecked() else {}
         driven = shot is not None and shot.settings.model == "driven"
         for group, widgets in self._groups.items():
             for widget in widgets:

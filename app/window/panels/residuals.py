@@ -1,14 +1,16 @@
 """What the model left over before and after the diagnosis: the residual of one shot, and the errors in numbers."""
 
 import numpy as np
-from PySide6.QtCore import Qt, Slot
+from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis, Errors, Verdict
+from analysis.drive.curves import DriveCurves
 from analysis.shot import Shot
 from app.report.shot_times import time_zero
 from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.cursors import SECONDS
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
 from app.words.prefixes import prefix_for
@@ -37,6 +39,9 @@ class Residuals(QWidget):
         self.stack.reset_wanted.connect(self.reset)
         column.addWidget(self.stack, 1)
         column.addWidget(CursorReadout(self.stack, self))
+        self.forces = ForceResiduals(colours, self)
+        column.addWidget(self.forces.stack, 1)
+        column.addWidget(CursorReadout(self.forces.stack, self))
         self._errors = QLabel(self)
         self._errors.setTextFormat(Qt.TextFormat.RichText)
         self._errors.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -47,6 +52,12 @@ class Residuals(QWidget):
         self.stack.dress(colours)
         for curve in self._curves:
             curve.setPen(thin(colours.residual))
+        self.forces.dress(colours)
+
+    @property
+    def stack_in_view(self) -> TimeStack:
+        """Get the plots that are shown."""
+        return self.forces.stack if self.forces.stack.isVisibleTo(self) else self.stack
 
     def clear(self) -> None:
         """Show nothing."""
@@ -59,17 +70,28 @@ class Residuals(QWidget):
             curve.clear_samples()
             band.show_band(0.0, 1.0, np.zeros(0))
         self.stack.tell((), "")
+        self.forces.show_curves(None, None, None)
+
+    def _let_stand(self, forces: bool) -> None:
+        self.stack.setVisible(not forces)
+        self.forces.stack.setVisible(forces)
+
+    def show_forces(self, shot: Shot, before: DriveCurves, after: DriveCurves) -> None:
+        """Show what a driven shot's force leaves over under the fits before and after the diagnosis on the screen."""
+        self._heading.setText(f"RESIDUAL OF FORCE, {short_name(shot.name)} (band: ±2 × {after.below.what})")
+        self.forces.show_curves(shot, before, after)
 
     def show_diagnosis(self, diagnosis: Diagnosis, shots: list[Shot]) -> None:
         """Show the first of these shots that was analysed, and the errors of all."""
         self._errors.setText(_errors_table(diagnosis))
         shown = next((i for i, shot in enumerate(shots) if shot.motion is not None), None)
-        if shown is None or shown >= len(diagnosis.fit_after.shots):
-            self._heading.setText(
-                "RESIDUAL OF FORCE: in the numbers below" if diagnosis.fit_after.model == "driven" else ""
-            )
+        driven = diagnosis.fit_after.model == "driven"
+        self._let_stand(driven)
+        if driven or shown is None or shown >= len(diagnosis.fit_after.shots):
+            self._heading.setText("RESIDUAL OF FORCE" if driven else "")
             self._forget()
             return
+        self.forces.show_curves(None, None, None)
         shot = shots[shown]
         motion = shot.motion
         assert motion is not None
@@ -100,6 +122,49 @@ class Residuals(QWidget):
         if len(samples):
             start, step = self._curves[0].grid
             self.stack.zoom(start, start + step * len(samples))
+
+
+class ForceResiduals(QObject):
+    """Two linked plots of a drive: measured less modelled force, before and after, over its whole record."""
+
+    def __init__(self, colours: Colours, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.stack = TimeStack("Residual of force before and after", colours, parent, SECONDS)
+        self._plots = [self.stack.add_plot(name, "N", 1) for name in ("before", "after")]
+        self._bands = [plot.add_band(colours.band, colours.band_edge) for plot in self._plots]
+        self._curves = [plot.add_points("measured − modelled", thin(colours.residual)) for plot in self._plots]
+        self._span = (0.0, 1.0)
+        self.stack.setMinimumHeight(8 * parent.fontMetrics().lineSpacing())
+        self.stack.label_time("time from the first sample (s)")
+        self.stack.reset_wanted.connect(self.reset)
+        self.stack.hide()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self.stack.dress(colours)
+        for curve in self._curves:
+            curve.setPen(thin(colours.residual))
+
+    def show_curves(self, shot: Shot | None, before: DriveCurves | None, after: DriveCurves | None) -> None:
+        """Show these of a shot; None: nothing."""
+        self.stack.tell((shot,) if shot is not None else (), shot.name if shot is not None else "")
+        for found, plot, curve, band in zip((before, after), self._plots, self._curves, self._bands, strict=True):
+            if found is None:
+                curve.show_points(np.zeros(0), np.zeros(0))
+                band.show_band(0.0, 1.0, np.zeros(0))
+                continue
+            self._span = float(found.time_s[0]), float(found.time_s[-1])
+            factor, unit = prefix_for(float(np.nanmax(np.abs(found.residual_n), initial=0.0)), "N")
+            plot.count_in(unit)
+            curve.show_points(found.time_s, factor * found.residual_n)
+            half = np.full(2, 2.0 * factor * found.below.force_n)
+            band.show_band(self._span[0], self._span[1] - self._span[0], half)
+        self.reset()
+
+    @Slot()
+    def reset(self) -> None:
+        """Show the whole record."""
+        self.stack.zoom(*self._span)
 
 
 def _errors_table(diagnosis: Diagnosis) -> str:

@@ -1,5 +1,6 @@
 """The session as Qt's tables want it: a line a shot, a hover for every number, the note editable."""
 
+from dataclasses import replace
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
@@ -7,6 +8,7 @@ from PySide6.QtGui import QFont
 
 from analysis.quantity import NotSeen, Quantity, Reading
 from app.session.session import Entry
+from app.window.combined import COMBINED, CombinedOnce
 from app.window.flag_tone import flag_line
 from app.window.panels.session_order import Order, ordered
 from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
@@ -15,17 +17,25 @@ from app.words.wording import DASH, concise_text, how_text, value_text
 COLUMNS = (
     ("#", 9),
     ("time", 9),
-    ("name", 18),
-    ("v in (m/s)", 19),
-    ("v out (m/s)", 19),
-    ("COR quasi-static", 17),
-    ("COR kinetic", 13),
-    ("F max (N)", 13),
-    ("k_p (N/m)", 17),
-    ("verdict", 24),
-    ("flags", 25),
-    ("note", 14),
+    ("name", 16),
+    ("v in (m/s)", 15),
+    ("v out (m/s)", 15),
+    ("COR quasi-static", 15),
+    ("COR kinetic", 12),
+    ("F max (N)", 12),
+    ("k_p (N/m)", 13),
+    ("verdict", 20),
+    ("flags", 22),
+    ("note", 9),
 )
+KEYS = {  # of the numbers in the budget, by column
+    3: "velocity_in_m_per_s",
+    4: "velocity_out_m_per_s",
+    5: "cor_quasi_static",
+    6: "cor_kinetic.force_peaks",
+    7: "force_peak_n",
+    8: "plate_stiffness_n_per_m",
+}
 FLAGS, NOTE = len(COLUMNS) - 2, len(COLUMNS) - 1
 
 
@@ -89,10 +99,12 @@ class SessionModel(QAbstractTableModel):
         self.entries: tuple[Entry, ...] = ()  # all, in the order in which they were taken
         self.rows: tuple[Entry | str, ...] = ()  # as they stand, a heading before each group
         self.order = Order()
+        self._combined = CombinedOnce()
 
     def show_entries(self, entries: tuple[Entry, ...]) -> None:
         """Show these; rows that only changed keep their place and selection."""
         self.entries = entries
+        self._combined.keep(entry.shot for entry in entries if entry.shot is not None)
         self._arrange()
 
     def arrange(self, order: Order) -> None:
@@ -120,6 +132,12 @@ class SessionModel(QAbstractTableModel):
         """Return the entry in a row; a heading is none."""
         found = self.rows[row] if row < len(self.rows) else None
         return found if isinstance(found, Entry) else None
+
+    def _stated(self, entry: Entry, column: int) -> Reading | None:
+        """Return a number with its combined standard uncertainty."""
+        reading, shot = _reading(entry, column), entry.shot
+        std = self._combined.of(shot).get(KEYS[column]) if shot is not None else None
+        return replace(reading, std=std) if isinstance(reading, Quantity) and std is not None else reading
 
     def _searched(self, entry: Entry) -> str:
         flags = (
@@ -184,12 +202,12 @@ class SessionModel(QAbstractTableModel):
             return ", ".join(by_weight(shot.flags)) if shot is not None else ""
         if column == NOTE:
             return entry.note
-        return concise_text(_reading(entry, column))
+        return concise_text(self._stated(entry, column))
 
     def _hover(self, entry: Entry, column: int) -> str | None:
         if 3 <= column <= 8:
-            reading = _reading(entry, column)
-            return how_text(COLUMNS[column][0], reading, value_text(reading))
+            reading = self._stated(entry, column)
+            return how_text(COLUMNS[column][0], reading, value_text(reading), COMBINED)
         if column == FLAGS and entry.shot is not None:
             return "\n".join(map(flag_line, by_weight(entry.shot.flags))) or None
         if column == 2:

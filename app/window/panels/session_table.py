@@ -107,7 +107,10 @@ class SessionTable(QFrame):
         header.setStretchLastSection(True)
         header.setSectionsClickable(True)
         header.sectionClicked.connect(self._sort_by)
-        header.setToolTip("Click: sort by this column; again: the other way; once more: as they were taken")
+        header.setToolTip(
+            "In brackets: the combined standard uncertainty of the last digits.\n"
+            "Click: sort by this column; again: the other way; once more: as they were taken"
+        )
         column.addWidget(self.table, 1)
         self.table.selectionModel().selectionChanged.connect(self._changed)
         self._enable()

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QSizePolicy, QWidget
 
 from app.window.theme import MARKS, Colours, Tone
@@ -34,6 +35,7 @@ class SignalLine(QFrame):
         self.setProperty("card", True)
         self._colours = colours
         self._signs: dict[str, Sign] = {}
+        self._saving = ""  # where shots go, in words
         row = QHBoxLayout(self)
         row.setContentsMargins(6, 2, 6, 2)
         row.setSpacing(3)
@@ -85,6 +87,18 @@ class SignalLine(QFrame):
     def show_folder(self, folder: str) -> None:
         """Say where shots are saved."""
         words = f"saving to {folder}" if folder else "not saving"
-        if self._folder.text() != words:
-            self._folder.setText(words)
+        if self._saving != words:
+            self._saving = words
             self._folder.setToolTip(folder)
+            self._fit_folder()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Leave out the middle of a folder that has no room, or all of it: never a piece of a word."""
+        super().resizeEvent(event)
+        self.layout().activate()
+        self._fit_folder()
+
+    def _fit_folder(self) -> None:
+        metrics, room = self._folder.fontMetrics(), self._folder.width()
+        enough = room >= metrics.horizontalAdvance("saving to /home …/data")
+        self._folder.setText(metrics.elidedText(self._saving, Qt.TextElideMode.ElideMiddle, room) if enough else "")

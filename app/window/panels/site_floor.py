@@ -17,6 +17,7 @@ from app.words.wording import local, with_prefix
 FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
 UM_PER_S = 1e6
 SHOWN = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
+LABELLED = ("VC-A", "VC-D", "VC-G")  # each is half of the one before: all seven names would lie over one another
 MOST_LINES = 4
 NO_FLOOR = "Floor of the site: let the block rest for a second or two."
 
@@ -48,6 +49,7 @@ class SiteFloorPanel(QWidget):
             "Floor of the site in third-octaves", ("velocity", "µm/s"), "frequency (Hz)", FREQUENCY, self
         )
         self.plot.setFixedHeight(150)
+        self._names: list[pg.TextItem] = []
         self._criteria = [self.plot.add_curve(name) for name in SHOWN]
         self._curve = self.plot.add_curve("floor of the site")
         for name, curve in zip(SHOWN, self._criteria, strict=True):
@@ -55,7 +57,9 @@ class SiteFloorPanel(QWidget):
             curve.show_points(np.array([8.0, 80.0]), np.array([level, level]))
             label = pg.TextItem(name, anchor=(0.0, 0.5))
             label.setPos(np.log10(82.0), np.log10(level))
+            label.setVisible(name in LABELLED)
             self.plot.plot.addItem(label)
+            self._names.append(label)
         row.addWidget(self.plot, 1)
         words = QVBoxLayout()
         self.summary = QLabel(NO_FLOOR, self)
@@ -76,7 +80,9 @@ class SiteFloorPanel(QWidget):
         self.plot.dress(colours)
         self._curve.setPen(under(colours.measured))
         for curve in self._criteria:
-            curve.setPen(thin(colours.simulated))
+            curve.setPen(thin(colours.marker))
+        for label in self._names:
+            label.setColor(colours.faint)
 
     def show_floor(self, floor: SiteFloor | None) -> None:
         """Show a floor; None: none was read yet."""

@@ -1,6 +1,6 @@
 """The lowest line: messages to the left, work under way with its cancel to the right."""
 
-from PySide6.QtCore import Signal, Slot
+from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 
 from app.session.jobs import Jobs
@@ -42,7 +42,8 @@ class WorkLine(QWidget):
         keys = QPushButton("Keys", self)
         keys.setToolTip("All keys on one sheet  (F1)")
         row.addWidget(self.notices, 1)
-        for widget in (self.progress, self._cancel, setup, settings, keys):
+        row.addWidget(self.progress, 1)
+        for widget in (self._cancel, setup, settings, keys):
             row.addWidget(widget)
         self._cancel.clicked.connect(self._cancel_pressed)
         settings.clicked.connect(self._settings_pressed)
@@ -64,8 +65,11 @@ class WorkLine(QWidget):
             self._show(rig_doing, rig_share or 0.0)
 
     def _show(self, words: str, share: float) -> None:
-        if self.progress.format() != words:
-            self.progress.setFormat(words)
+        room = self.progress.width() - self.fontMetrics().horizontalAdvance("M")
+        fitting = self.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, room)
+        if self.progress.format() != fitting:
+            self.progress.setFormat(fitting)
+            self.progress.setToolTip(words)
         self.progress.setValue(round(1000 * share))
 
     @Slot()

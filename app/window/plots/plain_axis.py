@@ -1,5 +1,6 @@
 """An axis whose grid is one opaque line a labelled tick, behind the data: half-transparent grids cost half a frame."""
 
+import math
 from typing import Any
 
 import pyqtgraph as pg
@@ -10,6 +11,12 @@ from app.window.pens import straight
 from app.words.wording import local
 
 BEHIND = -1000
+
+
+def _round_up(distance: float) -> float:
+    """Return the next of 1, 2, 5, 10, 20 ... that is no less than a distance above zero."""
+    decade = 10.0 ** math.floor(math.log10(max(distance, 1e-300)))
+    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= distance * (1.0 - 1e-9))
 
 
 class PlainAxis(pg.AxisItem):
@@ -67,6 +74,15 @@ class PlainAxis(pg.AxisItem):
         strongest = max(pen.color().alpha() for pen, _, _ in ticks)
         kept = [(self._grid_pen, a, b) for pen, a, b in ticks if pen.color().alpha() >= strongest]
         return axis, kept, texts
+
+    def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
+        """Return the distances of ticks, none so close that the numbers at a low axis lie over one another."""
+        found: list[tuple[float, float]] = super().tickSpacing(minVal, maxVal, size)
+        if self.orientation != "left" or not found or size <= 0.0:
+            return found
+        line = QFontMetricsF(self.style["tickFont"] or self.font()).height()
+        least = _round_up(line * abs(maxVal - minVal) / size)
+        return [(spacing, offset) for spacing, offset in found if spacing >= least] or [(least, 0.0)]
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         """Return the ticks in the system's decimal format."""

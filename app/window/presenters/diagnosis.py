@@ -1,10 +1,39 @@
 """Asking what the model lacks, and adding it: the diagnosis of the selected shots, while it runs and after."""
 
+from dataclasses import dataclass
+
 from PySide6.QtCore import QObject, Slot
 
+from analysis.diagnosis.result import Diagnosis
+from analysis.drive.curves import DriveCurves, drive_curves
+from analysis.shot import Shot
+from app.session.asked_work import AskedWork
 from app.session.event import Diagnosed
+from app.session.jobs import Asked, Report
+from app.session.session import Entry
 from app.session.workbench import Workbench
 from app.window.layout import Layout
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    shot: Shot
+    diagnosis: Diagnosis
+
+
+@dataclass(frozen=True, slots=True)
+class _Forces:
+    shot: Shot
+    diagnosis: Diagnosis
+    before: DriveCurves
+    after: DriveCurves
+
+
+def _forces_of(_: Entry, wanted: _Wanted, __: Report, ___: Asked) -> _Forces:
+    motion = wanted.shot.motion
+    assert motion is not None
+    before, after = (drive_curves(motion, fit) for fit in (wanted.diagnosis.fit_before, wanted.diagnosis.fit_after))
+    return _Forces(wanted.shot, wanted.diagnosis, before, after)
 
 
 class DiagnosisPresenter(QObject):
@@ -14,6 +43,7 @@ class DiagnosisPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
         self._shown: tuple[object, tuple[str, ...]] = (None, ())  # diagnosis and effects on the screen
+        self._forces = AskedWork[_Wanted, _Forces](workbench.errands, "residual of the force", _forces_of)
         p = panels
         p.model.diagnose_wanted.connect(self.diagnose)
         p.diagnosis.diagnose_wanted.connect(self.diagnose)
@@ -30,6 +60,9 @@ class DiagnosisPresenter(QObject):
         self._panels.diagnosis.show_progress(what, running.fraction if running is not None else 0.0)
         self._panels.model.diagnose.setEnabled(running is None)
         found = self._found()
+        forces = self._forces.take()
+        if forces is not None and found is not None and forces[1].diagnosis is found.diagnosis:
+            self._panels.diagnosis.residuals.show_forces(forces[1].shot, forces[1].before, forces[1].after)
         effects = self._workbench.effects_of(self._base())
         if self._shown[0] is found and self._shown[1] == effects:
             return
@@ -41,6 +74,10 @@ class DiagnosisPresenter(QObject):
         entries = [self._workbench.session.entry(number) for number in found.numbers]
         shots = [entry.shot for entry in entries if entry is not None and entry.shot is not None]
         self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects, found.version)
+        driven = next((e for e in entries if e is not None and e.shot is not None and e.shot.motion is not None), None)
+        if driven is not None and driven.shot is not None and found.diagnosis.fit_after.model == "driven":
+            self._forces.forget()
+            self._forces.ask(driven, _Wanted(driven.shot, found.diagnosis))
 
     @Slot()
     def diagnose(self) -> None:

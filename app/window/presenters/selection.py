@@ -90,7 +90,7 @@ class SelectionPresenter(QObject):
         if now is None or self._shown is None or now[0] != self._shown[0] or now[1] is not self._shown[1]:
             self._shown = now
             self._undrawn.add(Layout.SHOT)
-            p.tabs.setTabText(Layout.SHOT, f"SHOT {entry.number}" if entry is not None else "SHOT")
+            p.name_shot(entry.number if entry is not None else None)
             p.numbers.show_shot(
                 shot, _called(entry) if entry is not None else "", entry.version if entry is not None else ""
             )

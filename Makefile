@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint types unit slow attack bench bench-loop bench-drives bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app deb
+.PHONY: run test lint types $(SYSTEMS:%=types-%) unit slow attack bench bench-loop bench-drives bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app deb
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -15,10 +15,12 @@ lint: $(READY)
 	$(BIN)/ruff check .
 
 # as on this machine, and as on the other two: what a system lacks is seen without it
+SYSTEMS = linux win32 darwin
 types: $(READY)
-	$(BIN)/mypy --platform linux
-	$(BIN)/mypy --platform win32
-	$(BIN)/mypy --platform darwin
+	@$(MAKE) --no-print-directory --jobs $(SYSTEMS:%=types-%)
+
+$(SYSTEMS:%=types-%): types-%: $(READY)
+	$(BIN)/mypy --platform $* --cache-dir .mypy_cache/$*
 
 # kernels first, each once: two workers that meet an uncompiled one would both compile it
 unit: $(READY)

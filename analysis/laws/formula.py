@@ -15,14 +15,15 @@ from typing import Any
 import numpy as np
 
 from analysis.laws.functions import FUNCTIONS, multiplied, raised, raised_arrays
-from analysis.model.effects.kernel import SIGN_V, TOUCHING, XI, XI_RATE, Kernel, U, V, X, Y
+from analysis.model.effects.kernel import Q_RATE, SIGN_V, TOUCHING, XI, XI_RATE, Kernel, Q, U, V, X, Y
 
 LONGEST = 400  # characters: a law that one can read
 _DEEPEST = 40
 _GREATEST_POWER = 12  # of a whole exponent, multiplied out
 
-STATE = {"x": X, "v": V, "y": Y, "u": U, "d": XI, "d_rate": XI_RATE}
-UNITS = {"x": "m", "v": "m/s", "y": "m", "u": "m/s", "d": "m", "d_rate": "m/s"}
+TIME = "t"  # since the first touch: a hidden state that grows by a second a second
+STATE = {"x": X, "v": V, "y": Y, "u": U, "d": XI, "d_rate": XI_RATE, TIME: Q}
+UNITS = {"x": "m", "v": "m/s", "y": "m", "u": "m/s", "d": "m", "d_rate": "m/s", TIME: "s"}
 _CONSTANTS = {"pi": math.pi}
 _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 
@@ -46,7 +47,12 @@ class Formula:
     @property
     def straight(self) -> bool:
         """Get whether the formula is linear in the state between two turns of the block."""
-        return _degree(_tree(self.text)) <= 1
+        return _degree(_tree(self.text)) <= 1 and not self.timed
+
+    @property
+    def timed(self) -> bool:
+        """Get whether the formula names the time since the first touch."""
+        return TIME in self.state
 
     def values(self, state: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
         """Return the formula on arrays of the named state (SI units; real, or complex to carry a derivative)."""
@@ -76,7 +82,8 @@ def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> K
     """
     force = _written(_tree(formula.text), formula.parameters)
     condition = f"if s[{TOUCHING}].real > 0.5: " if while_touching else ""
-    source = f"def law(s, p, out):\n    {condition}out[{adds_to}] += {force}\n"
+    clock = f"    out[{Q_RATE}] += 1.0\n" if formula.timed else ""
+    source = f"def law(s, p, out):\n{clock}    {condition}out[{adds_to}] += {force}\n"
     names: dict[str, Any] = {f.kernel.__name__: f.kernel for f in FUNCTIONS.values()}
     names |= {raised.__name__: raised, multiplied.__name__: multiplied}
     # What is run here was written above, node by node from the whitelist.

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.laws.formula import STATE, Formula, FormulaError, kernel_of, read
+from analysis.laws.formula import STATE, TIME, Formula, FormulaError, kernel_of, read
 from analysis.model.effects import CATALOGUE
 from analysis.model.effects.kernel import ON_BLOCK, ON_PLATE, PAIR
 from analysis.model.effects.row import Acts, Effect, Parameter
@@ -97,6 +97,10 @@ def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
         raise LawError(f"formula: {error}") from None
     if not formula.state:
         raise LawError(f"formula: it names nothing of the motion ({', '.join(STATE)})")
+    if formula.timed and where == "contact":
+        raise LawError(
+            "formula: t is for laws of the block or the plate; in contact name d, d_rate or the plate's bend"
+        )
     law = OwnLaw(name, words, where, formula, parameters)
     _ = law.effect  # says now, not in the middle of a fit, what makes it useless
     return law
@@ -174,6 +178,7 @@ def _row(law: OwnLaw) -> Effect:
         kernel_of(law.formula, adds_to, while_touching=acts is Acts.IN_CONTACT),
         rough=acts is Acts.IN_CONTACT,
         bent=not law.formula.straight,
+        hidden=int(law.formula.timed),
         fastest=lambda values, collision: _fastest(law, values, collision),
     )
 
@@ -210,7 +215,7 @@ def _states(collision: Collision) -> dict[str, Floats]:
     bend = 0.5 * deepest * (u[2] - 1.0)
     return {
         "x": 1.2 * bend + overlap * u[0], "v": speed * u[1], "y": bend, "u": 2 * speed * u[3],
-        "d": 0.5 * overlap * (u[4] + 1.0), "d_rate": speed * u[5],
+        "d": 0.5 * overlap * (u[4] + 1.0), "d_rate": speed * u[5], "t": c.contact_time_estimate_s * (u[0] + 1.0),
     }  # fmt: skip
 
 
@@ -221,8 +226,20 @@ def _fastest(law: OwnLaw, values: Floats, collision: Collision) -> float:
     mass = min(collision.block_mass_kg, collision.plate_mass_kg) if on_plate else collision.block_mass_kg
     states, rate = _states(collision), 0.0
     for name in law.formula.state:
+        if name == TIME:
+            rate = max(rate, _of_time(law, given, states))
+            continue
         with np.errstate(all="ignore"):
             slope = np.imag(law.formula.values(states | {name: states[name] + 1j * _H}, given)) / _H / mass
         steep = float(np.max(np.abs(slope), initial=0.0, where=np.isfinite(slope)))
         rate = max(rate, math.sqrt(steep) if name in _PLACE_NAMES else steep)
     return rate
+
+
+def _of_time(law: OwnLaw, given: Mapping[str, float], states: Mapping[str, Floats]) -> float:
+    """Return how fast the law itself changes in time, in rad/s: its rate over its size."""
+    with np.errstate(all="ignore"):
+        moved = law.formula.values({**states, TIME: states[TIME] + 1j * _H}, given)
+    force, rate = np.real(moved), np.imag(moved) / _H
+    size = math.sqrt(float(np.mean(force**2, where=np.isfinite(force))))
+    return math.sqrt(float(np.mean(rate**2, where=np.isfinite(rate)))) / size if size > 0.0 else 0.0

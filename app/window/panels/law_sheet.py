@@ -23,7 +23,8 @@ PLACES = (("block", "on the block"), ("plate", "on the plate"), ("contact", "bet
 COLUMNS = (("name", ""), ("unit", ""), ("start", ""), ("lower", "optional"), ("upper", "optional"))
 HINT = (
     "A force in N, positive to the right, of: x, v (place and velocity of the block), y, u (of the plate), d, d_rate "
-    f"(overlap and its rate); numbers, pi, + - * / **, {' '.join(FUNCTIONS)}. One parameter must turn it off at 0."
+    "(overlap and its rate), t (seconds since the first touch); numbers, pi, + - * / **, "
+    f"{' '.join(FUNCTIONS)}. One parameter must turn it off at 0."
 )
 
 

@@ -1,5 +1,6 @@
 """A law that a person wrote: it moves the block as the catalogue's row of the same equation does."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from analysis.laws.own import LawError, OwnLaw, from_mapping
 from analysis.model import general
 from analysis.model.effects import named
 from analysis.model.parameters import PAPER, Collision
-from tests.law_rigs import Bodies, LawRig
+from tests.law_rigs import Bodies, LawRig, Memory
 
 TIMES_S = np.arange(-1000, 4001) * 1e-5
 
@@ -73,12 +74,8 @@ def test_derivatives_of_any_formula_are_those_of_differences(formula: str) -> No
         assert np.max(np.abs(exact - slope)) <= 2e-3 * np.max(np.abs(slope)) + 1e-9
 
 
-@pytest.mark.parametrize("where", ["block", "plate"])
-@pytest.mark.parametrize("hinge_m", [-1e-4, -6.6e-4, -1.4e-3])
-def test_a_law_that_begins_in_mid_contact_is_followed(where: str, hinge_m: float) -> None:
-    """By an integrator of its own, whose events lie on the hinge; wherever the law is nothing at first."""
-    bodies = Bodies()
-    collision = Collision(
+def _collision(bodies: Bodies) -> Collision:
+    return Collision(
         plate_stiffness_n_per_m=bodies.k_p,
         plate_mass_kg=bodies.plate_kg,
         contact_stiffness_n_per_m=bodies.k_n,
@@ -86,6 +83,14 @@ def test_a_law_that_begins_in_mid_contact_is_followed(where: str, hinge_m: float
         velocity_in_m_per_s=-0.25,
         block_mass_kg=bodies.block_kg,
     )
+
+
+@pytest.mark.parametrize("where", ["block", "plate"])
+@pytest.mark.parametrize("hinge_m", [-1e-4, -6.6e-4, -1.4e-3])
+def test_a_law_that_begins_in_mid_contact_is_followed(where: str, hinge_m: float) -> None:
+    """By an integrator of its own, whose events lie on the hinge; wherever the law is nothing at first."""
+    bodies = Bodies()
+    collision = _collision(bodies)
     place = {"block": 0, "plate": 2}[where]
     letter = {"block": "x", "plate": "y"}[where]
 
@@ -102,6 +107,32 @@ def test_a_law_that_begins_in_mid_contact_is_followed(where: str, hinge_m: float
     ours = general.solve(collision, [general.Active(own, (0.5, hinge_m))], TIMES_S).displacement_m
     assert np.max(np.abs(theirs - bare)) > 1e-7
     assert ours == pytest.approx(theirs, abs=2e-12)  # the kink itself is stepped over
+
+
+@pytest.mark.parametrize("where", ["block", "plate"])
+def test_a_law_of_time_counts_from_the_touch(where: str) -> None:
+    """By an integrator of its own, to which time is a memory that grows by a second a second; before, by hand."""
+    bodies = Bodies()
+    omega, size = 2 * math.pi * 90.0, 2e-3
+
+    def force(_x: float, _v: float, _y: float, _u: float, t: float) -> float:
+        return size * math.sin(omega * t)
+
+    memory = Memory(lambda *_: 1.0, **{f"on_{where}": force})
+    theirs = LawRig(bodies=bodies, memory=memory).displacement_m(TIMES_S, 0.25, 1e-5)
+    if where == "block":
+        t = TIMES_S[TIMES_S < 0]
+        swing = size / bodies.block_kg / omega
+        theirs[: t.size] = (swing - 0.25) * t - swing / omega * np.sin(omega * t)
+    own = law(where, f"a*sin(2*pi*{90.0}*t)", a=size).effect
+    ours = general.solve(_collision(bodies), [general.Active(own, (size,))], TIMES_S).displacement_m
+    assert np.max(np.abs(theirs - LawRig(bodies=bodies).displacement_m(TIMES_S, 0.25))) > 1e-8
+    assert ours == pytest.approx(theirs, abs=2e-12)
+
+
+def test_time_is_not_for_the_force_in_contact() -> None:
+    with pytest.raises(LawError, match="t is for laws of the block or the plate"):
+        from_mapping(table(where="contact", formula="-a*exp(-t/b)"))
 
 
 def table(**changes: Any) -> dict[str, Any]:

@@ -40,7 +40,7 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "bounces_disturbed": _BOUNCES,
         "flight_cut": _VELOCITIES,
         "vibration": (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
-        "knock": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
+        "knock": (*_VELOCITIES, *_PULSE, *_FITTED, "contact_time_s", "deflection_max_m"),
         "samples_lost": (*_PULSE, *_BOUNCES, "contact_time_s", "deflection_max_m"),
         "rate_doubtful": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
         "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
@@ -74,8 +74,8 @@ def doubts_of_fit(impact: Impact, fit: Fit) -> tuple[str, ...]:
     """Return the flags of a shot whose fit contradicts its readings, or does not describe it at all."""
     if not fit.converged:
         return ()
-    # the model's plate is at rest until it is touched: its own ± does not hold a swing
-    flags = [FIT_DOUBTS[2]] if SHAKEN in impact.flags else []
+    # a plate that must be at rest until it is touched: the fit's own ± does not hold a swing
+    flags = [FIT_DOUBTS[2]] if SHAKEN in impact.flags and not fit.on_frames else []
     if len(fit.shots) != 1:
         return tuple(flags)
     own = fit.shots[0]

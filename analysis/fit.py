@@ -64,6 +64,7 @@ class Fit:
     chi2: float = float("nan")  # whitened, over ``samples`` samples and ``free_parameters`` parameters
     samples: int = 0
     free_parameters: int = 0
+    on_frames: bool = False  # whether what shook the frames was weighed, and the plates were let swing
 
     def of_shot(self, index: int) -> "Fit":
         """Return the fit as one shot's own: the shared parameters as all shots give them, the part of this one."""

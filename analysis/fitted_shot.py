@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from analysis.disturbance import Shaking
 from analysis.doubts import FIT_DOUBTS, doubts_of_fit
 from analysis.drive.fit import fit_driven
 from analysis.fit import Fit
@@ -47,7 +48,8 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
     shot = replace(shot, settings=replace(shot.settings, effects=effects))
     assert shot.motion is not None
     try:
-        fitted = with_fit(shot, fit_jointly([shot.motion], shot.settings.model, effects, cancelled))
+        fit = fit_jointly([shot.motion], shot.settings.model, effects, cancelled, [shaking_of(shot)])
+        fitted = with_fit(shot, fit)
         return replace(fitted, problem=None) if driven else _read_again(replace(fitted, fit_problem=None))
     except AnalysisError as error:
         unfitted = with_fit(shot, None)
@@ -64,13 +66,26 @@ def _read_again(shot: Shot) -> Shot:
     return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, *impact.flags))))
 
 
+def shaking_of(shot: Shot) -> Shaking | None:
+    """Return what shook the frame of a shot as far as its reading shows; None where that is too little to matter."""
+    disturbance = shot.impact.disturbance if shot.impact else None
+    return disturbance.shaking if disturbance else None
+
+
 def fit_jointly(
-    motions: Sequence[Motion], base: str, effects: tuple[str, ...], cancelled: Callable[[], bool] | None = None
+    motions: Sequence[Motion],
+    base: str,
+    effects: tuple[str, ...],
+    cancelled: Callable[[], bool] | None = None,
+    shakings: Sequence[Shaking | None] = (),
 ) -> Fit:
-    """Return one fit of all motions with this base model and effects.  Raises AnalysisError, Cancelled."""
+    """Return one fit of all motions with this base model and effects.  Raises AnalysisError, Cancelled.
+
+    ``shakings`` say what shook the frame of each, where that is known.
+    """
     if base == "driven":
         return fit_driven(motions, effects)
-    return fit_shots(motions, model=base, effects=effects, cancelled=cancelled)
+    return fit_shots(motions, model=base, effects=effects, cancelled=cancelled, shakings=shakings)
 
 
 def flags_of(fit: Fit) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 MIN_QUIET_SAMPLES = 64
 _CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # a corner between 160 and 5 Hz: what buildings do
+_QUICK_TIMES_S = (20e-6, 50e-6, 120e-6)  # ... between 8 and 1.3 kHz: what filters of the beat do
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -132,7 +133,15 @@ def white(std_m: float, sample_interval_s: float = 1e-5, *, samples: int = 0, tr
     return Noise(std_m, 0.0, 1.0, np.ones(1), sample_interval_s, samples, trusted)
 
 
-def estimate(incoming: Floats, outgoing: Floats, sample_interval_s: float, *, order: int = 8, trend: int = 2) -> Noise:
+def estimate(
+    incoming: Floats,
+    outgoing: Floats,
+    sample_interval_s: float,
+    *,
+    order: int = 8,
+    trend: int = 2,
+    above_hz: float = 0.0,
+) -> Noise:
     """Learn the noise from the two stretches of quiet flight (displacement in m, no gaps; either may be short).
 
     A polynomial of degree ``trend`` is taken out of each (the flight, and drags too slow to tell from it).  White
@@ -140,6 +149,8 @@ def estimate(incoming: Floats, outgoing: Floats, sample_interval_s: float, *, or
     floor's corner, the longest correlation time they allow is taken, which errs towards larger uncertainties.  The
     outgoing flight is learned from only where it is as quiet as the incoming one, or wanders without a line where the
     incoming one is too short to show a floor: what rings in it may be an effect.
+    With ``above_hz`` only what is quicker is looked at, and the floor is one of quick correlation: what is slower is
+    described elsewhere.
     With fewer than MIN_QUIET_SAMPLES in all, white noise from third differences is given, not ``trusted``.
     """
     pieces = [np.asarray(p, dtype=np.float64) for p in (incoming, outgoing)]
@@ -150,6 +161,9 @@ def estimate(incoming: Floats, outgoing: Floats, sample_interval_s: float, *, or
             return white(float("nan"), sample_interval_s, trusted=False)
         spread = float(1.4826 * np.median(np.abs(np.concatenate(rest))) / np.sqrt(20.0))
         return white(spread, sample_interval_s, samples=sum(p.size for p in pieces), trusted=False)
+    if above_hz > 0.0:
+        least = 2 * np.pi * above_hz * sample_interval_s
+        return _structured([_quick_periodogram(p, least) for p in long], sample_interval_s, _QUICK_TIMES_S)
     spectra = [_periodogram(p, trend) for p in long]
     noise = _structured(spectra[:1], sample_interval_s)
     if len(long) == 2:
@@ -204,7 +218,18 @@ def _periodogram(values: Floats, trend: int) -> tuple[Floats, Floats, float]:
     return angle[inside], power[inside], 0.5  # a Hann taper makes about two neighbouring bins say the same
 
 
-def _structured(spectra: Sequence[tuple[Floats, Floats, float]], sample_interval_s: float) -> Noise:
+def _quick_periodogram(values: Floats, least_angle: float) -> tuple[Floats, Floats, float]:
+    """Return the periodogram above an angle, of second differences, so that what is slow does not leak into it."""
+    angle, power, weight = _periodogram(np.diff(values, 2), 0)
+    kept = angle >= least_angle
+    return angle[kept], power[kept] / (2 * np.sin(angle[kept] / 2)) ** 4, weight
+
+
+def _structured(
+    spectra: Sequence[tuple[Floats, Floats, float]],
+    sample_interval_s: float,
+    times_s: tuple[float, ...] = _CORRELATION_TIMES_S,
+) -> Noise:
     """Return white noise plus floor of greatest Whittle likelihood, or white alone where a floor does not pay."""
     angle = np.concatenate([s[0] for s in spectra])
     power = np.concatenate([s[1] for s in spectra])
@@ -213,7 +238,7 @@ def _structured(spectra: Sequence[tuple[Floats, Floats, float]], sample_interval
     flat = float(np.mean(power))
     alone = float(np.sum(np.log(flat) + power / flat)) * weight
     tried: list[tuple[float, float, float, float]] = []
-    for time_s in _CORRELATION_TIMES_S:
+    for time_s in times_s:
         memory = float(np.exp(-sample_interval_s / time_s))
         shape = _density(angle, 0.0, 1.0, memory)
         white_, floor = _two_levels(power, shape)

@@ -16,7 +16,7 @@ from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.search_vector import SearchVector
 from analysis.model.effects import Effect, named
 from analysis.model.least_squares import Infeasible
-from analysis.model.response import Model, Response, ShotData, respond
+from analysis.model.response import DEFAULT_WAVELENGTH_M, Model, Response, ShotData, respond
 from analysis.noise import Noise
 
 Floats = NDArray[np.float64]
@@ -83,7 +83,6 @@ def _value(values: Values, full: str) -> float:
 def _data(shot: Samples) -> ShotData:
     """Return the shot as the model takes it; it is whitened elsewhere."""
     nothing = Noise(1.0, 0.0, 1.0, np.ones(1), shot.spacing_s, 0)
-    optics = {} if shot.wavelength_m is None else {"wavelength_m": shot.wavelength_m}
     rate_hz = shot.factor / shot.spacing_s
     return ShotData(
         shot.time_s,
@@ -92,6 +91,6 @@ def _data(shot: Samples) -> ShotData:
         shot.moving_mass_kg,
         shot.course,
         nothing,
-        rate_hz=rate_hz,
-        **optics,
+        shot.wavelength_m or DEFAULT_WAVELENGTH_M,
+        rate_hz,
     )

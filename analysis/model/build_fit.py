@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,8 @@ class Part:
     """One shot of a fit: where its own parameters stand (v_i, touch and offset first), its path and its remainder.
 
     ``whitened`` has one value a fitted sample, of unit variance where the remainder is noise; ``used`` says of the
-    motion's samples which were fitted.
+    motion's samples which were fitted; ``frame_m_per_s`` how far the frame's own speed may be from nothing, before the
+    touch and after the release.
     """
 
     motion: Motion
@@ -73,6 +74,7 @@ class Part:
     path: Path
     used: NDArray[np.bool_]
     whitened: Floats
+    frame_m_per_s: tuple[float, float] = (0.0, 0.0)
 
 
 def build_fit(estimate: Estimate, parts: Sequence[Part], noise_std_m: float, seconds: float) -> Fit:
@@ -100,6 +102,7 @@ def build_fit(estimate: Estimate, parts: Sequence[Part], noise_std_m: float, sec
         chi2=chi2,
         samples=samples,
         free_parameters=estimate.free,
+        on_frames=any(part.frame_m_per_s[0] > 0.0 for part in parts),
     )
 
 
@@ -112,7 +115,9 @@ def _shot_fit(estimate: Estimate, part: Part) -> ShotFit:
     if path.velocity_out is not None:
         value, slope = path.velocity_out
         variance = float(slope @ estimate.covariance[np.ix_(places, places)] @ slope)
-        velocity_out = Quantity(value, float(np.sqrt(np.maximum(variance, 0.0))), estimate.how)
+        velocity_out = Quantity(value, math.hypot(math.sqrt(max(variance, 0.0)), part.frame_m_per_s[1]), estimate.how)
+    # the model knows speeds against the frame, the reading those in space
+    velocity_in = replace(velocity_in, std=math.hypot(velocity_in.std, part.frame_m_per_s[0]))
     return ShotFit(
         velocity_in_m_per_s=velocity_in,
         velocity_out_m_per_s=velocity_out,

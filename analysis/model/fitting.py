@@ -9,15 +9,18 @@ from dataclasses import replace
 import numpy as np
 
 from analysis import noise as noise_model
+from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model import guesses, starts
 from analysis.model.build_fit import Estimate, Part, Path, build_fit
 from analysis.model.effect_starts import effect_starts
 from analysis.model.effects import MOST_AT_ONCE, findings, named
 from analysis.model.least_squares import Infeasible, Minimum, covariance
+from analysis.model.on_frame import can_tell, elsewhere, on_frames
 from analysis.model.parameters import Floats, Variant
-from analysis.model.response import DEFAULT_WAVELENGTH_M, OWN_NAMES, Base, Model, ShotData, respond
+from analysis.model.response import DEFAULT_WAVELENGTH_M, Base, Model, ShotData, respond
 from analysis.model.search import Problem, own_start, search
+from analysis.model.sway import BELOW_HZ, Swayed
 from analysis.motion import Motion
 from analysis.shot import AnalysisError, Cancelled, Progress, Stop
 from analysis.side_by_side import side_by_side
@@ -26,10 +29,12 @@ MODELS = ("paper", "clamped", "no_tension", "contact")
 FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part in the fit
 _TRIED_STARTS = 6
 _SAME_PATTERN = 0.03  # of what another pattern of bounces leaves: what missing effects do is smaller, a wrong one more
+_SWAYED_PATTERN = 0.2  # ... where the frame's motion may be all that is left
 _FOLLOWED_STARTS = 3
 _EARLY = 0.3  # of the contact time: the bounces
 _STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
 _LAST_EVALUATIONS = 120  # for the best of several searches that were all cut short
+_FRAME_TURNS = 4  # of a fit and the frame's noise about it
 _GOOD_ENOUGH = 1.1  # chi^2 a sample: a minimum down at the noise, no other start can do better
 
 
@@ -41,13 +46,16 @@ def fit_shots(
     start: Mapping[str, float] | None = None,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
+    shakings: Sequence[Shaking | None] = (),
 ) -> Fit:
     """Fit base ``model`` and ``effects`` (at most three) to the displacement of ``motions``.
 
     Plate, contact and effects are shared, each shot has its own start (and own effect parameters where the catalogue
     says so).  ``start`` may give parameters by name ("plate_stiffness_n_per_m", "tilt.angle_rad"); what it lacks is
-    found from the data.  Several starts of the effects are tried and the best minimum kept.  Raises ValueError for
-    unknown names, NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError where no motion of
+    found from the data.  Several starts of the effects are tried and the best minimum kept.  ``shakings`` say what
+    shook the frame of each shot: the fit of two bodies then weighs what that does in flight and in contact, and lets
+    the plate swing before it is touched as far as the frame can have made it.  Raises ValueError for unknown names,
+    NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError where no motion of
     the model comes near, Cancelled when asked to stop.
     A search that did not end in a minimum comes back with ``converged`` False: its numbers are no result.
     """
@@ -62,18 +70,28 @@ def fit_shots(
     tell = progress or (lambda _what, _fraction: None)
     stop = cancelled or (lambda: False)
     tell("reading the flights", 0.0)
-    shots = [prepare(motion) for motion in motions]
+    shaken = model == "paper" and "plate_motion" not in effects and all(can_tell(motion) for motion in motions)
+    known = [*shakings, *[None] * len(motions)][: len(motions)] if shaken else [None] * len(motions)
+    shots = [prepare(motion, shaking) for motion, shaking in zip(motions, known, strict=True)]
     tell("finding a start", 0.1)
-    bare = Problem.of(Model(base), shots)
-    own = [own_start(shot, bare.model) for shot in shots]
-    problem = bare
+    base = replace(base, swings=any(known))
+    own = [own_start(shot, Model(base)) for shot in shots]
     try:
         if all(name in given for name in base.names):
             begins = [np.array([float(given[name]) for name in base.names])]
         else:
-            begins = first_guesses(base, shots, stop)
+            begins = first_guesses(base, shots, stop, max((one.rms_m for one in known if one), default=0.0))
         tell("fitting", 0.4)
+        bare = problem = Problem.of(Model(base), on_frames(shots, known, base, begins[0], own))
         found = _base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
+        before = begins[0]
+        for _ in range(_FRAME_TURNS):
+            here = found.parameters
+            if not elsewhere(shots, known, before, here[: bare.shared]):
+                break
+            before, mine = here[: bare.shared], [here[bare.own_slice(index)] for index in range(len(shots))]
+            bare = problem = Problem.of(Model(base), on_frames(bare.shots, known, base, here, mine))
+            found = search(bare, here, stop)
         if rows:
             tell("fitting the effects", 0.6)
             problem, found = _with_effects(bare, found, Model(base, rows), given, stop)
@@ -94,12 +112,13 @@ def base_named(model: str) -> Base:
     return Base(Variant.named(model), one_body=False)
 
 
-def prepare(motion: Motion) -> ShotData:
-    """Read a motion's flights and noise; NoCollision says why there is nothing to fit."""
+def prepare(motion: Motion, shaking: Shaking | None = None) -> ShotData:
+    """Read a motion's flights and the beat's noise, ``shaking`` apart; NoCollision says why there is nothing to fit."""
     valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
     course = starts.read(motion.time_s, motion.displacement_m, valid)
     quiet_in, quiet_out = starts.quiet_stretches(course, motion.displacement_m, valid)
-    noise = noise_model.estimate(quiet_in, quiet_out, 1 / motion.sample_rate_hz)
+    above_hz = 0.0 if shaking is None else BELOW_HZ
+    noise = noise_model.estimate(quiet_in, quiet_out, 1 / motion.sample_rate_hz, above_hz=above_hz)
     # Flights of seconds around a contact of milliseconds tell more of the track than of the collision.
     around = FITTED_CONTACT_TIMES * course.contact_time_s
     near = (motion.time_s > course.touch_time_s - around) & (motion.time_s < course.release_time_s + around)
@@ -115,8 +134,11 @@ def prepare(motion: Motion) -> ShotData:
     )
 
 
-def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop) -> list[Floats]:
-    """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact."""
+def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop, sways_m: float = 0.0) -> list[Floats]:
+    """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact.
+
+    ``sways_m`` is the rms of the frame's motion: a pattern of bounces that leaves no more is the right one.
+    """
     shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
     ranked = guesses.rank(
         shot.course, shot.time_s, shot.displacement_m, shot.block_mass_kg, base.variant, base.one_body
@@ -141,7 +163,9 @@ def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop) -> list[Flo
         return None
 
     first = tried(ranked[0]) if ranked else None
-    if first is not None and _left_m(first, coarse) < _SAME_PATTERN * guesses.usual(ranked):
+    usual = guesses.usual(ranked)
+    enough = max(_SAME_PATTERN * usual, min(sways_m, _SWAYED_PATTERN * usual))
+    if first is not None and _left_m(first, coarse) < enough:
         return [first.parameters[: len(base.names)]]
     trials = [trial for trial in (first, *side_by_side(tried, ranked[1:_TRIED_STARTS])) if trial is not None]
     if not trials:
@@ -188,7 +212,7 @@ def _with_effects(
     """Return the best joint minimum over the starts that the base fit's remainder suggests."""
     best: tuple[Problem, Minimum] | None = None
     why: Infeasible | None = None
-    if len(model.own_names) == len(OWN_NAMES) and all(name in given for name in model.shared_names):
+    if model.own_names == bare.model.own_names and all(name in given for name in model.shared_names):
         chosen = tuple((name, given.get(name, p.scale)) for name, _, _, p in model.effect_parameters if p.fixed)
         problem = Problem(Model(model.base, model.effects, chosen), bare.shots, bare.whitened)
         own = base_minimum.parameters[bare.shared :]
@@ -230,8 +254,11 @@ def _early(bare: Problem, parameters: Floats, stop: Stop) -> Minimum | None:
     """
     shots = []
     for shot in bare.shots:
-        early = shot.time_s < shot.course.touch_time_s + _EARLY * shot.course.contact_time_s
-        shots.append(replace(shot, valid=shot.valid & early))
+        early = shot.valid & (shot.time_s < shot.course.touch_time_s + _EARLY * shot.course.contact_time_s)
+        noise = shot.noise
+        if isinstance(noise, Swayed):
+            noise = noise.of_first(int(np.count_nonzero(noise.beat.whole(early))))
+        shots.append(replace(shot, valid=early, noise=noise))
     problem = Problem.of(bare.model, shots)
     try:
         return search(problem, parameters, stop, evaluations=30)
@@ -279,4 +306,5 @@ def _part(problem: Problem, index: int, motion: Motion, found: Minimum) -> Part:
         path=Path.of(response, float(own[1])),
         used=shot.valid,
         whitened=shot.noise.whiten(rest, shot.valid),
+        frame_m_per_s=shot.noise.speeds_m_per_s if isinstance(shot.noise, Swayed) else (0.0, 0.0),
     )

@@ -1,7 +1,7 @@
 """One shot as the fit sees it: its whitened samples, and what the model and its parameters do to them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -16,6 +16,7 @@ from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision, Floats, Variant
 from analysis.model.slots import swings
 from analysis.model.starts import Course
+from analysis.model.sway import Swayed
 from analysis.noise import Noise
 
 PLATE_NAMES = (
@@ -26,10 +27,16 @@ PLATE_NAMES = (
 )
 CONTACT_NAMES = ("contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
+PLATE_START = ("plate_displacement_m", "plate_velocity_m_per_s")  # at first touch, where the plate swings
 DEFAULT_WAVELENGTH_M = 632.8e-9
 _MOST_RADIANS = 1e5
 _STEP = 1e-40  # of a complex step
-_PLATE_DISPLACEMENT, _PLATE_VELOCITY = 5, 6  # in ``parameters.kernel_order``
+_PLATE_AT = {  # in ``parameters.kernel_order``
+    "plate_motion.displacement_m": 5,
+    "plate_motion.velocity_m_per_s": 6,
+    "plate_displacement_m": 5,
+    "plate_velocity_m_per_s": 6,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,17 +48,27 @@ class ShotData:
     valid: NDArray[np.bool_]
     block_mass_kg: float
     course: Course
-    noise: Noise
+    noise: Noise | Swayed
     wavelength_m: float = DEFAULT_WAVELENGTH_M
     rate_hz: float = 1e5  # of the demodulated record
+    plate_std: tuple[float, float] = (1e-15, 1e-12)  # m, m/s: how far the plate may swing before it is touched
 
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """Which base model is fitted: the paper's two bodies, or one body on a contact whose plate does not move."""
+    """Which base model is fitted: the paper's two bodies, or one body on a contact whose plate does not move.
+
+    ``swings``: the plate has a displacement and a velocity of its own at each first touch.
+    """
 
     variant: Variant
     one_body: bool
+    swings: bool = False
+
+    @property
+    def own_names(self) -> tuple[str, ...]:
+        """Get the names of what every shot has for itself, in the fit's order."""
+        return (*OWN_NAMES, *PLATE_START) if self.swings else OWN_NAMES
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -110,7 +127,14 @@ class Model:
     @cached_property
     def own_names(self) -> tuple[str, ...]:
         """Get the names of a shot's own parameters in the fit's order."""
-        return (*OWN_NAMES, *(name for name, _, _, p in self.effect_parameters if p.own and not p.fixed))
+        return (*self.base.own_names, *(name for name, _, _, p in self.effect_parameters if p.own and not p.fixed))
+
+    def plate_start(self, values: Mapping[str, float], own: Floats) -> tuple[float, float]:
+        """Return the plate's displacement and velocity at first touch, of effects with ``values`` and a shot's own."""
+        x, v = (values.get(f"plate_motion.{name}", 0.0) for name in ("displacement_m", "velocity_m_per_s"))
+        if self.base.swings:
+            x, v = x + float(own[len(OWN_NAMES)]), v + float(own[len(OWN_NAMES) + 1])
+        return x, v
 
     def values(self, shared: Floats, own: Floats) -> dict[str, float]:
         """Return the value of every effect parameter, by full name."""
@@ -154,8 +178,7 @@ def respond(
     ``stride`` is that of ``general.solve``; with ``block`` all arrays are means over so many samples.
     """
     values = model.values(shared, own) if model.effects else {}
-    start = (values.get("plate_motion.displacement_m", 0.0), values.get("plate_motion.velocity_m_per_s", 0.0))
-    collision = model.base.collision(shared, own[0], shot.block_mass_kg, start)
+    collision = model.base.collision(shared, own[0], shot.block_mass_kg, model.plate_start(values, own))
     if collision.fastest_rate_rad_per_s * (shot.time_s[-1] - shot.time_s[0]) > _MOST_RADIANS:
         raise Infeasible("the contact would swing faster than any that a record can show")
     active = [
@@ -201,9 +224,7 @@ def _direction(model: Model, active: Sequence[general.Active], name: str) -> int
         for place, parameter in enumerate(one.effect.parameters):
             if name == f"{one.effect.name}.{parameter.name}":
                 return general.direction(slot, place)
-    return {"plate_motion.displacement_m": _PLATE_DISPLACEMENT, "plate_motion.velocity_m_per_s": _PLATE_VELOCITY}.get(
-        name
-    )
+    return _PLATE_AT.get(name)
 
 
 def _exact(collision: Collision, times: Floats, wanted: dict[str, int | None], names: Sequence[str]) -> Response:

@@ -1,7 +1,7 @@
 """The least-squares search over one or several shots: one sum of squares, shared and own parameters."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,6 +63,12 @@ class Problem:
             gradient[place] += jacobian.T @ residual
             residuals.append(residual)
             jacobians.append((place, jacobian))
+        samples = sum(part.size for part in residuals)
+        for at, std in self._expected():
+            residuals.append(np.atleast_1d(parameters[at] / std))
+            jacobians.append((np.array([at]), np.array([[1.0 / std]])))
+            curvature[at, at] += 1.0 / std**2
+            gradient[at] += parameters[at] / std**2
         stacked = np.concatenate(residuals)
         chi2 = float(stacked @ stacked)
         if not (np.isfinite(chi2) and np.all(np.isfinite(gradient))):
@@ -78,19 +84,31 @@ class Problem:
                 row += jacobian.shape[0]
             return out
 
-        return Square(chi2, curvature, gradient, stacked.size, stacked, along, pull)
+        return Square(chi2, curvature, gradient, samples, stacked, along, pull)
 
     def residual(self, parameters: Floats) -> Floats:
-        """Return the whitened residuals of all shots, shape (n,); Infeasible where there is no trajectory."""
+        """Return the whitened residuals of all shots, shape (n,), and how far the plates swing, in what is expected.
+
+        Infeasible where there is no trajectory.
+        """
         parts = []
         for index, shot in enumerate(self.shots):
             own = parameters[self.own_slice(index)]
             response = respond(self.model, shot, parameters[: self.shared], own, derivatives=False)
             parts.append(shot.noise.whiten(response.displacement_m, shot.valid) - self.whitened[index])
+        parts += [np.atleast_1d(parameters[place] / std) for place, std in self._expected()]
         out = np.concatenate(parts)
         if not np.all(np.isfinite(out)):
             raise Infeasible("the trajectory is not finite")
         return out
+
+    def _expected(self) -> Iterator[tuple[int, float]]:
+        """Yield the places of parameters that are about nothing, each with how far it may be from that."""
+        if not self.model.base.swings:
+            return
+        for index, shot in enumerate(self.shots):
+            first = self.own_slice(index).start + len(OWN_NAMES)
+            yield from ((first + k, std) for k, std in enumerate(shot.plate_std))
 
     def chi2(self, parameters: Floats) -> float:
         """Return the whitened sum of squares alone; Infeasible where there is no trajectory."""

@@ -90,7 +90,7 @@ def _mechanical(
     columns: list[list[Floats]] = [[] for _ in some]
     for index in range(len(problem.shots)):
         shot, own, values = _situation(problem, parameters, index)
-        plate = (values.get("plate_motion.displacement_m", 0.0), values.get("plate_motion.velocity_m_per_s", 0.0))
+        plate = model.plate_start(values, own)
         collision = model.base.collision(parameters, own[0], shot.block_mass_kg, plate)
         active = [
             general.Active(e, tuple(values[f"{e.name}.{p.name}"] for p in e.parameters))
@@ -119,7 +119,7 @@ def _oscillating(problem: Problem, parameters: Floats, effect: Effect) -> Iterat
     each = []
     for index in range(len(problem.shots)):
         shot, own, values = _situation(problem, parameters, index)
-        plate = (values.get("plate_motion.displacement_m", 0.0), values.get("plate_motion.velocity_m_per_s", 0.0))
+        plate = problem.model.plate_start(values, own)
         collision = problem.model.base.collision(parameters, own[0], shot.block_mass_kg, plate)
         along = oscillators.path(collision, shot.time_s - own[1], float(frequency.max()))
         each.append(oscillators.responses(along, effect.name, frequency, damping, shot.time_s.size))
@@ -134,7 +134,8 @@ def _each_shots_own(problem: Problem, parameters: Floats, effect: Effect) -> Can
     columns = []
     for index in range(len(problem.shots)):
         shot, own, values = _situation(problem, parameters, index)
-        collision = problem.model.base.collision(parameters, own[0], shot.block_mass_kg)
+        plate = problem.model.plate_start(values, own)
+        collision = problem.model.base.collision(parameters, own[0], shot.block_mass_kg, plate)
         active = [
             general.Active(e, tuple(values[f"{e.name}.{p.name}"] for p in e.parameters))
             for e in problem.model.effects

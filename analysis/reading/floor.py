@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, solve_triangular
 
+from analysis.disturbance import Shaking
+
 Floats = NDArray[np.float64]
 
 LOWEST = 0.35  # of the centres of the octaves, over the whole time that the flights span
@@ -93,6 +95,12 @@ class Floor:
     def _power(self) -> Floats:
         """Get what stands at each frequency on average, in m^2, (f,)."""
         return np.asarray(sum(w * p for w, p in self.parts) @ self.octaves.power_m2)
+
+    @property
+    def shaking(self) -> Shaking:
+        """Get the floor as sines."""
+        frequency = self.octaves.frequency_hz
+        return Shaking(frequency, self._power, np.ones(frequency.size, dtype=np.bool_))
 
     @property
     def rms_m(self) -> float:

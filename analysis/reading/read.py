@@ -22,7 +22,7 @@ RELEASE_GUARD = 0.05  # of the contact
 SWAY_SHARE = 0.025  # ... beyond the line, over which a floor is not followed
 RELEASE_CLEAR = 0.015  # ... and once the release is known
 EDGE_REACH = 0.4  # of the contact, into which its force is followed from its edge at most
-SWAYS_M = 1e-9  # rms of a floor that hides the end of a contact
+SWAYS_M = 1e-9  # rms of a floor that hides the end of a contact, and shakes the plate
 FLOOR_TIMES = 1.4  # white noise: half of the variance is the floor's
 MATTERS = 4e-6  # of a velocity: what a quiet laboratory's table does is below it
 AGREEMENT_SIGMAS = 3.0  # quasi-static COR and impulse ratio must agree within this
@@ -195,7 +195,13 @@ def _disturbance(quiet: Quiet, motion: Motion, impact: Impact) -> Disturbance:
         floor_rms_m_per_s=quiet.floor.velocity_rms_m_per_s(motion.bandwidth_hz),
         knocks_s=quiet.knocks_s,
         shares=_shares(quiet, impact),
+        shaking=quiet.floor.shaking.with_lines(quiet.lines) if _sways(quiet) else None,
     )
+
+
+def _sways(quiet: Quiet) -> bool:
+    """Return whether the frame moves so far that a fit has to know of it."""
+    return bool(quiet.lines) or quiet.floor.rms_m > SWAYS_M
 
 
 def _shares(quiet: Quiet, impact: Impact) -> Mapping[str, float]:

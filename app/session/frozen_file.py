@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 
 from analysis.diagnosis import result
-from analysis.disturbance import Disturbance, VibrationLine
+from analysis.disturbance import Disturbance, Shaking, VibrationLine
 from analysis.fit import Fit, Overlay, ShotFit
 from analysis.impact import Impact, KineticCor
 from analysis.motion import BeatQuality, Motion
@@ -25,9 +25,9 @@ from analysis.shot import AnalysisSettings, Shot
 KNOWN = {
     kind.__name__: kind
     for kind in (
-        Shot, AnalysisSettings, Setup, Air, Plate, Motion, BeatQuality, Impact, KineticCor, Disturbance, VibrationLine,
-        Fit, ShotFit, Overlay, Quantity, NotSeen, result.Diagnosis, result.Verdict, result.Errors, result.FoundEffect,
-        result.LearnedLaw, result.OtherForm, result.Candidate,
+        Shot, AnalysisSettings, Setup, Air, Plate, Motion, BeatQuality, Impact, KineticCor, Disturbance, Shaking,
+        VibrationLine, Fit, ShotFit, Overlay, Quantity, NotSeen, result.Diagnosis, result.Verdict, result.Errors,
+        result.FoundEffect, result.LearnedLaw, result.OtherForm, result.Candidate,
     )
 }  # fmt: skip
 _HEAD, _BODY = "head", "body"

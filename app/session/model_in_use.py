@@ -6,7 +6,7 @@ from pathlib import Path
 from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
-from analysis.fitted_shot import fit_jointly
+from analysis.fitted_shot import fit_jointly, shaking_of
 from analysis.model.effects import findings
 from analysis.shot import AnalysisError, Shot
 from app.session.model_effects import ModelEffects
@@ -39,7 +39,7 @@ def save_model(
     else:
         diagnosis = None
         motions = [shot.motion for shot in fitted if shot.motion is not None]
-        fit = fit_jointly(motions, bases[0], effects, cancelled)
+        fit = fit_jointly(motions, bases[0], effects, cancelled, [shaking_of(shot) for shot in fitted])
     if not fit.converged:
         raise AnalysisError("the joint fit did not converge: diagnose the shots first, the model lacks something")
     named = {effect.name for effect in diagnosis.findings} if diagnosis is not None else set()

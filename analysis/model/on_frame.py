@@ -1,0 +1,53 @@
+"""Shots on frames that sway: what a fit is to weigh, and how far the plate may swing before it is touched."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.disturbance import Shaking
+from analysis.model.parameters import Floats
+from analysis.model.response import Base, ShotData
+from analysis.model.sway import BELOW_HZ, Grid, Swayed, knots_of, plate_swing_std
+from analysis.motion import Motion
+
+_FEWEST_A_TURN = 10.0  # samples of what shakes fastest
+_MATTERS = 0.05  # of the beat's noise
+
+
+def can_tell(motion: Motion) -> bool:
+    """Return whether a motion's samples are close enough to tell the frame's motion from the beat's noise."""
+    return motion.sample_rate_hz >= _FEWEST_A_TURN * BELOW_HZ
+
+
+def on_frames(
+    shots: Sequence[ShotData], shakings: Sequence[Shaking | None], base: Base, shared: Floats, own: Sequence[Floats]
+) -> list[ShotData]:
+    """Return the shots with the noise that their frames make of theirs, if they went as these parameters say."""
+    return [
+        shot if shaking is None else _on_frame(shot, shaking, base, shared, mine)
+        for shot, shaking, mine in zip(shots, shakings, own, strict=True)
+    ]
+
+
+def _on_frame(shot: ShotData, shaking: Shaking, base: Base, shared: Floats, own: Floats) -> ShotData:
+    collision, touch_s = base.collision(shared, own[0], shot.block_mass_kg), float(own[1])
+    slow = shaking.below(BELOW_HZ)
+    if isinstance(shot.noise, Swayed):
+        beat, grid = shot.noise.beat, shot.noise.grid
+    else:
+        quickest_hz = float(np.max(slow.frequency_hz[~slow.random], initial=1.0))
+        knots_s = knots_of(shot.time_s, shot.valid, touch_s, collision.contact_time_estimate_s, quickest_hz)
+        beat, grid = shot.noise, Grid.of(shot.noise, knots_s, shot.time_s, shot.valid)
+    slow = slow.less(beat.psd)
+    noise = Swayed.of(beat, grid, slow, collision, touch_s)
+    return replace(shot, noise=noise, plate_std=plate_swing_std(slow, collision))
+
+
+def elsewhere(shots: Sequence[ShotData], shakings: Sequence[Shaking | None], before: Floats, now: Floats) -> bool:
+    """Return whether parameters moved so far that the frames' noise is another one."""
+    moved = float(np.max(np.abs(now / before - 1.0)))
+    return any(
+        shaking is not None and moved * shaking.rms_m > _MATTERS * shot.noise.std_m
+        for shot, shaking in zip(shots, shakings, strict=True)
+    )

@@ -1,0 +1,221 @@
+"""What a frame that sways does to a shot, and the noise of a displacement that has it in it.
+
+Optics and plate stand on the frame, the block floats free of it.  In flight the whole motion of the frame stands in the
+displacement, backwards; in contact the plate's clamp carries plate and block along.  Seen from the frame every mass
+feels minus the frame's acceleration, so a small sway adds to the shot what the equations of the two bodies, linear in
+every phase, make of that force: phase by phase in closed form, with the jump of the derivatives wherever the contact
+begins or ends (saltation; Leine & Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).
+Position and velocity of the frame at the touch are left out of it: with these a shot is the same shot, begun elsewhere
+and at another speed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.sparse import csc_matrix, csr_matrix
+
+from analysis.disturbance import Shaking
+from analysis.model.exact import Event, solve
+from analysis.model.parameters import Collision, Floats
+from analysis.noise import Noise
+
+BELOW_HZ = 1000.0  # what shakes faster is part of the beat's noise
+PLATE_QUALITY = 300.0  # at most, of a metal plate's swing in air
+_KNOT_S = 0.25e-3
+_KNOTS_A_TURN = 8  # of a line
+_MOST_KNOTS = 400
+_BOUNCE_KNOTS = 30
+_BOUNCING = 0.12  # of the contact time
+_CLOSE = 2e-5  # of a contact's time: knots nearer than that are one
+_LEAST = 1e-8  # of the largest value: less counts as nothing
+_ROUNDING = 1e-13
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Splines that a frame's motion is written in: their ``knots_s``, and as the beat's noise leaves them white.
+
+    ``columns``, shape (n, m), one of each; ``low``, shape (m, m), is the Cholesky factor of their products.
+    """
+
+    knots_s: Floats
+    columns: csr_matrix
+    low: Floats
+
+    @classmethod
+    def of(cls, beat: Noise, knots_s: Floats, time_s: Floats, valid: NDArray[np.bool_]) -> "Grid":
+        """Lay it; cost about 30 ms."""
+        inside = np.clip(time_s, knots_s[0], knots_s[-1])
+        splines = BSpline.design_matrix(inside, _spline(knots_s, np.zeros(knots_s.size)).t, 3).toarray()
+        return cls.holding(knots_s, _local(beat.whiten(splines, valid)))
+
+    @classmethod
+    def holding(cls, knots_s: Floats, columns: csr_matrix) -> "Grid":
+        """Return the grid of these columns."""
+        products = (columns.T @ columns).toarray()
+        products[np.diag_indices_from(products)] += _ROUNDING * float(np.trace(products))
+        return cls(knots_s, columns, np.linalg.cholesky(products))
+
+
+@dataclass(frozen=True)
+class Swayed:
+    """The noise of a displacement on a frame that sways: the beat's own, and smooth motion of known covariance.
+
+    ``sines``, shape (m, 2 f), are the splines of all sines of the sway at their stds; ``shrink``, shape (m, m), makes
+    of what the grid's splines hold the part that is to be taken off, so that what remains is white.
+    ``speeds_m_per_s`` are the stds by which speeds against the frame differ from those in space, at the touch and after
+    the release.
+    """
+
+    beat: Noise
+    grid: Grid
+    sines: Floats
+    shrink: Floats
+    speeds_m_per_s: tuple[float, float]
+
+    @classmethod
+    def of(cls, beat: Noise, grid: Grid, shaking: Shaking, collision: Collision, touch_time_s: float) -> "Swayed":
+        """Return the noise of a shot that went as ``collision`` from ``touch_time_s`` on; cost about 10 ms."""
+        omega = 2 * np.pi * shaking.frequency_hz
+        moved, left = responses(collision, grid.knots_s - touch_time_s, omega)
+        sines = _spline(grid.knots_s, np.hstack([moved.real, moved.imag])).c * np.sqrt(np.tile(shaking.power_m2, 2))
+        before, after = (float(np.sqrt(np.sum(shaking.power_m2 * side**2))) for side in (omega, np.abs(left)))
+        return cls(beat, grid, sines, _shrink(grid, sines), (before, after))
+
+    def of_first(self, samples: int) -> "Swayed":
+        """Return the noise where only the first valid samples are looked at."""
+        grid = Grid.holding(self.grid.knots_s, self.grid.columns[:samples])
+        return Swayed(self.beat, grid, self.sines, _shrink(grid, self.sines), self.speeds_m_per_s)
+
+    @property
+    def std_m(self) -> float:
+        """Get the standard deviation of one sample beside the sway."""
+        return self.beat.std_m
+
+    @property
+    def trusted(self) -> bool:
+        """Get whether the beat's noise could be learnt."""
+        return self.beat.trusted
+
+    def whiten(self, columns: Floats, valid: NDArray[np.bool_]) -> Floats:
+        """Filter ``columns``, shape (n,) or (n, k), to unit white noise where their noise is this one."""
+        white = self.beat.whiten(columns, valid)
+        return np.asarray(white - self.grid.columns @ (self.shrink @ (self.grid.columns.T @ white)))
+
+
+def plate_swing_std(shaking: Shaking, collision: Collision) -> tuple[float, float]:
+    """Return the std of the plate's displacement (m) and velocity (m/s) against the frame before it is touched."""
+    own = float(np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg))
+    omega = 2 * np.pi * shaking.frequency_hz
+    answer = omega**2 / np.hypot(own**2 - omega**2, own * omega / PLATE_QUALITY)
+    width = np.zeros(omega.size)
+    if np.count_nonzero(shaking.random) > 1:
+        width[shaking.random] = np.gradient(omega[shaking.random])
+    beside = np.abs(omega - own) > 2 * width
+    driven = float(np.sum((shaking.power_m2 * answer**2)[beside]))
+    resonant = 0.25 * own * PLATE_QUALITY * shaking.density_m2_per_hz(own / (2 * np.pi))
+    std = float(np.sqrt(driven + resonant))
+    return std, own * std
+
+
+def responses(collision: Collision, at_s: Floats, omega: Floats) -> tuple[Complex, Complex]:
+    """Return what a frame that sways as exp(i omega t) adds to the displacement, shape (n, f), for unit sways.
+
+    ``at_s``, shape (n,), counts from the first touch.  The second, shape (f,), is what the frame's and the added
+    velocity make together after the last release, where it stays.
+    """
+    turning = np.exp(1j * at_s[:, None] * omega)
+    out: Complex = np.where(at_s[:, None] <= 0, 1.0 + 1j * at_s[:, None] * omega - turning, 0.0)
+    events = solve(collision, np.array([0.0, max(float(at_s[-1]), 1e-9)])).events
+    state = np.zeros((4, omega.size), dtype=np.complex128)
+    for event, following in zip(events, [*events[1:], None], strict=True):
+        state = _jump(collision, event) @ state
+        rates = _rates(collision, event.kind == "touch")
+        forced = _forced(rates, omega) * np.exp(1j * omega * event.time_s)
+        ends_s = following.time_s if following is not None else np.inf
+        here = (at_s > event.time_s) & (at_s <= ends_s)
+        later = np.append(at_s[here], ends_s if following is not None else event.time_s) - event.time_s
+        moved = np.einsum("kij,jf->kif", _propagators(rates, later), state - forced)
+        moved += forced * np.exp(1j * later[:, None] * omega)[:, None, :]
+        out[here], state = moved[:-1, 0], moved[-1]
+    return out, np.asarray(state[1] + 1j * omega * np.exp(1j * omega * events[-1].time_s))
+
+
+def knots_of(time_s: Floats, valid: NDArray[np.bool_], touch_s: float, contact_s: float, quickest_hz: float) -> Floats:
+    """Return where a grid's knots lie: evenly, and closer together while the plate bounces."""
+    first_s, last_s = (float(time_s[k]) for k in np.flatnonzero(valid)[[0, -1]])
+    apart_s = min(_KNOT_S, 1.0 / (_KNOTS_A_TURN * quickest_hz))
+    count = min(max(8, int(np.ceil((last_s - first_s) / apart_s)) + 1), _MOST_KNOTS)
+    bounces = touch_s + np.linspace(0.0, _BOUNCING * contact_s, _BOUNCE_KNOTS)
+    inside = bounces[(bounces > first_s) & (bounces < last_s)]
+    knots = np.sort(np.concatenate([np.linspace(first_s, last_s, count), inside]))
+    apart = np.diff(knots) > _CLOSE
+    return np.asarray(np.append(knots[:-1][apart], last_s))
+
+
+def _shrink(grid: Grid, sines: Floats) -> Floats:
+    across = grid.low.T @ sines
+    level, turn = np.linalg.eigh(across @ across.T)
+    taken = (turn * (1.0 - 1.0 / np.sqrt(1.0 + np.maximum(level, 0.0)))) @ turn.T
+    back = np.linalg.inv(grid.low)
+    return np.asarray(back.T @ taken @ back)
+
+
+def _spline(knots_s: Floats, values: Floats) -> BSpline:
+    return make_interp_spline(knots_s, values, k=3)
+
+
+def _local(columns: Floats) -> csr_matrix:
+    """Return columns, shape (n, m), each of which is about nothing but for some of its rows."""
+    there = np.abs(columns) > _LEAST * np.abs(columns).max()
+    first, last = there.argmax(axis=0), columns.shape[0] - there[::-1].argmax(axis=0)
+    width = int(np.max(last - first))
+    rows = np.minimum(first, columns.shape[0] - width)[:, None] + np.arange(width)
+    ends = width * np.arange(columns.shape[1] + 1)
+    values = np.take_along_axis(columns, rows.T, axis=0).T
+    return csc_matrix((values.ravel(), rows.ravel(), ends), shape=columns.shape).tocsr()
+
+
+def _rates(c: Collision, touching: bool) -> Floats:
+    """Return the matrix of s' = A s, s = (x_b, v_b, x_p, v_p), shape (4, 4)."""
+    k, g = (c.contact_stiffness_n_per_m, c.contact_damping_n_s_per_m) if touching else (0.0, 0.0)
+    m_b, m_p = c.block_mass_kg, c.plate_mass_kg
+    force = np.array([-k, -g, k, g])
+    on_plate = -force - np.array([0.0, 0.0, c.plate_stiffness_n_per_m, 0.0])
+    return np.array([[0, 1, 0, 0], force / m_b, [0, 0, 0, 1], on_plate / m_p])
+
+
+def _jump(c: Collision, event: Event) -> Floats:
+    """Return how a small motion jumps where the dashpot begins to act (or ends) at a speed: shape (4, 4)."""
+    kick = c.contact_damping_n_s_per_m * (1.0 if event.kind == "touch" else -1.0)
+    jump = np.eye(4)
+    jump[1, [0, 2]] = -kick / c.block_mass_kg, kick / c.block_mass_kg
+    jump[3, [0, 2]] = kick / c.plate_mass_kg, -kick / c.plate_mass_kg
+    return jump
+
+
+def _forced(rates: Floats, omega: Floats) -> Complex:
+    """Return the steady answer to the frame's acceleration, shape (4, f), at time zero."""
+    pull = np.array([0.0, 1.0, 0.0, 1.0])
+    matrices = 1j * omega[:, None, None] * np.eye(4) - rates
+    answer = np.linalg.solve(matrices, np.broadcast_to(pull[:, None], (omega.size, 4, 1)))
+    return np.asarray(answer[..., 0].T * omega**2)
+
+
+def _propagators(rates: Floats, after_s: Floats) -> Floats:
+    """Return exp(A t) at several times, shape (k, 4, 4)."""
+    if rates[1].any():
+        level, turn = np.linalg.eig(rates)
+        both = np.einsum("ij,kj,jl->kil", turn, np.exp(after_s[:, None] * level), np.linalg.inv(turn))
+        return np.asarray(both.real)
+    own = float(np.sqrt(-rates[3, 2]))  # apart, the block's motion has no eigenvectors to speak of
+    out = np.zeros((after_s.size, 4, 4))
+    out[:, 0, 0] = out[:, 1, 1] = 1.0
+    out[:, 0, 1] = after_s
+    out[:, 2, 2] = out[:, 3, 3] = np.cos(own * after_s)
+    out[:, 2, 3], out[:, 3, 2] = np.sin(own * after_s) / own, -own * np.sin(own * after_s)
+    return out

@@ -1,0 +1,80 @@
+"""What a swaying frame does to a shot, against the bench, whose plate and block are followed on a frame that moves."""
+
+import numpy as np
+import pytest
+
+from analysis.model.exact import solve
+from analysis.model.fitting import fit_shots
+from analysis.model.parameters import PAPER
+from analysis.model.sway import plate_swing_std, responses
+from analysis.pipeline import analyse
+from analysis.shot import Shot
+from instrument.bench import forces as slot
+from instrument.bench.bench import Rig
+from instrument.bench.frame import Frame, frame_of
+from instrument.bench.mechanics import Bodies, collide
+from instrument.bench.simulate import record_shot
+from instrument.bench.sines import Sines
+from instrument.bench.site import QUIET, site_named
+
+TRUTH = Bodies()
+NAMES = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
+
+
+@pytest.mark.parametrize("frequency_hz", [3.0, 17.0, 60.0, 250.0])
+def test_the_sway_adds_what_the_two_bodies_make_of_it(frequency_hz: float) -> None:
+    omega, size = 2 * np.pi * frequency_hz, 1e-7
+    frame = Frame(QUIET, 1, Sines(np.array([omega]), np.array([size]), np.array([0.7])))
+    run = collide(-0.265, frame=frame)
+    touch = run.touch_time_s
+    at = int(np.searchsorted(run.time_s, touch))
+    x_p, v_p = (float(run.states[at, column]) for column in (slot.PLATE_X, slot.PLATE_V))
+    rig = PAPER.vector.copy()
+    rig[4:7] = run.velocity_in_m_per_s, x_p, v_p
+    collision = PAPER.with_vector(rig)
+    time_s = np.linspace(-0.006, 0.045, 400)
+    still = solve(collision, time_s).displacement_m + float(run.block_m(np.array([touch]))[0])
+    unit, _ = responses(collision, time_s, np.array([omega]))
+    sway = size * (unit[:, 0] * np.exp(1j * (omega * touch + 0.7))).imag
+    left = run.block_m(touch + time_s) - still
+    assert np.abs(left).max() > 0.1 * size  # it is there to be explained
+    assert np.abs(left - sway).max() < 3e-3 * size
+
+
+def _shot(site: str, seed: int) -> Shot:
+    rig = Rig(site=site_named(site), seed=seed)
+    return analyse(record_shot(rig, 0, 0.27, 10e6, 0.06)[0])
+
+
+@pytest.mark.parametrize("site", ["VC-C", "VC-F"])
+def test_fitted_parameters_hold_in_a_building(site: str) -> None:
+    shot = _shot(site, 3)
+    assert shot.fit is not None and shot.motion is not None and shot.impact is not None
+    assert shot.fit.converged and shot.fit.on_frames and "plate_shaken" not in shot.flags
+    for name in NAMES:
+        found = shot.fit.parameters[name]
+        assert abs(found.value - getattr(TRUTH, name)) < 3.5 * found.std
+    # a fit that knows of no frame is off by more than it says, or says much less than it could
+    blind = fit_shots([shot.motion])
+    off = [abs(blind.parameters[n].value - getattr(TRUTH, n)) / blind.parameters[n].std for n in NAMES]
+    wide = [blind.parameters[n].std / shot.fit.parameters[n].std for n in NAMES]
+    assert max(off) > 3.5 or min(wide) > 1.5
+
+
+def test_a_quiet_bench_is_fitted_as_ever() -> None:
+    shot = _shot("quiet", 3)
+    assert shot.fit is not None and not shot.fit.on_frames
+    assert shot.impact is not None and shot.impact.disturbance is not None and shot.impact.disturbance.shaking is None
+
+
+def test_a_plate_swings_with_what_shakes_it_near_its_own_note() -> None:
+    shot = _shot("VC-C", 4)
+    assert shot.impact is not None and shot.impact.disturbance is not None
+    shaking = shot.impact.disturbance.shaking
+    assert shaking is not None
+    rig = Rig(site=site_named("VC-C"), seed=4)
+    own = float(np.sqrt(PAPER.plate_stiffness_n_per_m / PAPER.plate_mass_kg))
+    swings = [frame_of(rig.site, seed).swing(own)[0] for seed in range(40)]
+    displacement, velocity = plate_swing_std(shaking, PAPER)
+    assert velocity == pytest.approx(own * displacement)
+    assert 0.4 < displacement / float(np.std(swings)) < 4.0

@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+SYSTEMS := linux win32 darwin
 
 .PHONY: run test lint types $(SYSTEMS:%=types-%) unit slow attack bench bench-loop bench-drives bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app deb
 
@@ -15,7 +16,6 @@ lint: $(READY)
 	$(BIN)/ruff check .
 
 # as on this machine, and as on the other two: what a system lacks is seen without it
-SYSTEMS = linux win32 darwin
 types: $(READY)
 	@$(MAKE) --no-print-directory --jobs $(SYSTEMS:%=types-%)
 

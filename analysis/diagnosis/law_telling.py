@@ -17,6 +17,7 @@ from analysis.quantity import Quantity
 
 Floats = NDArray[np.float64]
 _SHOWN = 81  # points of a curve that is told
+_SAME = 1e-3  # of the largest force: what may lie between two readings of one function
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +59,9 @@ def told(start: Fitted, fits: Sequence[FormFit], named: bool, after: Prediction,
     known = np.linalg.pinv(information(learned, len(learned.terms) - 1) + learned.penalty_of(-1), hermitian=True)
     std = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", design, known, design), 0.0))
     shown = best.curve(at)
-    others = tuple(
-        _other(one, best, at, shown)
-        for one in fits[1:]
-        if one.bic < best.bic + CRITERIA.form_excluded and one.key != best.key
-    )
+    near = [one for one in fits[1:] if one.bic < best.bic + CRITERIA.form_excluded and one.key != best.key]
+    others = [_other(one, best, at, shown) for one in near]
+    twins = [other for other in others if is_same_function(other, shown)]
     curve = term.curve(at)
     return LearnedLaw(
         name=best.key,
@@ -72,8 +71,10 @@ def told(start: Fitted, fits: Sequence[FormFit], named: bool, after: Prediction,
         formula=from_key(best.key).formula.text if named else None,
         nearest_form=best.form.form.name,
         parameters=_parameters(best.key, fitted) if named else {},
-        other_forms=others,
-        same_by_gauge=(argument.unseen,) if argument.unseen else (),
+        other_forms=tuple(other for other in others if not is_same_function(other, shown)),
+        same_by_gauge=tuple(
+            filter(None, (argument.unseen, *(f"{t.form}, {t.formula}: the same over the range visited" for t in twins)))
+        ),
         curve_argument=at,
         curve_unit=argument.unit,
         curve_force_n=_as(curve, shown, gauge(argument, at), std),
@@ -116,6 +117,13 @@ def _other(one: FormFit, best: FormFit, at: Floats, shown: Floats) -> OtherForm:
     curve = _as(one.curve(at), shown, gauge(argument, at), np.ones(at.size)) if same else None
     form = one.form.form
     return OtherForm(argument.where, argument.name, form.name, form.formula(argument).text, one.bic - best.bic, curve)
+
+
+def is_same_function(other: OtherForm, shown: Floats) -> bool:
+    """Return whether another form is the same curve over the range visited, as y|y| is y^2 of what has one sign."""
+    if other.curve_force_n is None:
+        return False
+    return bool(np.max(np.abs(other.curve_force_n - shown)) <= _SAME * float(np.max(np.abs(shown))))
 
 
 def _as(curve: Floats, shown: Floats, columns: Floats, std: Floats) -> Floats:

@@ -83,7 +83,8 @@ def _law(law: LearnedLaw) -> Markup:
         tag("p", "; ".join(f"{name} = {q} {unit}".strip() for name, (q, unit) in law.parameters.items())),
         tag(
             "p",
-            f"Visited from {low:.4g} to {high:.4g} {law.curve_unit}. Not observable: {'; '.join(law.not_observable)}.",
+            f"Visited from {low:.4g} to {high:.4g} {law.curve_unit}. Not observable: {'; '.join(law.not_observable)}."
+            + (f" As well: {'; '.join(law.same_by_gauge)}." if law.same_by_gauge else ""),
         ),
     ]
     if law.other_forms:

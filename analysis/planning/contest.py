@@ -74,23 +74,31 @@ def contest(given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: S
         return None
     others = [other for other in among if other != name]
     best = again(given, motions, stop, others)
+    members = [Member(name, best, _chi2(best, best.floor)), *rivals(best, name, others, stop)]
+    if len(members) < 2:
+        return None
+    return Contest(tuple(sorted(members, key=lambda member: member.chi2)), best.floor)
+
+
+def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop) -> list[Member]:
+    """Return the fits in which each of ``others`` takes the place of the effect ``name``, from where it imitates it.
+
+    Compared under the floor of ``best``: their own may take for noise what they cannot do.
+    """
     kinds = trials_named(others)
     far = separation(best, projector(best), name, kinds)
     fewer = without(best, name, Trail(best, kinds, stop))
     frequency = best.point.values[0][name].get("frequency_hz")
-    members = [Member(name, best, _chi2(best, best.floor))]
+    out = []
     for kind in kinds:
         if fewer is None or kind.name not in far.starts:
             continue
         rival = fitted_instead(best, projector(fewer), far, frequency, stop, kind)
         if rival is not None:
-            # Under the best one's floor: its own may have taken for noise what it cannot do.
             ended = search(rival.hypothesis, rival.z, best.floor, evaluations=40, cancelled=stop)
             rival = finish(rival.hypothesis, ended)
-            members.append(Member(kind.name, rival, _chi2(rival, best.floor)))
-    if len(members) < 2:
-        return None
-    return Contest(tuple(sorted(members, key=lambda member: member.chi2)), best.floor)
+            out.append(Member(kind.name, rival, _chi2(rival, best.floor)))
+    return out
 
 
 def again(given: Fit, motions: Sequence[Motion], stop: Stop, beside: Sequence[str] = ()) -> Fitted:

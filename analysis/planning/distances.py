@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from itertools import count
 from math import inf, sqrt
 
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.free_parameters import trials_named
 from analysis.model.least_squares import Infeasible
-from analysis.planning.contest import Contest
-from analysis.planning.foreseen import Informs, at_hand, blank, foretold, informs, refitted_chi2
+from analysis.planning.contest import Contest, rivals
+from analysis.planning.foreseen import Informs, as_if_taken, at_hand, blank, foretold, informs, refitted_chi2
 from analysis.planning.next_shot import NextShot
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
@@ -103,6 +105,28 @@ def refitted(contest: Contest, shots: Shots, distances: Distances, stop: Stop) -
 
     pairs = list(first)
     return _nearest(dict(zip(pairs, side_by_side(of_pair, pairs), strict=True)))
+
+
+def searched_anew(
+    contest: Contest, shots: Shots, nearest: Mapping[int, float], distances: Distances, stop: Stop
+) -> dict[int, float]:
+    """Return what ``refitted`` gave with the rivals that have a grid (lines, times, ranges) searched for from nothing.
+
+    A line that was the best in the shots at hand need not be the best in those to come.  Raises Cancelled.  Cost: that
+    of a contest, some seconds.
+    """
+    grids = {member.effect for member in contest.members if len(trials_named([member.effect])[0].starts) > 1}
+    empty = [blank(shot, contest.members[0].fitted.hypothesis.data.shots) for shot in shots]
+    out = dict(nearest)
+    for true, value in nearest.items():
+        member = contest.members[true]
+        others = [other.effect for other in contest.members if other.effect in grids and other is not member]
+        if not others or value < CRITERIA.separation:
+            continue
+        best = as_if_taken(member.fitted, [foretold(member.fitted, one) for one in empty], contest.floor)
+        for rival in rivals(best, member.effect, others, stop):
+            out[true] = min(out[true], sqrt(max(0.0, rival.chi2 - distances.own_chi2[true])))
+    return out
 
 
 def _nearest(distances: Mapping[Pair, float]) -> dict[int, float]:

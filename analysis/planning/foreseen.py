@@ -10,7 +10,7 @@ from analysis.diagnosis.cross_validation import shared_places
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.hypothesis_fit import Fitted, search, square_of
+from analysis.diagnosis.hypothesis_fit import Fitted, finish, search, square_of
 from analysis.diagnosis.samples import Samples
 from analysis.model.least_squares import Infeasible
 from analysis.model.starts import Course
@@ -92,6 +92,12 @@ def foretold(fitted: Fitted, shot: Samples) -> Samples:
     if not np.all(np.isfinite(shown)):
         raise Infeasible("the trajectory is not finite")
     return replace(shot, displacement_m=shown)
+
+
+def as_if_taken(fitted: Fitted, added: Sequence[Samples], floor: Floor) -> Fitted:
+    """Return a fit as it would be after shots that show just what it foretells: where it was, beside ``floor``."""
+    hypothesis, z = with_shots(fitted, added)
+    return replace(finish(hypothesis, search(hypothesis, z, floor, evaluations=1)), floor=floor)
 
 
 @dataclass(frozen=True, slots=True)

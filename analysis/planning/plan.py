@@ -15,7 +15,7 @@ from typing import Any
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.planning.contest import Contest
-from analysis.planning.distances import Distances, Shots, refitted, screened
+from analysis.planning.distances import Distances, Shots, refitted, screened, searched_anew
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
 from analysis.shot import Cancelled, Progress, Stop
 
@@ -85,6 +85,7 @@ def plan(
     distances = screened(contest, next_shots(shots, reach or Reach()), screening, stop)
     on_the_block = shots[-1].moving_mass_kg - as_found_kg(shots)
     found: dict[Shots, dict[int, float]] = {}
+    searched: set[Shots] = set()
     chosen: Shots | None = None
     for length in range(1, most + 1):
         listed = _ranked(distances, length, on_the_block)
@@ -95,6 +96,10 @@ def plan(
             progress("refitting the rivals", _SCREENING + (1 - _SCREENING) * (length - 1) / most)
             found[sequence] = refitted(contest, sequence, distances, stop)
         chosen = _best(found, on_the_block)
+        while chosen is not None and chosen not in searched:
+            searched.add(chosen)
+            found[chosen] = searched_anew(contest, chosen, found[chosen], distances, stop)
+            chosen = _best(found, on_the_block)
         if chosen is not None and _worth(found, found[chosen]) >= CRITERIA.separation + SURE:
             break
     names = [member.effect for member in contest.members]

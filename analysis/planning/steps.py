@@ -43,9 +43,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where a set of shots stands: its diagnosis, what to take next (None: nothing is open), the log so far."""
+    """Where a set of shots stands: what to take next (None: nothing is open), and the log so far."""
 
-    diagnosis: Diagnosis
     plan: Plan | None
     steps: tuple[Step, ...] = ()
 
@@ -63,7 +62,7 @@ def stand(
     left: int = MOST_SHOTS,
     reach: Reach | None = None,
     progress: Progress = lambda _what, _fraction: None,
-    stop: Stop = lambda: False,
+    cancelled: Stop = lambda: False,
 ) -> Standing:
     """Return where ``motions`` with their ``diagnosis`` stand, the last of ``steps`` just taken if there are any.
 
@@ -71,12 +70,12 @@ def stand(
     """
     done = list(steps)
     if done:
-        done[-1] = _reached(done[-1], motions, diagnosis, stop)
-    now = contest(diagnosis.fit_after, undecided(diagnosis), motions, stop)
+        done[-1] = _reached(done[-1], motions, diagnosis, cancelled)
+    now = contest(diagnosis.fit_after, undecided(diagnosis), motions, cancelled)
     if now is None:
-        return Standing(diagnosis, None, tuple(done))
-    further = plan(now, reach, most=max(1, left), progress=progress, stop=stop)
-    return Standing(diagnosis, further, tuple(done))
+        return Standing(None, tuple(done))
+    further = plan(now, reach, most=max(1, left), progress=progress, stop=cancelled)
+    return Standing(further, tuple(done))
 
 
 def _reached(step: Step, motions: Sequence[Motion], diagnosis: Diagnosis, stop: Stop) -> Step:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.samples import together
-from analysis.motion import Motion
-from analysis.planning.next_shot import NextShot, contact_s
+from analysis.diagnosis.result import Diagnosis
+from analysis.planning.next_shot import NextShot
 from analysis.planning.steps import Standing, Step, next_step, stand
 from analysis.planning.words import told
 from analysis.report import result
@@ -17,14 +16,13 @@ from analysis.shot import AnalysisError, Shot
 from app.command_line.acquire import LEAST_ARMING_S, capture_settings
 from app.command_line.outputs import check_outputs, in_a_line
 from app.session.load import complaint, load_and_analyse
+from app.session.planned_record import planned_record
 from instrument.acquire import AcquireError, acquire
 from instrument.apart.digitizer import open_apart
-from instrument.digitizer import CaptureSettings, DigitizerError
+from instrument.digitizer import DigitizerError
 from instrument.recording_error import RecordingError
 from instrument.recording_writer import write_text_beside
 from instrument.sources import is_bench, pushed
-
-_LEAST_BEFORE_SWITCH_S = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +45,13 @@ def resolve(first: int, most: int, taking: Taking, json_to: str | None) -> int:
     try:
         check_outputs(json_to, None)
         shots = _analysed(_first(first, taking))
-        standing = _standing(shots, (), most)
+        diagnosis, standing = _standing(shots, (), most)
         for number in range(most):
             if standing.settled:
                 break
             step = next_step(standing)
             shots += _analysed([_planned(step.shot, shots, taking, number + first)])
-            standing = _standing(shots, (*standing.steps, step), most - number - 1)
+            diagnosis, standing = _standing(shots, (*standing.steps, step), most - number - 1)
     except AcquireError as error:
         print(f"levimass: {error}", file=sys.stderr)
         return 1
@@ -63,8 +61,8 @@ def resolve(first: int, most: int, taking: Taking, json_to: str | None) -> int:
     if json_to != "-":
         for shot in shots:
             print(shot.path)
-        print(f"diagnosis: {standing.diagnosis.verdict.value}: {standing.diagnosis.sentence}")
-    return _write(shots, standing, json_to)
+        print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
+    return _write(shots, diagnosis, standing, json_to)
 
 
 def _first(count: int, taking: Taking) -> list[Path]:
@@ -80,28 +78,9 @@ def _planned(shot: NextShot, shots: Sequence[Shot], taking: Taking, number: int)
     digitizer = open_apart(source or taking.source, arms_s=max(taking.timeout_s, LEAST_ARMING_S))
     known = digitizer.setup
     setup = None if source else replace(known, moving_mass_kg=known.moving_mass_kg + shot.added_mass_kg)
-    settings = _settings_for(shot, shots, taking.rate_hz)
+    settings = planned_record(shot, shots, taking.rate_hz)
     (path,) = acquire(digitizer, taking.out, 1, settings, taking.timeout_s, report=_say, setup=setup)
     return path
-
-
-def _settings_for(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None) -> CaptureSettings:
-    """Return the record that a planned shot asks for: so much flight before the touch and after the contact."""
-    rate = rate_hz or shots[0].sample_rate_hz
-    assert rate is not None
-    whole_s = shot.before_s + contact_s(shot, together(_motions(shots))) + shot.after_s
-    before_switch_s = max(shot.before_s - _switch_m(shots) / shot.speed_m_per_s, _LEAST_BEFORE_SWITCH_S)
-    return CaptureSettings(rate, round(rate * whole_s), round(rate * before_switch_s))
-
-
-def _switch_m(shots: Sequence[Shot]) -> float:
-    """Return how far before the plate the light switch stands, as the shots so far show it."""
-    ways = []
-    for shot in shots:
-        if shot.fit is not None and shot.trigger_time_s is not None:
-            own = shot.fit.shots[0]
-            ways.append(abs(own.velocity_in_m_per_s.value) * (own.touch_time_s.value - shot.trigger_time_s))
-    return max(0.0, sorted(ways)[len(ways) // 2]) if ways else 0.0
 
 
 def _analysed(paths: Sequence[Path]) -> list[Shot]:
@@ -112,12 +91,8 @@ def _analysed(paths: Sequence[Path]) -> list[Shot]:
     return shots
 
 
-def _motions(shots: Sequence[Shot]) -> list[Motion]:
-    return [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
-
-
-def _standing(shots: Sequence[Shot], steps: Sequence[Step], left: int) -> Standing:
-    motions = _motions(shots)
+def _standing(shots: Sequence[Shot], steps: Sequence[Step], left: int) -> tuple[Diagnosis, Standing]:
+    motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
     if not motions:
         raise AnalysisError("no shot could be analysed, so there is nothing to diagnose")
     diagnosis = diagnose(motions)
@@ -129,15 +104,15 @@ def _standing(shots: Sequence[Shot], steps: Sequence[Step], left: int) -> Standi
         _say(f"expected {last.expected_separation:.2g} noise norms, reached {reached}")
     if standing.plan is not None:
         _say(told(standing.plan))
-    return standing
+    return diagnosis, standing
 
 
-def _write(shots: Sequence[Shot], standing: Standing, json_to: str | None) -> int:
+def _write(shots: Sequence[Shot], diagnosis: Diagnosis, standing: Standing, json_to: str | None) -> int:
     if json_to is None:
         return 0
     further = None if standing.plan is None else {**standing.plan.to_json(), "words": told(standing.plan)}
     steps = [step.to_json() for step in standing.steps]
-    whole = result(shots, standing.diagnosis) | {"plan": steps, "next_shots": further}
+    whole = result(shots, diagnosis) | {"plan": steps, "next_shots": further}
     text = json.dumps(whole, indent=1, allow_nan=False) + "\n"
     if json_to == "-":
         print(text, end="")

@@ -21,6 +21,7 @@ from instrument.network_scope import network_name
 from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
 
 Open = Callable[[str], Digitizer]
+Change = Callable[[CaptureOptions], CaptureOptions]
 BENCH = "bench"
 FLAWED_BENCH = "bench?effect=quadratic_drag:coefficient_n_s2_per_m2=2e-4"  # not named on the screen: to be found
 LONGEST_ARMING_S = 60.0
@@ -75,6 +76,8 @@ class Rig:
         self._thread = threading.Thread(target=self._work, name="levimass source", daemon=True)
         self.source = source
         self.rearm = False
+        self._planned: Change | None = None
+        self._arm_opened = False
         self._orders.append(source)
         self._thread.start()
 
@@ -84,6 +87,7 @@ class Rig:
         """Close the present source and open another; ``latest`` says how that went."""
         self.source = source
         with self._wake:
+            self._planned, self._arm_opened = None, False
             self._orders.append(source)
             self._wake.notify()
 
@@ -109,6 +113,14 @@ class Rig:
         elif self._fault is not None:
             self.open(self.source)
 
+    def take(self, source: str, change: Change) -> None:
+        """Open a source and arm it for shots whose options are changed, until ``open`` is asked for again."""
+        self.source = source
+        with self._wake:
+            self._planned, self._arm_opened = change, True
+            self._orders.append(source)
+            self._wake.notify()
+
     def abort(self) -> None:
         """Go back to ready."""
         if self._running is not None:
@@ -133,7 +145,7 @@ class Rig:
         running = self._running
         if running is not None:
             try:
-                running.capture.set_options(self._options(running.source, running.digitizer))
+                running.capture.set_options(self._chosen(running.source, running.digitizer))
             except OSError as error:
                 self._problems.append(f"the settings were not taken: {error}")
 
@@ -260,7 +272,7 @@ class Rig:
         try:
             digitizer = self._open(source)
             able = digitizer.capabilities
-            options = self._options(source, digitizer)
+            options = self._chosen(source, digitizer)
             capture = Capture(digitizer, options, analyse=self._analyse, deadlines=self._deadlines)
             capture.start()
         except DigitizerError as error:
@@ -273,6 +285,13 @@ class Rig:
         settings: CaptureSettings | None = options.settings or digitizer.default_settings()
         rate = settings.sample_rate_hz if settings is not None else None
         self._running = _Running(source, digitizer, capture, able.channels, able.bits, rate)
+        if self._arm_opened:
+            self._arm_opened = False
+            self.arm()
+
+    def _chosen(self, source: str, digitizer: Digitizer) -> CaptureOptions:
+        options = self._options(source, digitizer)
+        return options if self._planned is None else self._planned(options)
 
     def _analyse(self, recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
         def given_up() -> bool:

@@ -127,7 +127,7 @@ class Workbench:
         return self.session.problem
 
     def _go_on(self, other: Session) -> None:
-        for kind in ("open", "refit", "diagnosis", "kept"):
+        for kind in ("open", "refit", "diagnosis", "plan", "kept"):
             self.jobs.cancel(kind)
             self.errands.cancel(kind)
         self._turn += 1
@@ -442,6 +442,10 @@ class Workbench:
         if self._apart is not None:
             return self._apart.run(work, report, cancelled)
         return work(progress=report, cancelled=cancelled)
+
+    def aside(self, name: str, work: Callable[..., Any], kind: str) -> Job:
+        """Queue long work, called with ``progress`` and ``cancelled``, whose result the one who asks takes himself."""
+        return self.jobs.submit(name, lambda report, cancelled: self._do(work, report, cancelled), kind)
 
     def _submit(self, jobs: Jobs, name: str, work: Callable[[Report, Asked], object], kind: str) -> None:
         """Queue work on the shots of the session now open: once another is, its result concerns nobody."""

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from analysis.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.log import ProgramLog, note
+from app.session.next_shots import NextShots
 from app.session.own_laws import OwnLaws
 from app.session.own_session import last_session
 from app.session.prepare import run_once
@@ -30,6 +31,7 @@ from app.window.presenters.help import HelpPresenter
 from app.window.presenters.laws import LawsPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.model import ModelPresenter
+from app.window.presenters.next_shot import NextShotPresenter
 from app.window.presenters.rig import RigPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
@@ -73,6 +75,11 @@ class MainWindow(QMainWindow):
         self.selection_presenter = SelectionPresenter(workbench, self.panels, self)
         self.session_presenter = SessionPresenter(workbench, choices, self.panels, self.selection_presenter, self)
         self.diagnosis_presenter = DiagnosisPresenter(workbench, self.panels, self)
+        plans = NextShots(workbench, rig)
+        self.next_shot_presenter = NextShotPresenter(
+            plans, workbench, self.panels, self.diagnosis_presenter.found, self
+        )
+        self.session_presenter.arrived.connect(self.next_shot_presenter.arrived)
         self.view_presenter = ViewPresenter(self.panels, lambda: choices.start_folder, self)
         self.files_presenter = FilesPresenter(workbench, choices, self.panels, self)
         self.files_presenter.recordings_wanted.connect(self.session_presenter.open_paths)
@@ -144,6 +151,7 @@ class MainWindow(QMainWindow):
         self.session_presenter.refresh()
         self.selection_presenter.refresh()
         self.diagnosis_presenter.refresh()
+        self.next_shot_presenter.refresh()
         self.tables_presenter.refresh()
         self.model_presenter.refresh()
         self.mapping_presenter.refresh()

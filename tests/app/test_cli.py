@@ -27,6 +27,8 @@ HOUSE = Path(__file__).resolve().parents[2]
         ["--acquire", "0", "--source", "bench", "--out", "d"],
         ["--acquire", "1", "--source", "bench"],
         ["--acquire", "1", "--out", "d"],
+        ["--replay", "x", "--resolve", "2"],
+        ["--acquire", "1", "--source", "bench", "--out", "d", "--resolve", "0"],
         ["--source", "bench"],
         ["--doctor", "--source", "bench", "--out", "d"],
         ["--undeclared"],

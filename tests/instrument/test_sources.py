@@ -6,7 +6,7 @@ import pytest
 
 from instrument.digitizer import DigitizerError
 from instrument.drivers import usb_bus
-from instrument.sources import at_site, open_source
+from instrument.sources import at_site, open_source, pushed
 from tests.instrument.drivers.scripted_usb import In, Plugged, ScriptedUsb
 
 
@@ -18,7 +18,10 @@ from tests.instrument.drivers.scripted_usb import In, Plugged, ScriptedUsb
         ("scpi", "unknown source"),
         ("replay:", "unknown source"),
         ("replay:/no/such/folder", "nothing to replay at /no/such/folder"),
-        ("bench?speed=3", "is no option"),
+        ("bench?colour=3", "is no option"),
+        ("bench?speed=3", "a push to 3.0 m/s: 0.02 to 1 m/s can be simulated"),
+        ("bench?added=2", "weights of 2.0 kg on the block: 0 to 1 kg can be simulated"),
+        ("bench?speed=fast", "'fast' is no speed"),
         ("bench?effect=gremlins", "no effect is called"),
         ("bench?site=cellar", "no site is called 'cellar'; there are quiet, ISO-office, VC-A"),
         ("hantek6022:3", "takes no address"),
@@ -47,6 +50,13 @@ def test_a_bench_stands_where_it_is_put() -> None:
     assert at_site("bench?effect=tilt", "my site&.toml") == "bench?effect=tilt&site=my%20site%26.toml"
     assert at_site("bench?site=VC-A", "VC-D") == "bench?site=VC-A"
     assert at_site("scpi:host?channels=1", "VC-D") == "scpi:host?channels=1"
+
+
+def test_a_push_of_the_bench_is_set_and_nothing_else() -> None:
+    once = pushed("bench?effect=tilt&seed=4", 0.35, 0.05, 3)
+    assert once == "bench?effect=tilt&seed=4&speed=0.3500&added=0.05000&first=3"
+    assert pushed(once, 0.1, 0.0, 4) == "bench?effect=tilt&seed=4&speed=0.1000&added=0.00000&first=4"
+    assert open_source(once).setup.moving_mass_kg == pytest.approx(17.85e-3 + 0.05)
 
 
 def test_roles_gains_and_firmware_reach_the_hantek(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ from analysis.shot import Shot
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.effect_rows import EffectRows
 from app.window.panels.law_curve import LawCurve
+from app.window.panels.next_shot import NextShotCard
 from app.window.panels.next_steps import NextSteps
 from app.window.panels.residuals import Residuals
 from app.window.plots.plot_view import PlotView, in_front
@@ -111,6 +112,8 @@ class DiagnosisPanel(QWidget):
         self.effects.add_wanted.connect(self.add_wanted)
         self.effects.remove_wanted.connect(self.remove_wanted)
         column.addWidget(self.effects)
+        self.next_shot = NextShotCard(self)
+        column.addWidget(self.next_shot)
         self.next_steps = NextSteps(self)
         self.next_steps.try_wanted.connect(self.try_wanted)
         self.next_steps.law_wanted.connect(self.law_wanted)

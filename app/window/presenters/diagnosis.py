@@ -10,6 +10,7 @@ from analysis.shot import Shot
 from app.session.asked_work import AskedWork
 from app.session.event import Diagnosed
 from app.session.jobs import Asked, Report
+from app.session.next_shots import PLAN
 from app.session.session import Entry
 from app.session.workbench import Workbench
 from app.window.layout import Layout
@@ -55,11 +56,11 @@ class DiagnosisPresenter(QObject):
     def refresh(self) -> None:
         """Bring progress, the newest diagnosis and the effects in the model to the screen."""
         job = self._workbench.jobs.current
-        running = job if job is not None and job.kind == "diagnosis" else None
+        running = job if job is not None and job.kind in ("diagnosis", PLAN) else None
         what = (running.what or "starting") if running is not None else None
         self._panels.diagnosis.show_progress(what, running.fraction if running is not None else 0.0)
         self._panels.model.diagnose.setEnabled(running is None)
-        found = self._found()
+        found = self.found()
         forces = self._forces.take()
         if forces is not None and found is not None and forces[1].diagnosis is found.diagnosis:
             self._panels.diagnosis.residuals.show_forces(forces[1].shot, forces[1].before, forces[1].after)
@@ -89,7 +90,8 @@ class DiagnosisPresenter(QObject):
 
     @Slot()
     def _cancel(self) -> None:
-        self._workbench.jobs.cancel("diagnosis")
+        for kind in ("diagnosis", PLAN):
+            self._workbench.jobs.cancel(kind)
 
     @Slot(list)
     def _add(self, names: list[str]) -> None:
@@ -103,14 +105,14 @@ class DiagnosisPresenter(QObject):
     def _remove(self, name: str) -> None:
         self._workbench.remove_effect(self._base(), name)
 
-    def _found(self) -> Diagnosed | None:
+    def found(self) -> Diagnosed | None:
         """Return the diagnosis of what is selected; where nothing is, the newest."""
         numbers = self._panels.table.numbers
         return self._workbench.diagnosis_of(numbers) if numbers else self._workbench.diagnosed
 
     def _base(self) -> str:
         """Return the base model that the page in front is about: that of the diagnosis, else of the shot in front."""
-        found = self._found()
+        found = self.found()
         if found is not None:
             return found.diagnosis.fit_before.model
         entry = self._workbench.session.entry(next(reversed(self._panels.table.numbers), 0))

@@ -1,0 +1,115 @@
+"""The card beside a verdict that leaves a choice open: which shot decides, how surely, and the button that takes it."""
+
+from PySide6.QtCore import Signal, Slot
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from analysis.diagnosis.result import Diagnosis
+from analysis.planning.contest import undecided
+from analysis.planning.next_shot import NextShot
+from analysis.planning.steps import Standing, Step
+from analysis.planning.words import told
+from app.words.wording import local_words
+
+UNPLANNED = (
+    "These data leave open which it is. The program can work out which shot would tell, by how much, and whether any "
+    "can."
+)
+
+ARM, SET = "ARM for it", "Set and take it"
+ARM_TIP = "Set the rig as said, then arm: the shot joins this diagnosis"
+SET_TIP = "The simulated bench is set to this speed and weight, and pushed; the shot joins this diagnosis"
+
+
+class NextShotCard(QFrame):
+    """A sentence, the log of planned shots and buttons; hidden where the diagnosis leaves nothing open."""
+
+    plan_wanted = Signal()
+    take_wanted = Signal()
+    give_up_wanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("card", True)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(8, 4, 8, 4)
+        column.setSpacing(2)
+        heading = QLabel("NEXT SHOT", self)
+        heading.setProperty("heading", True)
+        column.addWidget(heading)
+        self._sentence = QLabel(self)
+        self._sentence.setWordWrap(True)
+        column.addWidget(self._sentence)
+        self._log = QLabel(self)
+        self._log.setWordWrap(True)
+        self._log.setProperty("faint", True)
+        column.addWidget(self._log)
+        row = QHBoxLayout()
+        self.plan = QPushButton("Plan the shot that tells", self)
+        self.plan.setToolTip("Foretell every shot this rig could take by each of the models, and find what parts them")
+        self.take = QPushButton(ARM, self)
+        self.take.setToolTip(ARM_TIP)
+        self.give_up = QPushButton("Give up", self)
+        self.give_up.setToolTip("Wait no longer for the planned shot")
+        for button in (self.plan, self.take, self.give_up):
+            row.addWidget(button)
+        row.addStretch(1)
+        column.addLayout(row)
+        self.plan.clicked.connect(self._plan)
+        self.take.clicked.connect(self._take)
+        self.give_up.clicked.connect(self._give_up)
+        self.hide()
+
+    @property
+    def words(self) -> str:
+        """Get what is said of the next shot."""
+        return self._sentence.text()
+
+    @property
+    def log_words(self) -> str:
+        """Get what is said of the planned shots taken so far."""
+        return self._log.text()
+
+    def show_standing(
+        self, diagnosis: Diagnosis | None, standing: Standing | None, waited_for: NextShot | None, sets_itself: bool
+    ) -> None:
+        """Show where a diagnosed set stands; ``sets_itself``: the program sets speed and weights at this source."""
+        left_open = diagnosis is not None and bool(undecided(diagnosis))
+        self.setVisible(left_open or (standing is not None and bool(standing.steps)))
+        planned = standing.plan if standing is not None else None
+        can_take = planned is not None and planned.settles and waited_for is None
+        if waited_for is not None:
+            said = "Being taken" if sets_itself else "Armed. Set, then push"
+            self._sentence.setText(local_words(f"{said}: {waited_for.words}"))
+        elif standing is None:
+            self._sentence.setText(UNPLANNED)
+        else:
+            self._sentence.setText(local_words(told(planned) if planned is not None else "Settled: one name is left."))
+        steps = standing.steps if standing is not None else ()
+        self._log.setText(local_words("\n".join(_line(n, step) for n, step in enumerate(steps, 1))))
+        self._log.setVisible(bool(self._log.text()))
+        self.plan.setVisible(left_open and standing is None and waited_for is None)
+        self.take.setVisible(can_take)
+        self.take.setText(SET if sets_itself else ARM)
+        self.take.setToolTip(SET_TIP if sets_itself else ARM_TIP)
+        self.give_up.setVisible(waited_for is not None)
+
+    def enable_plan(self, on: bool) -> None:
+        """Allow planning while nothing else is being worked out."""
+        self.plan.setEnabled(on)
+
+    @Slot()
+    def _plan(self) -> None:
+        self.plan_wanted.emit()
+
+    @Slot()
+    def _take(self) -> None:
+        self.take_wanted.emit()
+
+    @Slot()
+    def _give_up(self) -> None:
+        self.give_up_wanted.emit()
+
+
+def _line(number: int, step: Step) -> str:
+    reached = "not told" if step.reached is None else f"{step.reached:.2g}"
+    return f"{number}. {step.shot.words}: {step.expected_separation:.2g} noise norms expected, {reached} reached"

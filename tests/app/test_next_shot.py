@@ -1,0 +1,155 @@
+"""The shot that decides, in the window and on the command line."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from analysis.planning.next_shot import NextShot
+from analysis.planning.plan import Plan
+from analysis.planning.steps import Standing, Step
+from app.command_line.cli import main
+from app.session.event import Diagnosed
+from app.session.next_shots import NextShots
+from app.window.panels.next_shot import NextShotCard
+from instrument.capture_options import CaptureOptions
+from tests.app import synthetic
+
+FAST = NextShot(0.6, 0.05, 0.012, 0.02)
+BETWEEN = ("quadratic_drag", "viscous_drag")
+PLAN = Plan((FAST,), BETWEEN, 2.0, {"quadratic_drag": 9.0}, {"quadratic_drag": 9.0}, 9.0, ())
+HOPELESS = replace(PLAN, shots=(), best=1.5, inseparable=BETWEEN)
+STEP = Step(FAST, BETWEEN, PLAN.after_first)
+
+
+@pytest.fixture
+def card(qtbot):
+    card = NextShotCard()
+    qtbot.addWidget(card)
+    return card
+
+
+@pytest.fixture(scope="module")
+def said():
+    return synthetic.diagnosis(synthetic.shot())
+
+
+def test_the_card_offers_a_plan_only_where_a_choice_is_open(card, said):
+    card.show_standing(said, None, None, False)
+    assert not card.isHidden() and not card.plan.isHidden() and card.take.isHidden()
+    sure = replace(said, effects=(replace(said.effects[0], indistinguishable_from=()),))
+    card.show_standing(sure, None, None, False)
+    assert card.isHidden()
+    card.show_standing(None, None, None, False)
+    assert card.isHidden()
+
+
+def test_the_card_says_what_to_set_what_it_will_show_and_what_it_showed(card, said, qtbot):
+    card.show_standing(said, Standing(PLAN), None, False)
+    assert "0.6 m/s with 50 g added" in card.words and "9 noise norms" in card.words
+    assert card.take.text() == "ARM for it" and card.plan.isHidden()
+    card.show_standing(said, Standing(PLAN), None, True)
+    assert card.take.text() == "Set and take it"
+    with qtbot.waitSignal(card.take_wanted):
+        card.take.click()
+    card.show_standing(said, Standing(PLAN), FAST, False)
+    assert card.take.isHidden() and not card.give_up.isHidden() and "Set, then push" in card.words
+    done = replace(STEP, reached=8.4, leader="quadratic_drag")
+    card.show_standing(said, Standing(None, (done,)), None, False)
+    assert "9 noise norms expected, 8.4 reached" in card.log_words and "Settled" in card.words
+
+
+def test_the_card_says_that_no_shot_can(card, said):
+    card.show_standing(said, Standing(HOPELESS), None, True)
+    assert "No shot of this rig" in card.words and card.take.isHidden()
+
+
+class _Workbench:
+    """A workbench that keeps what it is asked for."""
+
+    def __init__(self, shots):
+        self.session = SimpleNamespace(entry=lambda n: SimpleNamespace(number=n, shot=shots.get(n)))
+        self.diagnosed = None
+        self.asked, self.jobs = [], []
+
+    def aside(self, name, work, kind):
+        job = SimpleNamespace(done=SimpleNamespace(is_set=lambda: True), cancelled=False, result=None, work=work)
+        self.jobs.append(job)
+        return job
+
+    def diagnose(self, numbers):
+        self.asked.append(tuple(numbers))
+
+
+class _Rig:
+    """A rig that keeps what it is asked for."""
+
+    def __init__(self, source):
+        self.source, self.taken, self.opened = source, [], []
+
+    def take(self, source, change):
+        self.taken.append((source, change))
+
+    def open(self, source):
+        self.opened.append(source)
+
+
+@pytest.fixture
+def planned(said):
+    shot = synthetic.shot()
+    workbench, rig = _Workbench({1: shot, 2: shot, 3: shot}), _Rig("bench?seed=4")
+    plans, found = NextShots(workbench, rig), Diagnosed(said, (1, 2))
+    plans.plan(found)
+    workbench.jobs[-1].result = Standing(PLAN)
+    assert plans.poll() is None
+    return plans, workbench, rig, found
+
+
+def test_a_planned_shot_is_set_taken_joined_and_told(planned, said, tmp_path):
+    plans, workbench, rig, found = planned
+    assert plans.standing(found) == Standing(PLAN)
+    plans.take(found)
+    ((source, change),) = rig.taken
+    assert source == "bench?seed=4&speed=0.6000&added=0.05000&first=2" and plans.taking == FAST
+    settings = change(CaptureOptions(tmp_path)).settings
+    assert settings.samples / settings.sample_rate_hz > FAST.before_s + FAST.after_s
+    plans.take(found)
+    assert len(rig.taken) == 1  # one is under way
+    plans.arrived(SimpleNamespace(number=3, shot=workbench.session.entry(3).shot))
+    assert workbench.asked == [(1, 2, 3)] and rig.opened == ["bench?seed=4"] and plans.taking is None
+    assert plans.poll() is None  # not diagnosed yet
+    workbench.diagnosed = Diagnosed(said, (1, 2, 3))
+    assert plans.poll() == (1, 2, 3)
+    assert workbench.jobs[-1].work.args[2] == (STEP,)
+
+
+def test_a_shot_that_cannot_be_read_joins_nothing_and_one_may_give_up(planned):
+    plans, workbench, rig, found = planned
+    plans.take(found)
+    plans.arrived(SimpleNamespace(number=9, shot=None))
+    assert workbench.asked == [] and plans.taking is None and rig.opened == ["bench?seed=4"]
+    plans.take(found)
+    plans.give_up()
+    assert plans.taking is None and len(rig.opened) == 2
+    plans.arrived(SimpleNamespace(number=3, shot=workbench.session.entry(3).shot))
+    assert workbench.asked == []
+
+
+def test_resolve_without_a_source_that_is_there_is_one_line(tmp_path, capsys):
+    arguments = ["--acquire", "1", "--source", "nothing", "--out", str(tmp_path), "--resolve", "1"]
+    assert main(arguments) == 1
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_the_bench_is_asked_until_one_name_is_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, told = "bench?effect=coulomb_friction:force_n=2e-7&seed=4", tmp_path / "out.json"
+    where = ["--out", str(tmp_path / "shots"), "--rate", "10e6", "--json", str(told)]
+    assert main(["--acquire", "2", "--source", source, "--resolve", "2", *where]) == 0
+    result = json.loads(told.read_text())
+    assert [effect["name"] for effect in result["diagnosis"]["effects"]] == ["coulomb_friction"]
+    assert result["next_shots"] is None and 1 <= len(result["plan"]) <= 2
+    for step in result["plan"]:
+        assert step["reached_separation"] == pytest.approx(step["expected_separation"], rel=0.35)

@@ -33,9 +33,9 @@ def stem(parameter: str) -> str:
     return parts(name)[0] + (f" of shot {shot}" if shot else "")
 
 
-def quantity(name: str, value: Quantity) -> str:
-    """Return a parameter with its uncertainty and unit."""
-    unit = unit_of(name)
+def quantity(name: str, value: Quantity, unit: str | None = None) -> str:
+    """Return a parameter with its uncertainty and unit, which its name carries where it is not given."""
+    unit = unit_of(name) if unit is None else unit
     size, power = value, ""
     if value.value and not 1e-2 <= abs(value.value) < 1e5:
         exponent = len(f"{abs(value.value):e}".split("e")[0]) and int(f"{abs(value.value):e}".split("e")[1])
@@ -47,7 +47,13 @@ def quantity(name: str, value: Quantity) -> str:
 def found(name: str, parameters: Mapping[str, Quantity], others: Sequence[str]) -> str:
     """Return the sentence of one found effect; a phase, every shot's own, is for the table of parameters."""
     told = {key: q for key, q in parameters.items() if not key.startswith("phase_rad")}
-    numbers = ", ".join(f"{stem(key)} {quantity(key, q)}" for key, q in told.items())
+    if "{" in name:
+        law = from_key(name)
+        units = {parameter.name: parameter.unit for parameter in law.parameters}
+        sizes = ", ".join(f"{key} {quantity(key, q, units.get(key))}" for key, q in told.items())
+        numbers = f"{law.formula.text} with {sizes}"
+    else:
+        numbers = ", ".join(f"{stem(key)} {quantity(key, q)}" for key, q in told.items())
     if len(others) > CRITERIA.undetermined:
         return f"a further small effect whose form this data does not determine (best as {plain(name)}: {numbers})"
     if others:

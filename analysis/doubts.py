@@ -16,7 +16,7 @@ from analysis.quantity import Quantity
 ABOVE_SIGMAS = 2.0
 MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
-FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one", "plate_shaken")
+FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one", "plate_shaken", "knock_suspected")
 SHAKEN = "vibration"  # the reading's flag: where it stands, the plate swings before it is touched
 CHI2_FAR = 2.0  # times one, or this part of it
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
@@ -46,6 +46,7 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
         "chi2_far_from_one": _FITTED,
         "plate_shaken": _FITTED,
+        "knock_suspected": (*_PULSE, *_BOUNCES, *_FITTED),
         "fit_not_converged": _FITTED,
     }
 )
@@ -79,6 +80,8 @@ def doubts_of_fit(impact: Impact, fit: Fit) -> tuple[str, ...]:
     if len(fit.shots) != 1:
         return tuple(flags)
     own = fit.shots[0]
+    if fit.on_frames and own.rings:  # what a frame does all the time is weighed: this is something else
+        flags.append(FIT_DOUBTS[3])
     pairs = (
         (impact.velocity_in_m_per_s, own.velocity_in_m_per_s),
         (impact.velocity_out_m_per_s, own.velocity_out_m_per_s),

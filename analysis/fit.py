@@ -40,6 +40,7 @@ class ShotFit:
     residual_m: Floats  # measured - model displacement, NaN outside the fitted samples
     reduced_chi2: float
     own_parameters: Mapping[str, Quantity] = field(default_factory=dict)  # of effects that differ from shot to shot
+    rings: bool = False  # for a moment it moves as neither the model nor the noise would
 
 
 @dataclass(frozen=True, slots=True)

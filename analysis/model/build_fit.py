@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.fit import Fit, ShotFit
+from analysis.model.moments import rings
 from analysis.model.overlay import lay_over
 from analysis.model.parameters import Floats
 from analysis.model.response import OWN_NAMES, Response
@@ -127,4 +128,5 @@ def _shot_fit(estimate: Estimate, part: Part) -> ShotFit:
         residual_m=np.where(part.used, motion.displacement_m - path.displacement_m, np.nan),
         reduced_chi2=float(part.whitened @ part.whitened) / max(1, part.whitened.size - len(places)),
         own_parameters=own,
+        rings=rings(part.whitened),
     )

@@ -149,8 +149,9 @@ def _flight_edges(
             return None
         if not curved:
             return release, onset
-        # the force is far into its rise before it stands clear of what the floor does: its shape counts by then
-        unsure = ROUNDED_SAMPLES / motion.sample_rate_hz
+        # the force is far into its rise before it stands clear of what the floor does, and its shape counts by then:
+        # a departure that grows with the cube of the time is clear the later, the larger the floor
+        unsure = ROUNDED_SAMPLES / motion.sample_rate_hz * float(np.cbrt(max(levels_m[1] / noise_m, 1.0)))
         return _less_sure(release, unsure), _less_sure(onset, unsure)
     low, high = max(first - EDGE_SAMPLES, 0), min(last + EDGE_SAMPLES + 1, motion.time_s.size)
     time = motion.time_s[low:high]

@@ -8,7 +8,7 @@ from PySide6.QtCore import QLocale
 from analysis.quantity import NotSeen, Quantity
 from analysis.signal.quality import MEANINGS
 from app.words import wording
-from app.words.physics_words import FLAG_WORDS
+from app.words.flag_words import FLAG_WORDS
 from app.words.wording import number, parameter_words
 
 

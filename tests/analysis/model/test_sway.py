@@ -1,8 +1,11 @@
 """What a swaying frame does to a shot, against the bench, whose plate and block are followed on a frame that moves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from analysis.doubts import concerning
 from analysis.model.exact import solve
 from analysis.model.fitting import fit_shots
 from analysis.model.parameters import PAPER
@@ -15,7 +18,7 @@ from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, collide
 from instrument.bench.simulate import record_shot
 from instrument.bench.sines import Sines
-from instrument.bench.site import QUIET, site_named
+from instrument.bench.site import QUIET, Knock, site_named
 
 TRUTH = Bodies()
 SIGMAS = 4.5
@@ -43,8 +46,8 @@ def test_the_sway_adds_what_the_two_bodies_make_of_it(frequency_hz: float) -> No
     assert np.abs(left - sway).max() < 1e-3 * size
 
 
-def _shot(site: str, seed: int) -> Shot:
-    rig = Rig(site=site_named(site), seed=seed)
+def _shot(site: str, seed: int, *knocks: Knock) -> Shot:
+    rig = Rig(site=replace(site_named(site), knocks=knocks), seed=seed)
     return analyse(record_shot(rig, 0, 0.27, 10e6, 0.06)[0])
 
 
@@ -61,6 +64,13 @@ def test_fitted_parameters_hold_in_a_building(site: str) -> None:
     off = [abs(blind.parameters[n].value - getattr(TRUTH, n)) / blind.parameters[n].std for n in NAMES]
     wide = [blind.parameters[n].std / shot.fit.parameters[n].std for n in NAMES]
     assert max(off) > SIGMAS or min(wide) > 1.5
+
+
+def test_a_knock_during_the_contact_is_suspected_and_a_shaken_site_is_none() -> None:
+    knocked = _shot("VC-F", 3, Knock(30e-9, 120.0, at_s=0.015))  # 3 ms after the touch
+    assert "knock_suspected" in concerning("contact_stiffness_n_per_m", knocked.flags)
+    for site in ("VC-C", "VC-F"):
+        assert "knock_suspected" not in _shot(site, 3).flags
 
 
 def test_a_quiet_bench_is_fitted_as_ever() -> None:

@@ -11,10 +11,11 @@ from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect,
 from analysis.drive.alike import look_alikes
 from analysis.drive.fit import as_fit, chi2, noise_n
 from analysis.drive.mass import Weighed, weigh
-from analysis.drive.regress import BentValues, Mask, Regression, Table, regress
+from analysis.drive.regress import BentValues, Regression, regress
 from analysis.drive.repeat import Floor, floor
 from analysis.drive.run import prepare
 from analysis.drive.search import Explored, Ground, Trial, explore
+from analysis.drive.table import Mask, Table
 from analysis.motion import Motion
 from analysis.shot import Progress, Stop
 

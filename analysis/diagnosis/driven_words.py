@@ -9,8 +9,9 @@ from analysis.diagnosis.result import FoundEffect
 from analysis.diagnosis.words import plain, quantity, stem
 from analysis.drive.catalogue import LAWS
 from analysis.drive.mass import Weighed
-from analysis.drive.regress import Regression, Table, rms
+from analysis.drive.regress import Regression, rms
 from analysis.drive.repeat import Floor
+from analysis.drive.table import Table
 from analysis.quantity import Quantity
 
 Floats = NDArray[np.float64]

@@ -19,9 +19,10 @@ from analysis.diagnosis.result import Errors
 from analysis.diagnosis.samples import together
 from analysis.drive.bandwidth import force_noise
 from analysis.drive.fit import chi2, foretold_force
-from analysis.drive.regress import Table, rms
+from analysis.drive.regress import rms
 from analysis.drive.repeat import Floor as DriveFloor
 from analysis.drive.run import prepare as prepare_drive
+from analysis.drive.table import Table
 from analysis.fitted_shot import fit_jointly
 from analysis.model.effects import findings
 from analysis.model.fitting import base_named, prepare

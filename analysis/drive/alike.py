@@ -3,9 +3,10 @@
 import numpy as np
 
 from analysis.drive.catalogue import LAWS
-from analysis.drive.regress import Regression, Table, regress
+from analysis.drive.regress import Regression, regress
 from analysis.drive.screen import screen
 from analysis.drive.search import BIC_AGAINST_NEXT, falls
+from analysis.drive.table import Table
 from analysis.shot import AnalysisError
 
 MOST_FITTED = 2

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drive.fit import noise_n
-from analysis.drive.regress import Table, delay_of, regress
+from analysis.drive.regress import delay_of, regress
 from analysis.drive.repeat import Floor, floor
 from analysis.drive.run import prepare
+from analysis.drive.table import Table
 from analysis.fit import Fit
 from analysis.motion import Motion
 

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from analysis.drive.bandwidth import force_noise
 from analysis.drive.mass import FLAG, MASS, Weighed, weigh
-from analysis.drive.regress import Regression, Table, regress, rms
+from analysis.drive.regress import Regression, regress, rms
 from analysis.drive.repeat import Floor, floor
 from analysis.drive.run import Run, low_pass, prepare
 from analysis.drive.search import accept
+from analysis.drive.table import Table
 from analysis.fit import Fit
 from analysis.motion import Motion
 from analysis.quantity import Quantity

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.signal import correlate
 
 from analysis.drive.catalogue import BASE
-from analysis.drive.regress import Regression, Table, delay_of, rms
+from analysis.drive.regress import Regression, delay_of, rms
+from analysis.drive.table import Table
 
 Floats = NDArray[np.float64]
 ALIKE = 0.01  # of the displacement's spread: two passes that differ by less are the same motion

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drive.catalogue import LAWS, Law
-from analysis.drive.regress import SAME, BentValues, Mask, Regression, Table, delay_of
+from analysis.drive.regress import SAME, BentValues, Regression, delay_of
 from analysis.drive.run import Run, low_pass
+from analysis.drive.table import Mask, Table
 
 Floats = NDArray[np.float64]
 MOST_WAVES = 400.0  # along the travel: the finest ripple that is looked for

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drive.catalogue import LAWS
-from analysis.drive.regress import BentValues, Mask, Regression, Table, design, regress, rms
+from analysis.drive.regress import BentValues, Regression, design, regress, rms
 from analysis.drive.repeat import folds
 from analysis.drive.screen import Guess, screen
+from analysis.drive.table import Mask, Table
 from analysis.shot import AnalysisError, Cancelled
 
 Floats = NDArray[np.float64]

@@ -10,10 +10,11 @@ from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.drive.curves import drive_curves
 from analysis.drive.fit import fit_driven
-from analysis.drive.regress import Table, independent, regress
+from analysis.drive.regress import independent, regress
 from analysis.drive.repeat import Floor, floor
 from analysis.drive.run import low_pass, prepare
 from analysis.drive.screen import screen
+from analysis.drive.table import Table
 from analysis.motion import Motion
 from analysis.shot import AnalysisError
 from analysis.signal.record import motion_from_displacement

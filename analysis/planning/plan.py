@@ -113,7 +113,10 @@ def plan(
     else:
         chosen = in_order(chosen, on_the_block)
         expected = named(_found(found, chosen))
-        first = expected if len(chosen) == 1 else named(refitted(contest, chosen[:1], distances, stop))
+        first = expected
+        if len(chosen) > 1:
+            alone = refitted(contest, chosen[:1], distances, stop)
+            first = named(searched_anew(contest, chosen[:1], alone, distances, stop))
     return Plan(
         shots=chosen or (),
         members=tuple(names),

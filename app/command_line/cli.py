@@ -124,6 +124,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             foretell=options.foretell,
             laws=options.law or (),
             checked=not options.unchecked,
+            plan=options.plan,
         )
     if options.acquire is not None:
         from app.command_line.acquire import acquire
@@ -217,6 +218,13 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--hdf5", action="store_true", help="with --export: a motion file a shot in HDF5 too")
     group.add_argument("--report", type=_path, metavar="FILE", help="write a report that prints: one HTML file")
     group.add_argument("--no-diagnose", action="store_true", help="stop after the base model's fit")
+    group.add_argument(
+        "--plan",
+        nargs="?",
+        const="",
+        metavar="PARAMETER",
+        help="which shots to take next: those that decide, or that make a parameter (or all) twice as sure",
+    )
     group.add_argument("--unchecked", action="store_true", help="leave out the comparison of data and SHA-512 (faster)")
     group.add_argument(
         "--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)"
@@ -275,6 +283,7 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     names = ("json", "export", "report", "model", "law", "save_model", "jobs", "scheduler")
     given = {name for name in names if getattr(options, name) is not None}
     given |= {"no-diagnose"} if options.no_diagnose else set()
+    given |= {"plan"} if options.plan is not None else set()
     given |= {"unchecked"} if options.unchecked else set()
     if options.paper is not None:
         given -= {"json"}
@@ -303,9 +312,12 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         parser.error("--jobs and --scheduler: one of them")
     if options.law is not None and options.no_diagnose:
         parser.error("--law is asked by the diagnosis: leave --no-diagnose out")
-    of_one_call = any((options.report, options.hdf5, options.save_model, options.foretell, options.law))
+    if options.plan is not None and options.no_diagnose:
+        parser.error("--plan begins with what a diagnosis left open: leave --no-diagnose out")
+    plans = options.plan is not None
+    of_one_call = any((options.report, options.hdf5, options.save_model, options.foretell, options.law, plans))
     if of_one_call and (options.jobs is not None or options.scheduler is not None):
-        listed = "--report, --hdf5, --foretell, --law and --save-model"
+        listed = "--report, --hdf5, --foretell, --law, --plan and --save-model"
         parser.error(f"{listed} are of one call's shots: leave --jobs and --scheduler out")
     if options.acquire is not None:
         if options.source is None:

@@ -17,6 +17,7 @@ from analysis.report import result
 from analysis.shot import AnalysisError, AnalysisSettings, Shot
 from app.command_line.model_choice import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
+from app.command_line.plan_ahead import Ahead, plan_ahead
 from app.report.export import export
 from app.report.export_foretold import export_foretold
 from app.report.export_hdf5 import export_hdf5
@@ -42,13 +43,14 @@ def replay(
     foretell: bool = False,
     laws: Sequence[Path] = (),
     checked: bool = True,
+    plan: str | None = None,
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
     ``model`` is a base model's name or the path of a model file, whose effects are then part of the model;
     ``foretell`` puts the file's model to the test, as it is.
     ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue; ``checked`` compares the
-    data with their hash.
+    data with their hash.  ``plan`` asks for the next shots: those that decide (""), or that make a parameter surer.
     """
     shots: list[Shot] = []
     try:
@@ -69,7 +71,9 @@ def replay(
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     told = _foretold(shots, known) if foretell and known is not None else None
     tried = known.tried if known is not None else ()
-    ok = _write(shots, diagnosis, told, outputs, tried) and (told is not None or not foretell)
+    ahead = plan_ahead(shots, diagnosis, plan) if plan is not None else None
+    ok = _write(shots, diagnosis, told, outputs, tried, ahead) and (told is not None or not foretell)
+    ok = ok and (ahead is not None or plan is None)
     if known is not None and diagnosis is not None:
         _tell_drift(known, diagnosis)
     if outputs.model is not None:
@@ -145,9 +149,12 @@ def _write(
     told: Foretold | None,
     outputs: Outputs,
     tried: Sequence[str],
+    ahead: Ahead | None,
 ) -> bool:
-    ok = True
-    text = json.dumps(result(shots, diagnosis, told), indent=1, allow_nan=False) + "\n" if outputs.json else ""
+    ok, text = True, ""
+    if outputs.json:
+        whole = result(shots, diagnosis, told) | ({"next_shots": ahead.result} if ahead is not None else {})
+        text = json.dumps(whole, indent=1, allow_nan=False) + "\n"
     try:
         if outputs.export is not None:
             export(shots, outputs.export)
@@ -174,6 +181,8 @@ def _write(
             print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
         if told is not None:
             print(told.sentence)
+        if ahead is not None:
+            print(f"next: {ahead.words}")
     return ok
 
 

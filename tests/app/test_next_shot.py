@@ -7,14 +7,18 @@ from types import SimpleNamespace
 
 import pytest
 
+from analysis.model.fitting import fit_shots
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import Plan
 from analysis.planning.steps import Standing, Step
 from app.command_line.cli import main
+from app.command_line.plan_ahead import plan_ahead
 from app.session.event import Diagnosed
 from app.session.next_shots import NextShots
 from app.window.panels.next_shot import NextShotCard
 from instrument.capture_options import CaptureOptions
+from tests.analysis.diagnosis.shots import motions_of
+from tests.analysis.planning.rig import rig
 from tests.app import synthetic
 
 FAST = NextShot(0.6, 0.05, 0.012, 0.02)
@@ -135,6 +139,22 @@ def test_a_shot_that_cannot_be_read_joins_nothing_and_one_may_give_up(planned):
     assert plans.taking is None and len(rig.opened) == 2
     plans.arrived(SimpleNamespace(number=3, shot=workbench.session.entry(3).shot))
     assert workbench.asked == []
+
+
+def test_a_replay_is_told_which_shot_makes_a_number_surer(said, capsys):
+    truth = rig({})
+    motions = motions_of(truth)
+    fit = fit_shots(motions)
+    shots = [SimpleNamespace(motion=motion, fit=fit) for motion in motions]
+    sure = replace(said, effects=(), fit_after=fit)
+    ahead = plan_ahead(shots, sure, "contact_damping_n_s_per_m")
+    assert ahead is not None and "would make contact_damping_n_s_per_m" in ahead.words
+    assert ahead.result["std_after"] < 0.6 * ahead.result["std_before"] and ahead.result["shots"]
+    json.dumps(ahead.result, allow_nan=False)
+    assert plan_ahead(shots, sure, "").result is None
+    assert plan_ahead(shots, sure, "gamma") is None and plan_ahead(shots, None, "") is None
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 2 and "no shared parameter is called 'gamma'" in lines[0]
 
 
 def test_resolve_without_a_source_that_is_there_is_one_line(tmp_path, capsys):

@@ -18,9 +18,14 @@ def _truth() -> Truth:
     return replace(rig, effects=friction, speeds_m_per_s=(0.2, 0.3), takes=(Take(), LADEN))
 
 
-def test_a_joint_fit_takes_every_shots_own_mass():
+@pytest.fixture(scope="module")
+def fitted():
     truth = _truth()
-    fit = fit_shots(motions_of(truth), effects=("coulomb_friction",))
+    return truth, fit_shots(motions_of(truth), effects=("coulomb_friction",))
+
+
+def test_a_joint_fit_takes_every_shots_own_mass(fitted):
+    truth, fit = fitted
     assert fit.converged and 0.97 < fit.reduced_chi2 < 1.03
     true = {
         "plate_stiffness_n_per_m": truth.bodies.plate_stiffness_n_per_m,
@@ -33,8 +38,8 @@ def test_a_joint_fit_takes_every_shots_own_mass():
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].std, name
 
 
-def test_the_order_of_the_shots_does_not_matter():
-    one, laden = motions_of(_truth())
-    there, back = (fit_shots(some, effects=("coulomb_friction",)) for some in ([one, laden], [laden, one]))
+def test_the_order_of_the_shots_does_not_matter(fitted):
+    truth, there = fitted
+    back = fit_shots(motions_of(truth)[::-1], effects=("coulomb_friction",))
     for name, quantity in there.parameters.items():
         assert back.parameters[name].value == pytest.approx(quantity.value, abs=0.02 * quantity.std), name

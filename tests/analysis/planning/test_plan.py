@@ -10,21 +10,16 @@ from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.planning.contest import Contest, contest
 from analysis.planning.distances import refitted, screened
-from analysis.planning.next_shot import NextShot, Reach, contact_s, effort, next_shots
+from analysis.planning.next_shot import Reach, contact_s, effort, next_shots
 from analysis.planning.plan import Plan, plan
 from analysis.planning.words import told
 from analysis.shot import Cancelled
-from instrument.bench.blind import Take, Truth, drawn
-from instrument.bench.noise import Noise, NoiseKind
-from tests.analysis.diagnosis.shots import WHITE_M, calm, motions_of
+from instrument.bench.blind import Truth
+from tests.analysis.diagnosis.shots import calm, motions_of
+from tests.analysis.planning.rig import rig, with_shots
 
 NAMES = ("coulomb_friction", "sensor_drift")
 REACH = Reach(speeds_m_per_s=(0.1, 0.3), added_kg=(0.0, 0.05))
-
-
-def _rig(effects: dict[str, dict[str, float]]) -> Truth:
-    rig = drawn((), 7, Noise(NoiseKind.WHITE, white_m=WHITE_M))
-    return replace(rig, effects=effects, speeds_m_per_s=(0.22, 0.3))
 
 
 def _stood(truth: Truth, names: tuple[str, ...]) -> tuple[Contest, Fit, tuple[Motion, ...]]:
@@ -35,16 +30,9 @@ def _stood(truth: Truth, names: tuple[str, ...]) -> tuple[Contest, Fit, tuple[Mo
     return open_class, fit, motions
 
 
-def _with(truth: Truth, shots: tuple[NextShot, ...], contact: float) -> Truth:
-    usual = [Take()] * len(truth.speeds_m_per_s)
-    takes = [Take(s.added_mass_kg, s.before_s, s.before_s + contact + s.after_s) for s in shots]
-    speeds = (*truth.speeds_m_per_s, *(shot.speed_m_per_s for shot in shots))
-    return replace(truth, speeds_m_per_s=speeds, takes=(*usual, *takes))
-
-
 @pytest.fixture(scope="module")
 def friction() -> tuple[Truth, Contest, Plan]:
-    truth = _rig({"coulomb_friction": {"force_n": 7e-9}})
+    truth = rig({"coulomb_friction": {"force_n": 7e-9}})
     open_class, _, _ = _stood(truth, NAMES)
     return truth, open_class, plan(open_class, REACH)
 
@@ -54,7 +42,7 @@ def test_friction_and_drift_are_told_apart_as_foreseen(friction):
     assert wanted.now < 5.0 and wanted.settles and wanted.separation > 6.5
     samples = open_class.members[0].fitted.hypothesis.data.shots
     (shot,) = wanted.shots
-    taken = _with(truth, wanted.shots, contact_s(shot, samples))
+    taken = with_shots(truth, wanted.shots, contact_s(shot, samples))
     after, _, _ = _stood(taken, NAMES)
     assert after.members[0].effect == "coulomb_friction"
     # The force itself is known to a tenth or so beforehand, and what is reached scatters by one.
@@ -87,7 +75,7 @@ def test_several_like_shots_add_up_and_cost_more(friction):
 
 
 def test_a_dashpot_is_an_arm_that_relaxes_at_once_and_no_shot_tells_them_apart():
-    truth = _rig({"plate_damping": {"coefficient_n_s_per_m": 4e-7}})
+    truth = rig({"plate_damping": {"coefficient_n_s_per_m": 4e-7}})
     open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm"))
     never = plan(open_class, REACH)
     assert not never.settles and never.best < 5.0

@@ -1,0 +1,48 @@
+"""Which shot makes a number surer: foretold from derivatives, borne out by a fit with the shot taken."""
+
+import pytest
+
+from analysis.model.fitting import fit_shots
+from analysis.planning.contest import again
+from analysis.planning.next_shot import Reach, contact_s
+from analysis.planning.precision import ALL, sharpen
+from analysis.shot import AnalysisError
+from tests.analysis.diagnosis.shots import calm, motions_of
+from tests.analysis.planning.rig import rig, with_shots
+
+REACH = Reach(speeds_m_per_s=(0.1, 0.3, 0.6), added_kg=(0.0, 0.05))
+STIFFNESS = "contact_stiffness_n_per_m"
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    truth = rig({})
+    motions = motions_of(truth)
+    return truth, again(fit_shots(motions), motions, calm)
+
+
+def test_the_uncertainty_after_the_shot_is_the_one_foretold(fitted):
+    truth, before = fitted
+    plan = sharpen(before, STIFFNESS, REACH)
+    assert plan.std_after == pytest.approx(plan.ratio * plan.std_before)
+    place = before.hypothesis.names.index((STIFFNESS, -1))
+    assert plan.std_before == pytest.approx(before.std[place], rel=0.02)
+    contact = contact_s(plan.shots[0], before.hypothesis.data.shots)
+    motions = motions_of(with_shots(truth, plan.shots, contact))
+    after = again(fit_shots(motions), motions, calm)
+    assert after.std[place] == pytest.approx(plan.std_after, rel=0.05)
+
+
+def test_what_is_wanted_is_reached_by_the_cheapest_or_the_best_is_given(fitted):
+    _, before = fitted
+    little = sharpen(before, STIFFNESS, REACH, wanted=0.9)
+    never = sharpen(before, STIFFNESS, REACH, wanted=1e-6)
+    assert little.ratio <= 0.9 and len(little.shots) == 1
+    assert len(never.shots) == 3 and never.ratio < little.ratio
+    every = sharpen(before, ALL, REACH, wanted=0.9)
+    assert every.ratio <= 0.9 and every.std_after is None and "all parameters" in every.words
+
+
+def test_a_name_that_is_not_there_is_refused_with_those_that_are(fitted):
+    with pytest.raises(AnalysisError, match=r"no shared parameter is called 'k_N'; there are plate_stiffness"):
+        sharpen(fitted[1], "k_N", REACH)

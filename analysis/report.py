@@ -16,6 +16,8 @@ from analysis.disturbance import Disturbance
 from analysis.fit import Fit
 from analysis.laws.own import called
 from analysis.quantity import to_json
+from analysis.readings_model import readings_model
+from analysis.readings_model import to_result as readings_model_result
 from analysis.series import series
 from analysis.series import to_result as series_result
 from analysis.shot import Shot
@@ -78,6 +80,7 @@ def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
         "stiffness_slope_n_per_m",
     ):
         entry[key] = to_json(getattr(impact, key)) if impact else None
+    entry["readings_model"] = readings_model_result(readings_model(shot))
     entry["disturbance"] = disturbance_result(impact.disturbance if impact else None)
     entry["fit"] = fit_result(shot.fit)
     entry["budget"] = budget_result(budget(shot, others=others)) if impact else None

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from analysis.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
 from analysis.fit import Fit
 from analysis.quantity import NotSeen, Quantity, Reading
+from analysis.readings_model import ReadingsModel
 from analysis.series import read
 from analysis.shot import Shot
 from app.report.markup import Markup, joined, table, tag
@@ -42,6 +43,15 @@ def numbers(shot: Shot, of: Budget | None) -> Markup:
             rows.append([_named(entry.words, entry.unit), *_cells(entry.quantity, entry, entry.unit)])
     header = ["", "value ± standard uncertainty", "of it type A", "type B", f"expanded, k = {COVERAGE_FACTOR:g}", "how"]
     return table(header, rows, "numbers")
+
+
+def rests_on(model: ReadingsModel | None) -> Markup:
+    """Return which of the numbers rest on a model, and on which."""
+    if model is None:
+        return tag("p", "All are read from the motion alone.")
+    named = ", ".join(words for key, words, _ in NUMBERS if key in model.readings)
+    effects = f" with {', '.join(map(effect_words, model.effects))}" if model.effects else ""
+    return tag("p", f"From the fitted model {model.base}{effects}: {named}. All else is read from the motion alone.")
 
 
 def fitted(fit: Fit | None, tried: Collection[str] = ()) -> Markup:

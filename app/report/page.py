@@ -8,12 +8,14 @@ from analysis.budget import budget
 from analysis.diagnosis.foretold import Foretold
 from analysis.diagnosis.result import Diagnosis
 from analysis.instrument_uncertainty import InstrumentUncertainty
+from analysis.readings_model import readings_model
 from analysis.shot import Shot
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section
+from app.report.disturbance_section import disturbance_section
 from app.report.foretold_section import foretold_section
 from app.report.markup import Markup, joined, table, tag
-from app.report.number_tables import budgets, fitted, numbers
+from app.report.number_tables import budgets, fitted, numbers, rests_on
 from app.report.session_section import session_section
 from app.report.shot_figures import figures
 from app.words.flag_words import by_weight, flag_words
@@ -84,7 +86,9 @@ def _shot(
     parts: list[Markup] = [heading, _remarks(shot)]
     of = budget(shot, instrument, others) if shot.impact is not None else None
     if shot.impact is not None:
-        parts += [tag("h3", "Numbers"), numbers(shot, of)]
+        parts += [tag("h3", "Numbers"), numbers(shot, of), rests_on(readings_model(shot))]
+        if shot.impact.disturbance is not None:
+            parts += [tag("h3", "What shook the path"), disturbance_section(shot.impact.disturbance)]
     if shot.motion is not None:
         parts += [tag("h3", "Model"), fitted(shot.fit, tried)]
     if drawn and shot.motion is not None:

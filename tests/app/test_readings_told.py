@@ -1,4 +1,4 @@
-"""What a table does to a shot, as the result file has it."""
+"""What a table does to a shot, and which model a reading rests on, as result file and report tell it."""
 
 import json
 
@@ -7,6 +7,7 @@ import pytest
 from analysis.pipeline import analyse_motion
 from analysis.report import shot_result
 from analysis.shot import AnalysisSettings
+from app.report.page import report_of
 from tests.analysis.collision import Rig
 from tests.analysis.disturbance import Disturbance, Line, disturbed_motion
 
@@ -23,3 +24,16 @@ def test_lines_floor_and_shares_stand_in_the_result() -> None:
     assert 1e-6 < entry["floor_rms_m_per_s"] < 5e-5
     assert entry["knocks_s"] == []
     assert entry["variance_shares"]["velocity_in_m_per_s"] > 0.9
+    page = report_of([shot])
+    assert "What shook the path" in page and "Lines that both flights show" in page and "velocity before touch" in page
+
+
+def test_what_rests_on_a_model_says_on_which() -> None:
+    motion = disturbed_motion(RIG, Disturbance())
+    bare = analyse_motion(motion, AnalysisSettings(fit=False), name="bare")
+    assert shot_result(bare)["readings_model"] is None
+    assert "read from the motion alone" in report_of([bare])
+    fitted = analyse_motion(motion, AnalysisSettings(effects=("viscous_drag",)), name="fitted")
+    told = json.loads(json.dumps(shot_result(fitted)))["readings_model"]
+    assert told == {"base": "paper", "effects": ["viscous_drag"], "readings": ["cor_kinetic.contact"]}
+    assert "From the fitted model paper with" in report_of([fitted])

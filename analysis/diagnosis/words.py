@@ -14,6 +14,16 @@ CLASSES = {
     frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",
     frozenset({"plate_damping", "viscoelastic_arm"}): "a loss in the plate whose form is undetermined",
     frozenset({"cubic_stiffness", "contact_exponent"}): "a stiffness that grows with the load",
+    frozenset({"support_compliance", "second_plate_mode"}): "a plate of two modes, whose second has two readings",
+}
+# what is the same by physics, wholly or in a limit: no shot of any rig tells them apart there
+ONE_WITH_TWO_READINGS = {
+    frozenset({"plate_damping", "viscoelastic_arm"}): (
+        "an arm that relaxes faster than the plate moves is a dashpot of k tau: one loss, two readings"
+    ),
+    frozenset({"support_compliance", "second_plate_mode"}): (
+        "a clamp that gives and a second mode are the same plate with two modes, seen from the block: one, two readings"
+    ),
 }
 
 

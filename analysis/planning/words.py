@@ -2,19 +2,11 @@
 
 from collections.abc import Sequence
 
-from analysis.diagnosis.words import plain
+from analysis.diagnosis.words import ONE_WITH_TWO_READINGS, plain
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import Plan
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
-_SAME = {
-    frozenset({"plate_damping", "viscoelastic_arm"}): (
-        "an arm that relaxes faster than the plate moves is a dashpot of k tau: one loss, two readings"
-    ),
-    frozenset({"support_compliance", "second_plate_mode"}): (
-        "a clamp that gives and a second mode are the same plate with two modes, seen from the block: one, two readings"
-    ),
-}
 
 
 def told(plan: Plan) -> str:
@@ -40,5 +32,5 @@ def shots(sequence: Sequence[NextShot]) -> str:
 
 
 def _why(plan: Plan) -> str:
-    same = next((words for names, words in _SAME.items() if set(plan.members) <= names), "")
-    return f" ({same})" if same else ""
+    same = [words for names, words in ONE_WITH_TWO_READINGS.items() if names <= set(plan.members)]
+    return f" ({'; '.join(same)})" if same else ""

@@ -61,7 +61,7 @@ def judge(
 def judge_site(floor: SiteFloor) -> Check:
     """Return the verdict on the floor of the site: what the next restitution could be known to, and what costs most."""
     meets = f"meets {floor.criterion}" if floor.criterion else "meets no vibration criterion"
-    line = f"{meets}; the restitution could be known to {floor.cor_std:.1g}"
+    line = f"{meets}; expected u(COR) {floor.cor_std:.1g}"
     if floor.advice:
         return Check("site", Grade.WARN, f"{line}. {floor.advice[0]}")
     return Check("site", Grade.OK, line)

@@ -113,13 +113,13 @@ def _foretold(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
     try:
         told = foretell_motions(motions, [shot.path or shot.name for shot in seen], known)
     except AnalysisError as error:
-        print(f"levimass: nothing foretold: {error}", file=sys.stderr)
+        print(f"levimass: no prediction: {error}", file=sys.stderr)
         return None
     for shot in told.shots:
         if shot.took_part:
             print(f"levimass: {shot.name}: took part in the model's fit, so it is no test of it", file=sys.stderr)
         if shot.problem:
-            print(f"levimass: {shot.name}: not foretold: {shot.problem}", file=sys.stderr)
+            print(f"levimass: {shot.name}: not predicted: {shot.problem}", file=sys.stderr)
     return told
 
 

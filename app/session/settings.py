@@ -201,13 +201,13 @@ FIELDS: tuple[Field, ...] = (
           "gone; damping clamped: none while they part, as Eq. 10 is printed; no tension: the contact never pulls"),
     Field("rest", "Analysis", "Rest beat", "choice", choices=(
         ("smoothed", "smoothed PD0"), ("instantaneous", "instantaneous PD0")),
-          hover="How PD0 is taken off PD1"),
+          hover="How PD0 is subtracted from PD1"),
     Field("site", "Simulated bench", "stands at", "choice", choices=SITES,
           hover="How much the floor under the simulated bench moves: the vibration criteria of the field, "
           "as the rms velocity in a third-octave"),
-    Field("folder", "Folders and looks", "Recordings", "folder",
+    Field("folder", "Folders and appearance", "Recordings", "folder",
           hover="Where shots are saved; empty: Levimass in your documents"),
-    Field("appearance", "Folders and looks", "Colours", "choice", choices=(
+    Field("appearance", "Folders and appearance", "Colours", "choice", choices=(
         ("system", "as the system"), ("light", "light"), ("dark", "dark")), hover="Dark or light"),
     Field("sound", "At the trigger", "a sound", "flag",
           hover="The system's own sound when the light switch fires"),

@@ -29,7 +29,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("File", "Quit", "close", ("Ctrl+Q",), True),
     Command("Rig", "ARM: wait for the light switch and record", "arm", ("Space",)),
     Command("Rig", "Abort; closes a sheet first when one is open", "abort", ("Esc",)),
-    Command("Rig", "Stand in for the light switch while armed", "trigger_now", ("T",)),
+    Command("Rig", "Trigger by hand while armed", "trigger_now", ("T",)),
     Command("Rig", "Re-arm by itself, on or off", "toggle_rearm", ("R",)),
     Command("Rig", "Choose the source", "focus_source", ("S",), True),
     Command("Rig", "Set-up: devices, permission, signal check", "toggle_setup", ("F3",)),
@@ -63,7 +63,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("View", "Two cursors", "toggle_cursors", ("C",)),
     Command("View", "Copy what lies between the cursors", "copy_cursors", ("Ctrl+Shift+C",)),
     Command("View", "Copy the plot as a picture", "copy_plot", ("Ctrl+Shift+X",)),
-    Command("View", "Hold the curves of LIVE still, or let them run on", "toggle_hold", ("H",)),
+    Command("View", "Freeze the curves of LIVE, or let them run", "toggle_hold", ("H",)),
     Command("Model", "Diagnose the selected shots", "diagnose", ("D",)),
     Command("Model", "Propose a law of your own …", "propose_law", ("Ctrl+L",)),
     Command("Model", "Open a model file …", "load_model", ("Ctrl+Shift+O",), True),
@@ -78,8 +78,8 @@ COMMANDS: tuple[Command, ...] = (
 
 ON_PLOT = (
     ("Left, Right", "move along the axis"),
-    ("Up, Down", "closer, farther"),
-    ("Home", "the whole again"),
+    ("Up, Down", "zoom in, out"),
+    ("Home", "the whole range"),
     ("Shift+Left, Right", "move cursor A"),
     ("Ctrl+Left, Right", "move cursor B"),
 )

@@ -169,7 +169,7 @@ class MainWindow(QMainWindow):
 
     @Slot(object)
     def _save_elsewhere(self, folder: Path) -> None:
-        self.workbench.save_elsewhere(self.rig.save_pending, folder)
+        self.workbench.elsewhere.save(self.rig.save_pending, folder)
 
     @Slot(object)
     def _arrived(self, entry: Entry) -> None:

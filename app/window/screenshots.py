@@ -164,9 +164,9 @@ class Photographer:
 
     def _model_file(self) -> None:
         panels, workbench, path = self.window.panels, self.window.workbench, self._scratch / "model.toml"
-        workbench.save_model(panels.table.numbers, path)
+        workbench.papers.save_model(panels.table.numbers, path)
         self.wait("the model file", path.exists)
-        workbench.load_model(path)
+        workbench.model.load(path)
         self.press(Qt.Key.Key_2, Qt.KeyboardModifier.ControlModifier)
         self.wait("the model held against the shot", lambda: "model file" in panels.model.known)
         self.take("model-file")

@@ -114,7 +114,7 @@ def test_a_session_reopens_at_once_with_its_evidence_and_its_version(tmp_path, s
         (filled,) = again.session.entries
         assert filled.shot is not None and filled.version == program_version()
         assert np.array_equal(filled.shot.fit.shots[0].residual_m, saved.fit.shots[0].residual_m)
-        diagnosed = again.diagnosis_of([filled.number])
+        diagnosed = again.diagnoses.of([filled.number])
         assert diagnosed is not None and diagnosed.version == program_version()
         assert diagnosed.diagnosis.sentence == found.diagnosis.sentence
         assert again.jobs.open_jobs == 0
@@ -126,9 +126,9 @@ def test_the_page_shows_the_diagnosis_of_what_is_selected():
     workbench = Workbench(Session(), lambda: synthetic.shot(count=9000).settings)
     try:
         one, both = Diagnosed(None, (1,)), Diagnosed(None, (1, 2))
-        workbench.diagnoses = [both, one]
-        assert workbench.diagnosis_of([1, 2]) is both and workbench.diagnosis_of([1]) is one
-        assert workbench.diagnosis_of([2]) is both and workbench.diagnosis_of([3]) is None
-        assert workbench.diagnosed is one
+        workbench.diagnoses += [both, one]
+        assert workbench.diagnoses.of([1, 2]) is both and workbench.diagnoses.of([1]) is one
+        assert workbench.diagnoses.of([2]) is both and workbench.diagnoses.of([3]) is None
+        assert workbench.diagnoses.newest is one
     finally:
         workbench.close()

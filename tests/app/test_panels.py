@@ -85,7 +85,7 @@ def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
     panel.show_shot(replace(shot, flags=("momentum_disagrees", "vibration")))
     marked = {name for name, label in panel._names.items() if MARKS[Tone.WARNING] in label.text()}
     assert marked == {"peak force", "velocity in", "velocity out"}
-    assert "impulse of the force" in panel.hover("peak force") and "the path shakes" in panel.hover("quasi-static")
+    assert "impulse of the force" in panel.hover("peak force") and "the path vibrates" in panel.hover("quasi-static")
     assert "impulse of the force" in panel._values["peak force"].accessibleDescription()
     panel.show_shot(shot)
     assert not any(MARKS[Tone.WARNING] in label.text() for label in panel._names.values())

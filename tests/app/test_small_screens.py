@@ -28,7 +28,7 @@ from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
 from app.window.layout import Layout
-from app.window.panels.session_model import FLAGS
+from app.window.panels.session_model import COLUMNS, FLAGS
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Theme, Tone
@@ -236,6 +236,16 @@ def test_every_flag_has_room_in_its_column(window):
     words = [flags_in_short([flag, *["x"] * 9]) for flag in (*MEANINGS, *FLAG_WORDS)]
     widest = max(table.fontMetrics().horizontalAdvance(text) for text in words)
     assert widest < table.table.columnWidth(FLAGS) - 8
+
+
+def test_a_usual_shots_numbers_have_room_in_their_columns(window):
+    table = window.panels.table
+    widths = {"v in": "-0.3882814(19)", "COR": "0.98729985(50)", "F max": "0.436073(77)", "k_p": "221.383(15)"}
+    for column, (heading, _) in enumerate(COLUMNS):
+        shown = next((text for name, text in widths.items() if heading.startswith(name)), "")
+        cells = (shown, *(str(table.model.index(row, column).data()) for row in (0, 1) if 3 <= column <= 8))
+        for text in cells:
+            assert table.fontMetrics().horizontalAdvance(text) < table.table.columnWidth(column) - 14, (heading, text)
 
 
 def test_every_choice_has_room_in_its_box(window):

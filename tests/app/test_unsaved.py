@@ -92,7 +92,7 @@ def test_what_was_saved_before_the_disk_failed_keeps_its_path(qtbot: QtBot, tmp_
     workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
     try:
         workbench.session.add(synthetic.bare_shot("shot-0001"))
-        workbench.save_elsewhere(save, tmp_path)
+        workbench.elsewhere.save(save, tmp_path)
         happened: list[Event] = []
         qtbot.waitUntil(lambda: bool(happened.extend(workbench.poll()) or happened), timeout=WAIT_MS)
         assert happened[0].kind is Kind.PROBLEM
@@ -105,7 +105,7 @@ def test_what_was_saved_before_the_disk_failed_keeps_its_path(qtbot: QtBot, tmp_
 def test_a_shot_saved_before_it_was_analysed_keeps_its_path(qtbot: QtBot, tmp_path: Path) -> None:
     workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
     try:
-        workbench.save_elsewhere(lambda folder: {"shot-0001": folder / "a.sigmf-meta"}, tmp_path)
+        workbench.elsewhere.save(lambda folder: {"shot-0001": folder / "a.sigmf-meta"}, tmp_path)
         qtbot.waitUntil(lambda: bool(workbench.poll()), timeout=WAIT_MS)
         assert workbench.add_shot(synthetic.bare_shot("shot-0001")).path == str(tmp_path / "a.sigmf-meta")
         assert workbench.add_shot(synthetic.bare_shot("shot-0001")).path is None  # another of that name

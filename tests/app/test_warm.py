@@ -1,13 +1,21 @@
 """The mark that says the kernels are on disk, true only for what wrote it; and what compiles them."""
 
+import threading
+import time
+
 import llvmlite
 import numba
 import pytest
 
 from analysis import kernel_cache
-from analysis.shot import Cancelled
+from analysis.shot import AnalysisSettings, Cancelled
 from app.command_line.cli import main
 from app.session import prepare, warm
+from app.session.rig import Rig
+from instrument.acquisition import Deadlines, State
+from instrument.capture_options import CaptureOptions
+from instrument.digitizer import CaptureSettings
+from tests.app import rigs
 
 
 @pytest.fixture
@@ -114,3 +122,41 @@ def test_the_made_up_bounce_is_one(warm_kernels):
     shot = prepare._readings()
     assert shot.problem is None
     assert shot.impact is not None
+
+
+def test_a_shot_taken_while_kernels_compile_waits_for_them_and_is_listed(tmp_path, warm_kernels):
+    """Compiling may take longer than any analysis is given: that is no fault."""
+    compiled = threading.Event()
+
+    def options(_, digitizer):
+        return CaptureOptions(tmp_path, CaptureSettings(10e6, 600_000, 60_000))
+
+    def wait(given_up):
+        while not compiled.wait(0.02):
+            if given_up():
+                raise Cancelled
+
+    rig = Rig(options, AnalysisSettings, wait, deadlines=Deadlines(analysing_s=0.4), open_digitizer=rigs.quick_bench)
+    try:
+        _until(lambda: rig.latest().state is State.IDLE and rig.channels != ())
+        rig.arm()
+        _until(lambda: rig.latest().state is State.ANALYSING)
+        end = time.monotonic() + 1.5
+        while time.monotonic() < end:
+            assert rig.latest().state is State.ANALYSING, rig.latest().message
+            time.sleep(0.01)
+        assert "compiling" in (rig.latest().doing or "")
+        compiled.set()
+        _until(lambda: bool(rig.latest().finished))
+        (finished,) = rig.latest().finished
+        assert finished.shot is not None and finished.shot.impact is not None
+    finally:
+        compiled.set()
+        rig.close()
+
+
+def _until(true, longest_s=60.0):
+    end = time.monotonic() + longest_s
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)

@@ -215,15 +215,15 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     window.panels.table.select([1, 2])
     qtbot.keyClick(window, Qt.Key.Key_D)
     assert window.panels.tabs.currentIndex() == Layout.DIAGNOSIS
-    qtbot.waitUntil(lambda: window.workbench.diagnosed is not None, timeout=3 * WAIT_MS)
-    found = window.workbench.diagnosed.diagnosis
+    qtbot.waitUntil(lambda: window.workbench.diagnoses.newest is not None, timeout=3 * WAIT_MS)
+    found = window.workbench.diagnoses.newest.diagnosis
     assert pickle.loads(ForkingPickler.dumps(found)).sentence == found.sentence  # it may come from another process
     qtbot.waitUntil(lambda: window.panels.diagnosis.sentence == found.sentence, timeout=WAIT_MS)
     assert [named.name for named in found.effects] == ["quadratic_drag"]
     assert "quadratic drag" in window.workbench.session.entries[0].verdict
     before = window.workbench.session.entries[0].shot.fit.reduced_chi2
     window.panels.diagnosis.effects.button("quadratic_drag").click()
-    assert window.workbench.effects_of("paper") == ("quadratic_drag",)
+    assert window.workbench.model.effects_of("paper") == ("quadratic_drag",)
     first = window.workbench.session.entries[0].number
     qtbot.waitUntil(
         lambda: window.workbench.session.entry(first).shot.fit.effects == ("quadratic_drag",), timeout=WAIT_MS
@@ -231,7 +231,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     after = window.workbench.session.entry(first).shot.fit
     assert after.effects == ("quadratic_drag",)
     assert after.reduced_chi2 < 0.1 * before
-    window.workbench.report([], tmp_path / "report.html")
+    window.workbench.papers.report([], tmp_path / "report.html")
     qtbot.waitUntil((tmp_path / "report.html").exists, timeout=WAIT_MS)
 
 

@@ -49,7 +49,7 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
         for workbench in (here, there):
             assert workbench.open_paths(recordings_of_bench) == 1
             until(workbench, lambda h: h.kind is Kind.SHOT)
-            workbench.add_effects("paper", ("quadratic_drag",))
+            workbench.model.add("paper", ("quadratic_drag",))
             until(workbench, lambda h: h.kind is Kind.CHANGED and h.numbers == (1,))
         ours, theirs = here.session.entries[0].shot, there.session.entries[0].shot
         for name in ARRAYS:
@@ -87,6 +87,6 @@ def test_a_diagnosis_there_tells_how_far_it_is_and_is_cancelled(child, recording
         job.cancel()
         assert job.done.wait(LONGEST_S) and job.result is None and job.problem is None
         assert child.child_id == alive  # it heeded; it was not ended
-        assert workbench.diagnosed is None
+        assert workbench.diagnoses.newest is None
     finally:
         assert workbench.jobs.close() and workbench.errands.close()

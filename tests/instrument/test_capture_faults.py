@@ -80,6 +80,22 @@ def test_a_stalled_stream_and_a_driver_that_hangs_are_said(tmp_path: Path) -> No
         release.set()
 
 
+def test_a_shot_longer_than_every_deadline_is_taken_whole(tmp_path: Path) -> None:
+    now = [0.0]  # 20 s pass at each block of the stream: the shot lasts minutes, and no wait of a minute is in it
+
+    def slow(fake: FakeDigitizer, at: int) -> Block | None:
+        now[0] += 20.0
+        return None
+
+    with Rig(tmp_path, FakeDigitizer(before_block=slow), live=False, clock=lambda: now[0]) as rig:
+        rig.capture.arm()
+        shot = until(rig.capture, lambda s: s.shots == 1 or s.state is State.FAULT)
+        assert shot.state is not State.FAULT, shot.message
+        assert now[0] > 100.0 > Deadlines().triggered_s
+        (done,) = until(rig.capture, lambda s: bool(s.finished)).finished
+        assert done.recording.samples == SETTINGS.samples
+
+
 def test_nothing_fires_is_said_after_the_deadline(tmp_path: Path) -> None:
     def flat(fake: FakeDigitizer, at: int) -> Block | None:
         fake.at = at % 20_000

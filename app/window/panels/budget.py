@@ -47,7 +47,7 @@ class BudgetPanel(QWidget):
             return
         self._say.setText(
             f"Standard uncertainties; expanded with k = {number(COVERAGE_FACTOR)} (about 95 %). Type A from this "
-            "measurement's own scatter, type B stated. Unfold a result for its sources."
+            "measurement's own scatter, type B stated. Expand a result to see its sources."
         )
         self.table.show_lines([_line(quantity) for quantity in found.quantities])
 

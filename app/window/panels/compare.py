@@ -121,9 +121,7 @@ class ComparePanel(QWidget):
             force.show_samples(start, step, shot.motion.force_n)
         count = len(self._entries)
         if count == 0:
-            self._say.setText(
-                "Select shots in the table below (Ctrl or Shift with a click) to lay them over one another."
-            )
+            self._say.setText("Select shots in the table below (Ctrl or Shift with a click) to overlay them.")
         elif count > MOST:
             self._say.setText(f"the last {MOST} of {count} selected shots are overlaid; the trend shows all")
         else:

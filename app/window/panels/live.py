@@ -67,7 +67,7 @@ class LivePanel(QWidget):
             grid.addWidget(self._tile(name, title, unit, widest), line, 1)
         self.hold = QPushButton("Hold", self)
         self.hold.setCheckable(True)
-        self.hold.setToolTip("Hold the curves still to measure on them; samples and shots go on, ARM lets go  (H)")
+        self.hold.setToolTip("Freeze the curves to measure on them; samples and shots go on, ARM lets them run  (H)")
         grid.addWidget(self.hold, 3, 1)
         self.raw = TimeStack("Raw signals, live", colours, self)
         self.raw.reset_wanted.connect(self.reset)

@@ -22,7 +22,7 @@ COLUMNS = (
     ("v out (m/s)", 15),
     ("COR quasi-static", 15),
     ("COR kinetic", 12),
-    ("F max (N)", 12),
+    ("F max (N)", 13),
     ("k_p (N/m)", 13),
     ("verdict", 20),
     ("flags", 22),

@@ -64,7 +64,7 @@ class DiagnosisPresenter(QObject):
         forces = self._forces.take()
         if forces is not None and found is not None and forces[1].diagnosis is found.diagnosis:
             self._panels.diagnosis.residuals.show_forces(forces[1].shot, forces[1].before, forces[1].after)
-        effects = self._workbench.effects_of(self._base())
+        effects = self._workbench.model.effects_of(self._base())
         if self._shown[0] is found and self._shown[1] == effects:
             return
         self._shown = (found, effects)
@@ -95,20 +95,20 @@ class DiagnosisPresenter(QObject):
 
     @Slot(list)
     def _add(self, names: list[str]) -> None:
-        self._workbench.add_effects(self._base(), names)
+        self._workbench.model.add(self._base(), names)
 
     @Slot(str)
     def _try(self, name: str) -> None:
-        self._workbench.try_effect(self._base(), name)
+        self._workbench.model.try_out(self._base(), name)
 
     @Slot(str)
     def _remove(self, name: str) -> None:
-        self._workbench.remove_effect(self._base(), name)
+        self._workbench.model.remove(self._base(), name)
 
     def found(self) -> Diagnosed | None:
         """Return the diagnosis of what is selected; where nothing is, the newest."""
         numbers = self._panels.table.numbers
-        return self._workbench.diagnosis_of(numbers) if numbers else self._workbench.diagnosed
+        return self._workbench.diagnoses.of(numbers) if numbers else self._workbench.diagnoses.newest
 
     def _base(self) -> str:
         """Return the base model that the page in front is about: that of the diagnosis, else of the shot in front."""

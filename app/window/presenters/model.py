@@ -43,7 +43,7 @@ class ModelPresenter(QObject):
 
     def refresh(self) -> None:
         """Say how the shot in front agrees with the model file, where one is in use."""
-        known = self._workbench.known
+        known = self._workbench.model.known
         if known is not self._taken:
             self._taken = known
             self._take_base()
@@ -64,7 +64,7 @@ class ModelPresenter(QObject):
             self._panels.model.show_known(words, Tone.WARNING if far else Tone.GOOD)
 
     def _take_base(self) -> None:
-        known = self._workbench.known
+        known = self._workbench.model.known
         if known is None or known.base == self._choices.settings.model:
             return
         problem = self._choices.change({"model": known.base})
@@ -78,7 +78,7 @@ class ModelPresenter(QObject):
 
     def _save_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.save_model(self._panels.table.numbers, paths[0])
+        self._workbench.papers.save_model(self._panels.table.numbers, paths[0])
 
     @Slot()
     def load_model(self) -> None:
@@ -92,8 +92,8 @@ class ModelPresenter(QObject):
 
     def _foretell_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.foretell(self._panels.table.numbers, paths[0])
+        self._workbench.papers.foretell(self._panels.table.numbers, paths[0])
 
     def _load_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.load_model(paths[0])
+        self._workbench.model.load(paths[0])

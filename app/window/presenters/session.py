@@ -156,7 +156,7 @@ class SessionPresenter(QObject):
     def export_to(self, folder: Path) -> None:
         """Export the selected shots, or all, to a folder."""
         self._chosen = folder
-        self._workbench.export(self._panels.table.numbers, folder)
+        self._workbench.papers.export(self._panels.table.numbers, folder)
 
     @Slot(list)
     def _report_pressed(self, _: list[int]) -> None:
@@ -170,12 +170,12 @@ class SessionPresenter(QObject):
 
     def _report_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.report(self._panels.table.numbers, paths[0])
+        self._workbench.papers.report(self._panels.table.numbers, paths[0])
 
     @Slot()
     def print_report(self) -> None:
         """Make the report of the selected shots, or of all, and ask for a printer."""
-        self._workbench.report_to_print(self._panels.table.numbers)
+        self._workbench.papers.report_to_print(self._panels.table.numbers)
         self.said.emit("The report is being made; the printer is asked for next", Tone.NEUTRAL)
 
     def _print(self, html: str) -> None:

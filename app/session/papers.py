@@ -1,0 +1,78 @@
+"""What leaves the program: CSV, reports, model files, a model put to the test; each a job that says what it wrote."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from analysis.diagnosis.result import Diagnosis
+from analysis.shot import Shot
+from app.session.diagnoses import Diagnoses
+from app.session.event import Event, Kind
+from app.session.jobs import Asked, Report
+from app.session.put_to_test import put_to_test
+from app.session.session import Entry, Session
+from app.session.shot_work import report_text, write_csv, write_model, write_report
+from app.session.work import Work
+
+
+class Papers:
+    """Writes of the entries named, or of all when none is."""
+
+    def __init__(self, session: Session, work: Work, diagnoses: Diagnoses) -> None:
+        self._session, self._work, self._diagnoses = session, work, diagnoses
+
+    def export(self, numbers: Sequence[int], folder: Path) -> None:
+        """Queue the export of these entries, or of all when none is named."""
+        shots, diagnosis = self._reported(numbers)
+        self._submit("export", partial(write_csv, shots, diagnosis, folder))
+
+    def foretell(self, numbers: Sequence[int], path: Path) -> None:
+        """Queue the test of a model file, unchanged, on these entries, or on all when none is named."""
+        entries = self._entries(numbers)
+        shots = [entry.shot for entry in entries if entry.shot is not None]
+        self._submit("model put to the test", partial(put_to_test, path, shots))
+
+    def report(self, numbers: Sequence[int], path: Path) -> None:
+        """Queue the report of these entries, or of all when none is named, as one HTML or PDF file."""
+        self._submit("report", partial(write_report, path, *self._reported(numbers), self._tried))
+
+    def report_to_print(self, numbers: Sequence[int]) -> None:
+        """Queue the making of the report's text, which comes back to be printed."""
+        make = partial(report_text, *self._reported(numbers), self._tried)
+
+        def work(report: Report, cancelled: Asked) -> Event:
+            return Event(Kind.PRINT, self._work.do(make, report, cancelled))
+
+        self._work.jobs.submit("report", work, "export")
+
+    def save_model(self, numbers: Sequence[int], path: Path) -> None:
+        """Queue the writing of the model as these entries show it, or as all do when none is named."""
+        entries = [e for e in self._entries(numbers) if e.shot is not None]
+        shots = [entry.shot for entry in entries if entry.shot is not None]
+        chosen, effects = {e.number for e in entries}, self._session.effects
+        found = self._diagnoses.of(sorted(chosen))
+        same = found is not None and chosen == set(found.numbers)
+        diagnosis = found.diagnosis if found is not None and same else None
+        self._submit("model file", partial(write_model, path, shots, effects, diagnosis))
+
+    @property
+    def _tried(self) -> tuple[str, ...]:
+        return self._session.effects.tried
+
+    def _entries(self, numbers: Sequence[int]) -> list[Entry]:
+        """Return these entries, or all when none is named or there."""
+        return [entry for entry in self._session.entries if entry.number in numbers] or list(self._session.entries)
+
+    def _reported(self, numbers: Sequence[int]) -> tuple[list[Shot], Diagnosis | None]:
+        entries = self._entries(numbers)
+        shots = [replace(entry.shot, note=entry.note) for entry in entries if entry.shot is not None]
+        chosen = {entry.number for entry in entries}
+        found = self._diagnoses.within(chosen)
+        return shots, found.diagnosis if found is not None else None
+
+    def _submit(self, name: str, write: Callable[..., str]) -> None:
+        def work(report: Report, cancelled: Asked) -> Event:
+            return Event(Kind.EXPORTED, self._work.do(write, report, cancelled))
+
+        self._work.jobs.submit(name, work, "export")

@@ -240,7 +240,13 @@ def test_every_flag_has_room_in_its_column(window):
 
 def test_a_usual_shots_numbers_have_room_in_their_columns(window):
     table = window.panels.table
-    widths = {"v in": "-0.3882814(19)", "COR": "0.98729985(50)", "F max": "0.436073(77)", "k_p": "221.383(15)"}
+    widths = {
+        "v in": "-0.3882814(19)",
+        "COR quasi": "0.98729985(50)",
+        "COR kin": "0.56350(74)",
+        "F max": "0.436073(77)",
+        "k_p": "221.383(15)",
+    }
     for column, (heading, _) in enumerate(COLUMNS):
         shown = next((text for name, text in widths.items() if heading.startswith(name)), "")
         cells = (shown, *(str(table.model.index(row, column).data()) for row in (0, 1) if 3 <= column <= 8))

@@ -113,7 +113,7 @@ class NextShots:
         under = self._under
         if under is None or not under.arrived:
             return None
-        found = self._workbench.diagnosed
+        found = self._workbench.diagnoses.newest
         if found is None or set(found.numbers) != set(under.numbers):
             return None
         self._under = None

@@ -13,6 +13,7 @@ from analysis.planning.plan import Plan
 from analysis.planning.steps import Standing, Step
 from app.command_line.cli import main
 from app.command_line.plan_ahead import plan_ahead
+from app.session.diagnoses import Diagnoses
 from app.session.event import Diagnosed
 from app.session.next_shots import NextShots
 from app.window.panels.next_shot import NextShotCard
@@ -75,7 +76,7 @@ class _Workbench:
 
     def __init__(self, shots):
         self.session = SimpleNamespace(entry=lambda n: SimpleNamespace(number=n, shot=shots.get(n)))
-        self.diagnosed = None
+        self.diagnoses = Diagnoses()
         self.asked, self.jobs = [], []
 
     def aside(self, name, work, kind):
@@ -124,7 +125,7 @@ def test_a_planned_shot_is_set_taken_joined_and_told(planned, said, tmp_path):
     plans.arrived(SimpleNamespace(number=3, shot=workbench.session.entry(3).shot))
     assert workbench.asked == [(1, 2, 3)] and rig.opened == ["bench?seed=4"] and plans.taking is None
     assert plans.poll() is None  # not diagnosed yet
-    workbench.diagnosed = Diagnosed(said, (1, 2, 3))
+    workbench.diagnoses.append(Diagnosed(said, (1, 2, 3)))
     assert plans.poll() == (1, 2, 3)
     assert workbench.jobs[-1].work.args[2] == (STEP,)
 

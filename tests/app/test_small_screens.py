@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from PySide6.QtCore import QRect
-from PySide6.QtGui import QFontMetricsF
+from PySide6.QtGui import QColor, QFontMetricsF, QPen
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
     QAbstractButton,
@@ -31,7 +31,7 @@ from app.window.layout import Layout
 from app.window.panels.session_model import COLUMNS, FLAGS
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView
-from app.window.theme import Theme, Tone
+from app.window.theme import LIGHT, Theme, Tone
 from app.words.flag_words import FLAG_WORDS, flags_in_short
 from tests.app import synthetic
 
@@ -193,6 +193,19 @@ def test_a_learned_law_says_which_line_is_which(window):
     assert curve._legend.entries[-1][0] == "inverse square" and curve.plot.legend == curve._legend.entries
     curve.compare.click()
     panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
+
+
+def test_orange_is_what_was_computed_from_a_model_and_nothing_else(window):
+    panels, c = window.panels, LIGHT
+    orange = QColor(c.simulated)
+    entries = [*panels.compare._legend.entries, *panels.spectrum._legend.entries, *panels.shot.drive.legend(c)]
+    for view in ("whole", "contact", "deflection", "gap", "raw"):
+        panels.shot.set_view(view)
+        entries += panels.shot._legend.entries
+    said = {words for words, look in entries if isinstance(look, QPen) and look.color() == orange}
+    assert said and all("simulated" in words or "modelled" in words for words in said), said
+    assert all(curve.opts["pen"].color() != orange for curve in panels.live.floor._criteria)
+    panels.shot.set_view("whole")
 
 
 def test_all_keys_are_read_without_moving_the_sheet_aside(window):

@@ -14,8 +14,9 @@ from analysis.reading import pulse
 from analysis.reading.bounces import Bounces, find_bounces
 from analysis.reading.edges import Edge, edge_of_flight
 from analysis.reading.flights import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
+from analysis.reading.lines import without_lines
 from analysis.reading.locate import Span, find_collision
-from analysis.reading.quiet import Quiet, read_flights, without_lines
+from analysis.reading.quiet import Quiet, read_flights
 
 GUARD = 1.5  # of the force filter's reach, kept clear of the line that an edge leaves
 RELEASE_GUARD = 0.05  # of the contact

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading.floor import Octaves, Sight, waves_of
+from analysis.reading.octaves import Octaves, waves_of
+from analysis.reading.strengths import Sight
 
 Floats = NDArray[np.float64]
 BIN_S, WHITE_M = 5e-4, 2e-11

@@ -8,8 +8,9 @@ from analysis.motion import Motion
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.reading.edges import Edge
 from analysis.reading.flights import fit_flight
-from analysis.reading.floor import Floor, Octaves
+from analysis.reading.floor import Floor
 from analysis.reading.locate import find_collision
+from analysis.reading.octaves import Octaves
 from analysis.reading.pulse import read_slope
 from analysis.reading.read import NoImpact, read_impact
 from tests.analysis.collision import Rig, motion_from, motion_of

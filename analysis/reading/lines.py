@@ -1,0 +1,169 @@
+"""The lines that machines draw through both free flights: found above the floor, fitted together, taken off."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve
+
+from analysis.disturbance import VibrationLine
+from analysis.motion import Motion
+from analysis.quantity import Quantity
+from analysis.reading.bins import Bins
+from analysis.reading.octaves import waves_of
+from analysis.reading.strengths import Sight, Weighing
+
+Floats = NDArray[np.float64]
+
+LINE_WORTH = 16.0  # of log-likelihood that a line's three numbers must bring, floors weighed anew
+LOWEST_LINES = 0.5  # of a period, at least, that the flights with the contact between them must hold ... of the shorter
+STEADY = 30.0  # of chi^2 that an amplitude of its own in each flight may bring
+REFINEMENTS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Wave:
+    frequency_hz: float
+    cosine_m: float
+    sine_m: float
+
+
+def without_lines(motion: Motion, lines: tuple[VibrationLine, ...]) -> Motion:
+    """Return the motion with the lines taken off displacement, velocity, acceleration and force."""
+    if not lines:
+        return motion
+    x, v, a = motion.displacement_m.copy(), motion.velocity_m_per_s.copy(), motion.acceleration_m_per_s2.copy()
+    force = motion.force_n.copy()
+    for line in lines:
+        omega = 2 * np.pi * line.frequency_hz.value
+        angle = omega * motion.time_s + line.phase_rad
+        sine, cosine = line.amplitude_m.value * np.sin(angle), line.amplitude_m.value * np.cos(angle)
+        x -= sine
+        v -= omega * cosine
+        a += omega**2 * sine
+        force += motion.moving_mass_kg * omega**2 * sine
+    return replace(motion, displacement_m=x, velocity_m_per_s=v, acceleration_m_per_s2=a, force_n=force)
+
+
+def _waves_of(bins: Bins, frequency_hz: Floats) -> tuple[Floats, Floats]:
+    return waves_of(bins.time_s - bins.middle_s, bins.each, bins.step_s, frequency_hz)
+
+
+def _columns(bins: Bins, wave: Wave) -> Floats:
+    """Return the columns of cosine, sine and, about this wave, frequency: (n, 3), each of the order of one."""
+    bend, size = bend_of(bins, wave)
+    return np.column_stack([*_waves_of(bins, np.array([wave.frequency_hz])), bend / size])
+
+
+def bend_of(bins: Bins, wave: Wave) -> tuple[Floats, float]:
+    """Return how a wave changes with its frequency, (n, 1) in m/Hz, and how large that is."""
+    cosine, sine = _waves_of(bins, np.array([wave.frequency_hz]))
+    bend = 2 * np.pi * (bins.time_s - bins.middle_s)[:, None] * (wave.sine_m * cosine - wave.cosine_m * sine)
+    return bend, max(float(np.abs(bend).max()), 1e-300)
+
+
+def with_one_more(
+    bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats, weighing: Weighing
+) -> tuple[list[Wave], Weighing] | None:
+    """Return the waves with one more, and the floors weighed anew; None where none is worth its three numbers.
+
+    A line is looked for above the likeliest floor, then above one that nowhere rises towards higher frequencies: a
+    strong one has been taken for floor.
+    """
+    design = design_of(bins, waves, polynomials)
+    calm = np.concatenate([np.minimum.accumulate(weighing.best[:-1]), weighing.best[-1:]])
+    for at in (weighing.best, calm):
+        found = _strongest(bins, sight, at, design)
+        if found is None:
+            continue
+        tried = refined(bins, sight, [*waves, found], polynomials, at)
+        weighed = sight.weigh(design_of(bins, tried, polynomials), at)
+        if weighed.worth - weighing.worth > LINE_WORTH and _is_steady(bins, sight, tried, polynomials, weighed.best):
+            tried = refined(bins, sight, tried, polynomials, weighed.best)
+            return tried, weighed
+    return None
+
+
+def _is_steady(bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats, at: Floats) -> bool:
+    """Tell whether the last wave runs through both flights alike, and stands apart from the others.
+
+    What rings in one flight alone was struck by the impact: it is the block's or the plate's, and not to be taken off.
+    """
+    *others, last = waves
+    if any(abs(last.frequency_hz - wave.frequency_hz) < 0.7 * bins.resolution_hz for wave in others):
+        return False
+    if bins.into.all():
+        return True
+    design = design_of(bins, waves, polynomials)
+    apart = np.where(bins.into, 1.0, 0.0)[:, None] * _columns(bins, last)[:, :2]
+    without, within = sight.likelihood(at, design), sight.likelihood(at, np.hstack([design, apart]))
+    return 2.0 * (within - without) < STEADY
+
+
+def design_of(bins: Bins, waves: list[Wave], polynomials: Floats) -> Floats:
+    return np.column_stack([polynomials, *(_columns(bins, wave) for wave in waves)])
+
+
+def _strongest(bins: Bins, sight: Sight, at: Floats, design: Floats) -> Wave | None:
+    """Return the sine that explains most beside the design above a floor, None where it is nothing."""
+    shorter = min(float(np.ptp(bins.time_s[side])) for side in (bins.into, ~bins.into) if side.any())
+    lowest, highest = LOWEST_LINES / max(shorter, 1e-12), 0.45 / (bins.each * bins.step_s)
+    if highest <= lowest:
+        return None
+    frequency = np.arange(lowest, highest, 0.2 * bins.resolution_hz)
+    factor = sight.factor(at)
+    design = design / np.abs(design).max(axis=0)
+    across = cho_solve(factor, design, check_finite=False)
+    inner = np.linalg.inv(design.T @ across)
+    cosine, sine = _waves_of(bins, frequency)
+
+    def project(columns: Floats) -> Floats:
+        return np.asarray(cho_solve(factor, columns, check_finite=False) - across @ (inner @ (across.T @ columns)))
+
+    rest = project(sight.value_m / sight.white_m)
+    pc, ps = project(cosine), project(sine)
+    cc, ss, cs = (cosine * pc).sum(axis=0), (sine * ps).sum(axis=0), (cosine * ps).sum(axis=0)
+    c, s = cosine.T @ rest, sine.T @ rest
+    determinant = cc * ss - cs**2
+    sure = determinant > 1e-6 * (cc + ss) ** 2
+    determinant = np.where(sure, determinant, 1.0)
+    drop = np.where(sure, (ss * c**2 - 2 * cs * c * s + cc * s**2) / determinant, 0.0)
+    best = int(drop.argmax())
+    if drop[best] < LINE_WORTH:
+        return None
+    a = (ss[best] * c[best] - cs[best] * s[best]) / determinant[best]
+    b = (cc[best] * s[best] - cs[best] * c[best]) / determinant[best]
+    return Wave(float(frequency[best]), float(a) * bins.std_m, float(b) * bins.std_m)
+
+
+def refined(bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats, at: Floats) -> list[Wave]:
+    """Return all waves fitted together with their frequencies above one floor (Gauss-Newton)."""
+    known = Weighing(((1.0, at),), at, 0.0)
+    most = 0.2 * bins.resolution_hz
+    for _ in range(REFINEMENTS):
+        solution, _ = sight.solve(known, design_of(bins, waves, polynomials))
+        moved = []
+        for k, wave in enumerate(waves):
+            cosine, sine, bend = solution[polynomials.shape[1] + 3 * k :][:3]
+            shift = float(np.clip(bend / bend_of(bins, wave)[1], -most, most))
+            moved.append(Wave(wave.frequency_hz + shift, float(cosine), float(sine)))
+        waves = moved
+    return waves
+
+
+def wave_of(bins: Bins, line: VibrationLine) -> Wave:
+    turn = line.phase_rad + 2 * np.pi * line.frequency_hz.value * bins.middle_s
+    size = line.amplitude_m.value
+    return Wave(line.frequency_hz.value, float(size * np.sin(turn)), float(size * np.cos(turn)))
+
+
+def line_of(wave: Wave, covariance: Floats, bend_size: float, middle_s: float) -> VibrationLine:
+    amplitude = float(np.hypot(wave.cosine_m, wave.sine_m))
+    along = np.array([wave.cosine_m, wave.sine_m]) / max(amplitude, 1e-300)
+    spread = float(np.sqrt(along @ covariance[:2, :2] @ along))
+    phase = float(np.arctan2(wave.cosine_m, wave.sine_m) - 2 * np.pi * wave.frequency_hz * middle_s)
+    return VibrationLine(
+        Quantity(wave.frequency_hz, float(np.sqrt(covariance[2, 2])) / bend_size, "both free flights"),
+        Quantity(amplitude, spread, "both free flights"),
+        float(np.remainder(phase, 2 * np.pi)),
+    )

@@ -6,7 +6,7 @@ from typing import Any
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.motion import Motion
-from analysis.planning.contest import contest, undecided
+from analysis.planning.contest import Contest, contest, undecided
 from analysis.planning.next_shot import NextShot, Reach
 from analysis.planning.plan import MOST_SHOTS, Plan, plan
 from analysis.shot import Progress, Stop
@@ -68,20 +68,18 @@ def stand(
 
     ``left`` shots may still be taken: none plans no further.  Raises AnalysisError, Cancelled.
     """
-    done = list(steps)
+    done, left_open = list(steps), undecided(diagnosis)
+    now: Contest | None = None
     if done:
-        done[-1] = _reached(done[-1], motions, diagnosis, cancelled)
-    now = contest(diagnosis.fit_after, undecided(diagnosis), motions, cancelled)
+        now = contest(diagnosis.fit_after, done[-1].members, motions, cancelled)
+        if now is not None:
+            done[-1] = replace(done[-1], reached=now.reached, leader=now.members[0].effect)
+    if not done or set(left_open) != set(done[-1].members):
+        now = contest(diagnosis.fit_after, left_open, motions, cancelled)
     if now is None:
         return Standing(None, tuple(done))
     further = plan(now, reach, most=max(1, left), progress=progress, stop=cancelled)
     return Standing(further, tuple(done))
-
-
-def _reached(step: Step, motions: Sequence[Motion], diagnosis: Diagnosis, stop: Stop) -> Step:
-    """Return a taken step with how far its members stand apart now; as it is where none is in the model any more."""
-    now = contest(diagnosis.fit_after, step.members, motions, stop)
-    return step if now is None else replace(step, reached=now.reached, leader=now.members[0].effect)
 
 
 def next_step(standing: Standing) -> Step:

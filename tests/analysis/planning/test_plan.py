@@ -1,10 +1,13 @@
 """The shot that decides: foreseen by exact derivatives and by refitting, and borne out by the bench."""
 
+import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from analysis.diagnosis.result import FoundEffect
 from analysis.fit import Fit
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
@@ -12,6 +15,7 @@ from analysis.planning.contest import Contest, contest
 from analysis.planning.distances import refitted, screened
 from analysis.planning.next_shot import Reach, contact_s, effort, next_shots
 from analysis.planning.plan import Plan, plan
+from analysis.planning.steps import Step, stand
 from analysis.planning.words import told
 from analysis.shot import Cancelled
 from instrument.bench.blind import Truth
@@ -42,12 +46,16 @@ def test_friction_and_drift_are_told_apart_as_foreseen(friction):
     assert wanted.now < 5.0 and wanted.settles and wanted.separation > 6.5
     samples = open_class.members[0].fitted.hypothesis.data.shots
     (shot,) = wanted.shots
-    taken = with_shots(truth, wanted.shots, contact_s(shot, samples))
-    after, _, _ = _stood(taken, NAMES)
-    assert after.members[0].effect == "coulomb_friction"
+    motions = motions_of(with_shots(truth, wanted.shots, contact_s(shot, samples)))
+    found = FoundEffect("coulomb_friction", {}, {})
+    said = SimpleNamespace(effects=(found,), fit_after=fit_shots(motions, effects=NAMES[:1]))
+    standing = stand(motions, said, (Step(shot, wanted.members, wanted.after_first),))
+    (step,) = standing.steps
+    assert standing.plan is None and standing.settled and step.leader == "coulomb_friction"
     # The force itself is known to a tenth or so beforehand, and what is reached scatters by one.
-    expected = wanted.expected["coulomb_friction"]
-    assert after.reached == pytest.approx(expected, rel=0.25, abs=3.0)
+    assert step.expected_separation == wanted.expected["coulomb_friction"]
+    assert step.reached == pytest.approx(step.expected_separation, rel=0.25, abs=3.0)
+    assert json.loads(json.dumps(step.to_json()))["reached_separation"] == step.reached
 
 
 def test_the_first_order_agrees_with_a_refit_where_the_models_are_nearly_linear(friction):

@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.result import Candidate, Verdict
 from analysis.drive.curves import drive_curves
 from analysis.signal.quality import MEANINGS
 from app.session.jobs import Jobs
@@ -33,6 +33,7 @@ from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.theme import LIGHT, Theme, Tone
 from app.words.flag_words import FLAG_WORDS, flags_in_short
+from app.words.physics_words import EFFECT_WORDS
 from tests.app import synthetic
 
 SMALLEST = (960, 540)
@@ -172,6 +173,8 @@ def test_no_page_is_wider_than_the_window(window):
     panels = window.panels
     shot = panels.diagnosis._shots[0]
     found = synthetic.diagnosis(shot)
+    every = tuple(Candidate(name, 3580.0 - 100 * n, -25700.0) for n, name in enumerate(EFFECT_WORDS))
+    found = replace(found, candidates=every)
     kinds = (found, replace(found, verdict=Verdict.UNEXPLAINED), replace(found, laws=(synthetic.learned_law(),)))
     for page in _pages(window):
         for kind in kinds if page == Layout.DIAGNOSIS else (found,):
@@ -179,6 +182,8 @@ def test_no_page_is_wider_than_the_window(window):
             QTest.qWait(20)
             areas = [area for area in panels.tabs.currentWidget().findChildren(QScrollArea) if _scrolls_across(area)]
             assert not areas, (page, kind.verdict)
+            bars = panels.diagnosis.bars
+            assert not bars.isVisible() or bars.widget().minimumSizeHint().width() <= bars.viewport().width()
             assert not {text for widget in _shown(window) if (text := _cut(widget)) is not None}
     panels.diagnosis.show_diagnosis(found, [shot])
 

@@ -122,7 +122,6 @@ class DiagnosisPanel(QWidget):
         column.addWidget(self.law_curve, 1)
         split = self._evidence = QSplitter(Qt.Orientation.Horizontal, self)
         left = QWidget(split)
-        left.setMinimumWidth(10 * self.fontMetrics().horizontalAdvance("M"))
         left_column = QVBoxLayout(left)
         left_column.setContentsMargins(0, 0, 0, 0)
         heading = QLabel("CANDIDATES, BEST FIRST", left)

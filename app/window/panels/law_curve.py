@@ -79,7 +79,7 @@ class LawCurve(QWidget):
         self._form.setPen(under(colours.simulated))
         self._form.setZValue(-1)
         for index, curve in enumerate(self._others):
-            curve.setPen(series_pen(colours, index + 1))
+            curve.setPen(series_pen(colours, index + 2))
         self._draw()
 
     def show_laws(self, laws: Sequence[LearnedLaw], shots: Sequence[Shot] = ()) -> None:
@@ -135,7 +135,7 @@ class LawCurve(QWidget):
         ]
         legend.append((f"{'closed form' if law.form else 'nearest form'}: {law.nearest_form}", under(c.simulated)))
         if self.compare.isChecked():
-            legend += [(other.form, series_pen(c, index + 1)) for index, other in enumerate(others)]
+            legend += [(other.form, series_pen(c, index + 2)) for index, other in enumerate(others)]
         self._legend.show_entries(legend)
         self.plot.legend = legend
         self.plot.label_value("force", force_unit)

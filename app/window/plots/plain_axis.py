@@ -51,7 +51,7 @@ class PlainAxis(pg.AxisItem):
             return
         room = self.size().height() if self.orientation == "left" else self.size().width()
         metrics = QFontMetricsF(self.label.font())
-        unit = self._whole[self._whole.rfind("(") + 1 :].rstrip(")")
+        unit = self._whole[self._whole.rfind("(") + 1 :].partition(")")[0]
         fitting = (text for text in (self._whole, unit) if metrics.horizontalAdvance(text) + 8 <= room)
         text = next(fitting, "")
         if text != self._label_shown:

@@ -33,7 +33,7 @@ _FITTED = (
 CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "restitution_above_one": ("cor_quasi_static",),
-        "no_turn": ("velocity_out_m_per_s", "cor_quasi_static", "deflection_max_m"),
+        "no_turn": ("velocity_out_m_per_s", "cor_quasi_static", "deflection_max_m", *_FITTED),
         "no_release": ("velocity_out_m_per_s", "cor_quasi_static", "contact_time_s"),
         "momentum_disagrees": ("force_peak_n", "velocity_in_m_per_s", "velocity_out_m_per_s"),
         "impulse_disagrees": ("cor_quasi_static", "cor_impulse"),

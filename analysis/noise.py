@@ -81,6 +81,11 @@ class Noise:
         return float(np.hypot(self.white_std_m, self.floor_std_m))
 
     @property
+    def only_white(self) -> bool:
+        """Get whether there is neither floor nor colour."""
+        return self.floor_std_m == 0.0 and self.order == 0 and float(self.colour[0]) == 1.0
+
+    @property
     def order(self) -> int:
         """Get the number of past samples that the colour's filter looks back on."""
         return int(self.colour.size) - 1

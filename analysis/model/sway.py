@@ -48,10 +48,12 @@ class Grid:
 
     @classmethod
     def of(cls, beat: Noise, knots_s: Floats, time_s: Floats, valid: NDArray[np.bool_]) -> "Grid":
-        """Lay it; cost about 30 ms."""
+        """Lay it; cost about 5 ms, 40 ms where the beat's noise is not white."""
         inside = np.clip(time_s, knots_s[0], knots_s[-1])
-        splines = BSpline.design_matrix(inside, _spline(knots_s, np.zeros(knots_s.size)).t, 3).toarray()
-        return cls.holding(knots_s, _local(beat.whiten(splines, valid)))
+        splines = BSpline.design_matrix(inside, _spline(knots_s, np.zeros(knots_s.size)).t, 3)
+        if beat.only_white:
+            return cls.holding(knots_s, splines.tocsr()[np.flatnonzero(valid)] / beat.white_std_m)
+        return cls.holding(knots_s, _local(beat.whiten(splines.toarray(), valid)))
 
     @classmethod
     def holding(cls, knots_s: Floats, columns: csr_matrix) -> "Grid":

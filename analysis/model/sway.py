@@ -30,7 +30,6 @@ _BOUNCE_KNOTS = 30
 _BOUNCING = 0.12  # of the contact time
 _CLOSE = 2e-5  # of a contact's time: knots nearer than that are one
 _LEAST = 1e-8  # of the largest value: less counts as nothing
-_ROUNDING = 1e-13
 
 Complex = NDArray[np.complex128]
 
@@ -39,12 +38,12 @@ Complex = NDArray[np.complex128]
 class Grid:
     """Splines that a frame's motion is written in: their ``knots_s``, and as the beat's noise leaves them white.
 
-    ``columns``, shape (n, m), one of each; ``low``, shape (m, m), is the Cholesky factor of their products.
+    ``columns``, shape (n, m), one of each; ``products``, shape (m, m), are those of any two.
     """
 
     knots_s: Floats
     columns: csr_matrix
-    low: Floats
+    products: Floats
 
     @classmethod
     def of(cls, beat: Noise, knots_s: Floats, time_s: Floats, valid: NDArray[np.bool_]) -> "Grid":
@@ -58,9 +57,7 @@ class Grid:
     @classmethod
     def holding(cls, knots_s: Floats, columns: csr_matrix) -> "Grid":
         """Return the grid of these columns."""
-        products = (columns.T @ columns).toarray()
-        products[np.diag_indices_from(products)] += _ROUNDING * float(np.trace(products))
-        return cls(knots_s, columns, np.linalg.cholesky(products))
+        return cls(knots_s, columns, (columns.T @ columns).toarray())
 
 
 @dataclass(frozen=True)
@@ -160,11 +157,11 @@ def knots_of(time_s: Floats, valid: NDArray[np.bool_], touch_s: float, contact_s
 
 
 def _shrink(grid: Grid, sines: Floats) -> Floats:
-    across = grid.low.T @ sines
-    level, turn = np.linalg.eigh(across @ across.T)
-    taken = (turn * (1.0 - 1.0 / np.sqrt(1.0 + np.maximum(level, 0.0)))) @ turn.T
-    back = np.linalg.inv(grid.low)
-    return np.asarray(back.T @ taken @ back)
+    """Return S W S^T, S the sines, that makes 1 - C S W S^T C^T the inverse root of 1 + C S S^T C^T, C the columns."""
+    level, turn = np.linalg.eigh(sines.T @ grid.products @ sines)
+    root = np.sqrt(1.0 + np.maximum(level, 0.0))
+    across = sines @ turn
+    return np.asarray(across / (root * (1.0 + root)) @ across.T)
 
 
 def _spline(knots_s: Floats, values: Floats) -> BSpline:

@@ -1,14 +1,12 @@
 """A diagnosis' own fit in the form that everything else reads."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.derivatives import has_tangents, solved
+from analysis.diagnosis.derivatives import solved
 from analysis.diagnosis.hypothesis_fit import Fitted
-from analysis.diagnosis.quick_shot import Run
 from analysis.fit import Fit
 from analysis.model.build_fit import Estimate, Part, Path, build_fit
 from analysis.model.effects.row import Parameter
@@ -63,39 +61,9 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
 
 
 def _path(fitted: Fitted, index: int) -> Path:
-    hypothesis, point = fitted.hypothesis, fitted.point
-    if has_tangents(hypothesis):
-        _, response = solved(hypothesis, index, point, derivatives=True, averaged=False)
-        return Path.of(response, float(point.own[index][1]))
-    run = hypothesis.run(index, point)
-    kinds = ("touch", "release")
-    events = tuple((kinds[k % 2], t) for k, t in enumerate(run.changes_s))
-    return Path(run.displacement_m, run.plate_m, run.gap_m, events, _velocity_out(fitted, index, run))
-
-
-def _velocity_out(fitted: Fitted, index: int, run: Run) -> tuple[float, Floats] | None:
-    """Return the velocity after the last release with its derivatives, by differences as wide as the uncertainties."""
-    hypothesis, z = fitted.hypothesis, fitted.z
-    times_s = hypothesis.data.shots[index].time_s
-    if not math.isfinite(value := _at_release(times_s, run)):
-        return None
-    by_search = np.zeros(z.size)
-    for column in range(z.size):
-        if hypothesis.touches(column, index):
-            step = 0.3 * math.sqrt(fitted.inverse[column, column]) * np.eye(z.size)[column]
-            ahead, behind = (hypothesis.run(index, hypothesis.unpack(z + s * step)) for s in (1, -1))
-            by_search[column] = (_at_release(times_s, ahead) - _at_release(times_s, behind)) / (2 * step[column])
-    slope = np.linalg.solve(hypothesis.slope(z).T, by_search)
-    return value, np.asarray(slope[hypothesis.places(index)], dtype=np.float64)
-
-
-def _at_release(times_s: Floats, run: Run) -> float:
-    """Return the velocity of the last release, led back from the two samples after it: there the force is steady."""
-    after = int(np.searchsorted(times_s, run.changes_s[-1]))
-    if len(run.changes_s) % 2 or after + 2 > times_s.size:
-        return math.nan
-    (one, two), v = times_s[after : after + 2], run.velocity_m_per_s[after : after + 2]
-    return float(v[0] + (run.changes_s[-1] - one) * (v[1] - v[0]) / (two - one))
+    point = fitted.point
+    _, response = solved(fitted.hypothesis, index, point, derivatives=True, averaged=False)
+    return Path.of(response, float(point.own[index][1]))
 
 
 def _called(free: Parameter, shot: int) -> str:

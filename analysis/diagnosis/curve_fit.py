@@ -13,10 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.base_path import BasePath, base_path
 from analysis.diagnosis.derivatives import linearised_shot
 from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.first_order import along
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis
 from analysis.diagnosis.hypothesis_fit import Fitted, learn_floor
@@ -26,7 +24,9 @@ from analysis.model import general
 from analysis.model.effects import named
 from analysis.model.effects.kernel import TOUCHING
 from analysis.model.effects.row import Effect
+from analysis.model.first_order import along
 from analysis.model.least_squares import Infeasible
+from analysis.model.linear_path import LinearPath, linear_path
 from analysis.model.parameters import Collision
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
@@ -259,11 +259,11 @@ def _linearised(hypothesis: Hypothesis, z: Floats, terms: Sequence[Term]) -> tup
     return [x for x, _ in both], [j for _, j in both]
 
 
-def _path(hypothesis: Hypothesis, point: Point, laws: Sequence[Effect], index: int) -> tuple[BasePath, Collision]:
+def _path(hypothesis: Hypothesis, point: Point, laws: Sequence[Effect], index: int) -> tuple[LinearPath, Collision]:
     shot, own = hypothesis.data.shots[index], point.own[index]
     collision = hypothesis.data.base.collision(point.base, own[0], shot.moving_mass_kg)
     acting = [row for row in (named(kind.name) for kind in hypothesis.effects) if row.kernel is not None]
     active = [general.Active(r, tuple(point.values[index][r.name][p.name] for p in r.parameters)) for r in acting]
     active += [general.Active(row, tuple(p.scale for p in row.parameters)) for row in laws]
     active.sort(key=lambda one: one.effect.hidden == 0)
-    return base_path(collision, active, shot.centre_s - own[1]), collision
+    return linear_path(collision, active, shot.centre_s - own[1]), collision

@@ -23,14 +23,6 @@ Floats = NDArray[np.float64]
 _STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
 
 
-def has_tangents(vector: SearchVector) -> bool:
-    """Return whether the model's tangents belong to this vector' coordinates.
-
-    An attraction is entered before the touch: the quick integrator counts its time from there, the model does not.
-    """
-    return all(named(kind.name).range_at < 0 for kind in vector.effects)
-
-
 def solved(
     vector: SearchVector,
     index: int,
@@ -49,7 +41,7 @@ def solved(
     values = point.values[index]
     shot = vector.data.shots[index]
     at = vector.shot_at(index, point)
-    # What the model can follow and the quick integrator cannot is no place for a search: it would find no score there.
+    # What the model can follow and no sample can show is no place for a search.
     if too_fast(at.base, at.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
         raise Infeasible("something would swing faster than any record can show")
     rows = (*(named(kind.name) for kind in vector.effects), *laws)

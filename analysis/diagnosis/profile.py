@@ -1,4 +1,4 @@
-"""How sure an effect without tangents is: the likelihood itself, where its curvature at the best point says too little.
+"""How sure an attraction is: the likelihood itself, where its curvature at the best point says too little.
 
 An attraction's force and reach lie in a bent valley, and samples that come within reach one by one make it rough.  The
 profile likelihood (Venzon and Moolgavkar, Appl. Statist. 37 (1988) 87) follows the valley to where the fit is worse by
@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.derivatives import has_tangents
 from analysis.diagnosis.hypothesis_fit import Fitted, square_of, whitened_residual
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible, minimise
@@ -27,11 +26,11 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
     Never narrower than the curvature says.  Any other fit comes back as it is.  Cost: 0.3 s a parameter.
     """
     hypothesis = fitted.hypothesis
-    if has_tangents(hypothesis) or not np.all(np.isfinite(fitted.inverse)):
-        return fitted
     places = [
         k for k, (name, _, _) in enumerate(hypothesis.free_parameters, hypothesis.offset) if named(name).range_at >= 0
     ]
+    if not places or not np.all(np.isfinite(fitted.inverse)):
+        return fitted
     sides = side_by_side(lambda one: _off(fitted, *one, stop), [(at, side) for at in places for side in (-1.0, 1.0)])
     inverse = fitted.inverse.copy()
     for k, at in enumerate(places):

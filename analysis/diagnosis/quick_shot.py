@@ -1,4 +1,4 @@
-"""One shot by the quick integrator: named parameters in, what the optics would show out."""
+"""One shot of the model: named parameters in, what the optics would show out."""
 
 import math
 from collections.abc import Mapping
@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis import quick
+from analysis.model import general
 from analysis.model.effects import named, sensors
 from analysis.model.effects.row import Sensed
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision
-from analysis.model.slots import Active, lay_out, swings
+from analysis.model.slots import Active, swings
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, float]]
-FINE, COARSE = 0.05, 0.3  # radians of the fastest swing a step
-_MOST_PIECES = 200
+_MOST_RADIANS = 60.0  # of the fastest swing between two samples
+_STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
 _AT_REST = {"displacement_m": 0.0, "velocity_m_per_s": 0.0}
 
 
@@ -50,46 +50,33 @@ def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_
 
     Or faster than ``respond`` follows, at samples ``spacing_s`` apart.
     """
-    collision, active, _ = situation(base, own, values, mass_kg)
+    collision, active = situation(base, own, values, mass_kg)
     rates = swings(collision, active)
-    return max(rates.contact, rates.every) * spacing_s > min(math.pi * factor, _MOST_PIECES * COARSE)
+    return max(rates.contact, rates.every) * spacing_s > min(math.pi * factor, _MOST_RADIANS)
 
 
-def respond(
-    time_s: Floats, base: Floats, own: Floats, values: Values, mass_kg: float, optics: Optics, step: float = FINE
-) -> Run:
+def respond(time_s: Floats, base: Floats, own: Floats, values: Values, mass_kg: float, optics: Optics) -> Run:
     """Solve one shot; ``base`` is (k_p, m_p*, k_N, gamma_N), m_p* infinite for a locked plate, ``own`` (v_i, t, x_0).
 
     Raises Infeasible where the parameters give no trajectory.
     """
-    collision, active, ahead = situation(base, own, values, mass_kg)
-    spacing = float(time_s[1] - time_s[0])
+    collision, active = situation(base, own, values, mass_kg)
     rates = swings(collision, active)
-    pieces = math.ceil(max(rates.contact, rates.every) * spacing / step)
-    if pieces > _MOST_PIECES:
+    if max(rates.contact, rates.every) * float(time_s[1] - time_s[0]) > _MOST_RADIANS:
         raise Infeasible("something would swing faster than any record can show")
-    apart = math.ceil(max(rates.plate, rates.every) * spacing / (4 * step if step < COARSE else step))
-    laid = lay_out(collision, active)
-    n = time_s.size
-    x, v, plate, changes = np.empty(n), np.empty(n), np.empty(n), np.zeros(64)
-    count = quick.integrate(
-        time_s - own[1] + ahead, laid.p, laid.slots, laid.functions, 4 + laid.hidden, max(1, pieces), max(1, apart),
-        x, v, plate, changes,
-    )  # fmt: skip
-    if count == -2:
-        raise Infeasible("the hidden part outweighs the block")
-    if count < 0 or not np.isfinite(x[-1]):
-        raise Infeasible("no trajectory")
-    shown = seen(x, v, time_s, values, optics) + own[2]
-    touches = tuple(float(c + own[1] - ahead) for c in (changes[:count] if ahead else (0.0, *changes[:count])))
-    return Run(shown, v, plate, x - plate, touches)
+    try:
+        run = general.solve(collision, active, time_s - own[1], stride=_STRIDE)
+    except (general.TooManyEvents, general.RunsAway) as why:
+        raise Infeasible(str(why)) from why
+    shown = seen(run.displacement_m, run.velocity_m_per_s, time_s, values, optics) + own[2]
+    changes = tuple(float(event.time_s + own[1]) for event in run.events if event.kind in ("touch", "release"))
+    return Run(shown, run.velocity_m_per_s, run.contact_point_m, run.gap_m, changes)
 
 
-def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tuple[Collision, list[Active], float]:
-    """Return a shot's collision, what acts on its motion, and how long before the touch it is followed from, in s.
+def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tuple[Collision, list[Active]]:
+    """Return a shot's collision and what acts on its motion, effects with hidden states first: they lengthen the state.
 
-    The effects with hidden states come first: they lengthen the state.  Where something attracts, the motion is
-    followed from the edge of its reach.
+    Infeasible where there is no such collision.
     """
     start = values.get("plate_motion", _AT_REST)
     try:
@@ -104,8 +91,7 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
     ]
     if any(math.isnan(value) for one in active for value in one.values):
         raise Infeasible("a parameter is not a number")
-    reach = max((a.values[a.effect.range_at] for a in active if a.effect.range_at >= 0), default=0.0)
-    return collision, sorted(active, key=lambda one: one.effect.hidden == 0), reach / abs(float(own[0]))
+    return collision, sorted(active, key=lambda one: one.effect.hidden == 0)
 
 
 def seen(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Any:

@@ -156,12 +156,3 @@ class SearchVector:
         base = point.base if not self.data.base.one_body else np.array([0.0, np.inf, *point.base])
         optics = Optics(shot.wavelength_m, shot.factor / shot.spacing_s)
         return Shot(shot.centre_s, base, point.own[index], point.values[index], shot.moving_mass_kg, optics)
-
-    def touches(self, column: int, shot: int) -> bool:
-        """Return whether a vector entry has a bearing on a shot."""
-        if column < self.data.count:
-            return True
-        if column < self.offset:
-            return (column - self.data.count) // 3 == shot
-        of = self.free_parameters[column - self.offset][2]
-        return of in (-1, shot)

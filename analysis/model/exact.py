@@ -5,31 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model import phases
+from analysis.model import general
+from analysis.model.general import Event, TooManyEvents
 from analysis.model.parameters import Collision, Floats
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """The model changes its phase: ``kind`` "touch", "release", "damping_off" or "damping_on"; time from first touch.
-
-    ``state`` is (x_b, v_b, x_p, v_p).  The derivatives are total ones, by the first seven of
-    ``parameters.kernel_order``: of the event's time, shape (7,), and of the state at that event, shape (7, 4);
-    empty where no derivatives were asked for.
-    """
-
-    kind: str
-    time_s: float
-    state: Floats
-    time_derivatives: Floats
-    state_derivatives: Floats
 
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
     """A solved collision at the asked times; arrays of shape (n,), time zero is the first touch.
 
-    ``displacement_derivatives`` has shape (n, 7), by the first seven of ``parameters.kernel_order`` (or (0, 7)).
+    ``displacement_derivatives`` has shape (n, 7), by the first seven of ``parameters.kernel_order`` (or (n, 0)).
     """
 
     collision: Collision
@@ -72,64 +57,23 @@ class Trajectory:
         return last if last.kind == "release" else None
 
 
-_KIND = {
-    (phases.FREE, phases.CONTACT): "touch",
-    (phases.OVERLAPPED, phases.CONTACT): "touch",
-    (phases.CONTACT, phases.FREE): "release",
-    (phases.CONTACT, phases.OVERLAPPED): "release",
-    (phases.PARTING, phases.FREE): "release",
-    (phases.CONTACT, phases.PARTING): "damping_off",
-    (phases.PARTING, phases.CONTACT): "damping_on",
-}
-
-
-class TooManyEvents(ArithmeticError):
-    """The parameters make the contact chatter: no trajectory is given."""
-
-
 def solve(collision: Collision, time_s: Floats, *, derivatives: bool = False) -> Trajectory:
     """Solve ``collision`` at ``time_s``, shape (n,), ascending, in s from the first touch.
 
     Before the touch the block flies freely.  Events are located to about 1e-17 s, the state to rounding
     (about 1e-13 relative over a contact).  Raises TooManyEvents and, for times out of order, ValueError.
     """
-    times = np.ascontiguousarray(time_s, dtype=np.float64)
-    if times.ndim != 1 or times.size == 0 or not np.all(np.diff(times) >= 0):
-        raise ValueError("time_s must be one-dimensional, not empty and ascending")
-    n, most = times.size, phases.MAX_EVENTS
-    rows = phases.COLUMNS + 1 if derivatives else 1
-    states = np.empty((n, 4))
-    d_x = np.empty((n if derivatives else 0, phases.COLUMNS))
-    event_time, event_kind = np.empty(most), np.empty(most, dtype=np.int64)
-    event_state, event_d_time = np.empty((most, 4)), np.empty((most, phases.COLUMNS))
-    event_d_state = np.empty((most, phases.COLUMNS, 4))
-    count = phases.solve(
-        times,
-        collision.vector,
-        int(collision.variant),
-        rows,
-        states,
-        d_x,
-        event_time,
-        event_kind,
-        event_state,
-        event_d_time,
-        event_d_state,
+    run = general.solve(collision, (), time_s, directions=range(7) if derivatives else ())
+    return Trajectory(
+        collision,
+        run.time_s,
+        run.displacement_m,
+        run.velocity_m_per_s,
+        run.plate_displacement_m,
+        run.plate_velocity_m_per_s,
+        tuple(event for event in run.events if event.kind != "apart"),
+        run.displacement_derivatives,
     )
-    if count < 0:
-        raise TooManyEvents(f"more than {most} contact events with {collision}")
-    events = []
-    for k in range(count):
-        kind = _KIND.get(divmod(int(event_kind[k]), 10))
-        if kind is not None:
-            last = derivatives
-            events.append(
-                Event(
-                    kind,
-                    float(event_time[k]),
-                    event_state[k].copy(),
-                    event_d_time[k].copy() if last else np.empty(0),
-                    event_d_state[k].copy() if last else np.empty((0, 4)),
-                )
-            )
-    return Trajectory(collision, times, states[:, 0], states[:, 1], states[:, 2], states[:, 3], tuple(events), d_x)
+
+
+__all__ = ["Event", "TooManyEvents", "Trajectory", "solve"]

@@ -6,17 +6,38 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from analysis.model.exact import Event, TooManyEvents
+from analysis.model import march
+from analysis.model.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING
 from analysis.model.parameters import Collision, Floats
-from analysis.model.phases import CONTACT, FREE, MAX_EVENTS, OVERLAPPED, PARTING
-from analysis.model.rates import SLOT_PARAMETERS
 from analysis.model.slots import Active as Active
-from analysis.model.slots import lay_out, swings
+from analysis.model.slots import Swings, lay_out, swings
+from analysis.model.slots import direction as direction
+from analysis.model.system import MAX_EVENTS, Record, System
 
 _BASE_STEP = 0.14  # radians of the fastest swing of block, contact and plate a step: 1e-12 of the displacement
 _HIDDEN_STEP = 0.22  # of an effect's own swing, which is small beside the motion
 _LONGEST_S = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """The mode changes: ``kind`` "touch", "release", "damping_off", "damping_on", "turn", ...; time from first touch.
+
+    ``state`` is (x_b, v_b, x_p, v_p, hidden states).  The derivatives are total ones, by the k directions asked for: of
+    the event's time, shape (k,), and of the state at that event, shape (k, 4 or more).
+    """
+
+    kind: str
+    time_s: float
+    state: Floats
+    time_derivatives: Floats
+    state_derivatives: Floats
+
+
+class TooManyEvents(ArithmeticError):
+    """The parameters make the contact chatter: no trajectory is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +51,7 @@ class GeneralRun:
     displacement_m: Floats
     velocity_m_per_s: Floats
     plate_displacement_m: Floats
+    plate_velocity_m_per_s: Floats
     contact_point_m: Floats
     events: tuple[Event, ...]
     displacement_derivatives: Floats
@@ -48,11 +70,6 @@ class GeneralRun:
 
 class RunsAway(ArithmeticError):
     """The parameters make the motion grow without bound."""
-
-
-def direction(slot: int, place: int) -> int:
-    """Return the direction of an effect's parameter: the ``place``-th of the effect in ``slot``."""
-    return SLOT_PARAMETERS + 3 * slot + place
 
 
 def solve(
@@ -75,53 +92,95 @@ def solve(
     takes 0.6 of the time and shows the displacement of a millimetre to 0.05 pm instead of 0.001 pm.
     Raises TooManyEvents, RunsAway, ValueError.
     """
-    from analysis.model import hybrid, linear  # compiled on first use: the base model does without them
-
-    times = np.ascontiguousarray(time_s, dtype=np.float64)
-    if times.ndim != 1 or times.size < block or times.size == 0 or not np.all(np.diff(times) >= 0):
-        raise ValueError("time_s must be one-dimensional, not empty and ascending")
-    laid = lay_out(collision, effects, carrying=True)
-    which = np.asarray(directions, dtype=np.int64)
-    variant, k = int(collision.variant), which.size
-    event_time, event_kind = np.empty(MAX_EVENTS), np.empty(MAX_EVENTS, dtype=np.int64)
-    event_d_time = np.empty((MAX_EVENTS, k))
-    count = linear.NOT_LINEAR
-    if all(active.effect.range_at < 0 and not active.effect.bent for active in effects):
-        size, n = 4 + laid.hidden, times.size // block
-        states, d_x = np.empty((n, 5)), np.empty((n, k))
-        event_state, event_d_state = np.empty((MAX_EVENTS, size)), np.empty((MAX_EVENTS, k, size))
-        closed: Any = linear.integrate
-        count = closed(
-            times, block, laid.p, which, variant, laid.slots, size, _rates(collision, effects),
-            laid.functions, laid.carrying,
-            states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
-        )  # fmt: skip
-    if count == linear.NOT_LINEAR:
-        size, n = 4 + 4 * math.ceil(laid.hidden / 4), times.size  # the kernel counts in fours
-        states, d_x = np.empty((n, 5)), np.empty((n, k))
-        event_state, event_d_state = np.empty((MAX_EVENTS, size)), np.empty((MAX_EVENTS, k, size))
-        stepped: Any = hybrid.integrate
-        count = stepped(
-            times, laid.p, which, variant, laid.slots, _steps(collision, effects, stride),
-            laid.functions, laid.carrying,
-            states, d_x, event_time, event_kind, event_state, event_d_time, event_d_state,
-        )  # fmt: skip
-        states, d_x = averaged(states, block), averaged(d_x, block)
-    if count == -1:
-        raise TooManyEvents(f"more than {MAX_EVENTS} contact events with {collision}")
-    if count < 0:
-        raise RunsAway(f"the motion grows without bound with {collision}")
+    record, count, system = _solved(collision, effects, time_s, directions, stride, block)
+    numbers, left = system.numbers, block // record.block
+    states, d_x = averaged(record.states, left), averaged(record.d_x, left)
     events = tuple(
         Event(
-            _kind(int(event_kind[e])),
-            float(event_time[e]),
-            event_state[e, : 4 + laid.hidden].copy(),
-            event_d_time[e].copy(),
-            event_d_state[e, :, : 4 + laid.hidden].copy(),
+            _kind(int(record.event_kind[e])),
+            float(record.event_time[e]),
+            record.event_state[e, :numbers].copy(),
+            record.event_d_time[e].copy(),
+            record.event_d_state[e, :, :numbers].copy(),
         )
         for e in range(count)
     )
-    return GeneralRun(averaged(times, block), states[:, 0], states[:, 1], states[:, 2], states[:, 4], events, d_x)
+    x, v, y, u, point = states[:, :5].T
+    return GeneralRun(averaged(record.times, block), x, v, y, u, point, events, d_x)
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A motion as the kernels leave it: of e events the time, kind and mode after them, and states at the asked times.
+
+    ``modes`` has shape (e, flags); ``states``, shape (n, 4 + hidden), hold the effects' hidden states too.
+    """
+
+    time_s: Floats
+    kinds: NDArray[np.int64]
+    modes: Floats
+    states: Floats
+
+
+def recorded(collision: Collision, effects: Sequence[Active], time_s: Floats, spacing_s: float = 0.0) -> Recorded:
+    """Solve as ``solve`` does, and return whole states and modes; ``spacing_s``: how far apart most times are."""
+    record, count, system = _solved(collision, effects, time_s, (), 1.0, 1, whole=True, spacing_s=spacing_s)
+    states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # the contact point is none of them
+    return Recorded(record.event_time[:count], record.event_kind[:count], record.event_mode[:count], states)
+
+
+def _solved(
+    collision: Collision,
+    effects: Sequence[Active],
+    time_s: Floats,
+    directions: Sequence[int],
+    stride: float,
+    block: int,
+    *,
+    whole: bool = False,
+    spacing_s: float = 0.0,
+) -> tuple[Record, int, System]:
+    times = np.ascontiguousarray(time_s, dtype=np.float64)
+    if times.ndim != 1 or times.size < block or times.size == 0 or not np.all(times[1:] >= times[:-1]):
+        raise ValueError("time_s must be one-dimensional, not empty and ascending")
+    system = lay_out(collision, effects, directions)
+    rates = swings(collision, effects)
+    shown = 1 + system.numbers if whole else 5
+    record = _record(times, block, system, shown)
+    closed: Any = march.in_closed_form
+    count = march.NOT_LINEAR
+    if not any(active.effect.bent for active in effects):
+        room = np.zeros(march.room_for(system, record))
+        count = closed(system, record, _fastest(rates, spacing_s), room)
+    if count == march.NOT_LINEAR:
+        record = _record(times, 1, system, shown)
+        stepped: Any = march.step_by_step
+        room = np.zeros(march.room_for(system, record))
+        count = stepped(system, record, _limits(rates, effects, stride), room)
+    assert count != march.NO_ROOM
+    if count == march.TOO_MANY:
+        raise TooManyEvents(f"more than {MAX_EVENTS} contact events with {collision}")
+    if count < 0:
+        raise RunsAway(f"the motion grows without bound with {collision}")
+    return record, int(count), system
+
+
+def _record(times: Floats, block: int, system: System, shown: int) -> Record:
+    """Return room for what comes of ``times``; the kernels count numbers of a state in fours."""
+    k, slots, samples = system.which.size, system.slots.shape[0], times.size // block
+    size = 4 * math.ceil(system.numbers / 4)
+    return Record(
+        times,
+        block,
+        np.empty((samples, shown)),
+        np.empty((samples, k)),
+        np.empty(MAX_EVENTS),
+        np.empty(MAX_EVENTS, dtype=np.int64),
+        np.empty((MAX_EVENTS, size)),
+        np.empty((MAX_EVENTS, NEAR_0 + slots)),
+        np.empty((MAX_EVENTS, k)),
+        np.empty((MAX_EVENTS, k, size)),
+    )
 
 
 def averaged(columns: Floats, block: int) -> Floats:
@@ -150,16 +209,14 @@ def _kind(code: int) -> str:
     return _KIND.get((code // 10, code % 10), "range")
 
 
-def _rates(collision: Collision, effects: Sequence[Active]) -> Floats:
-    """Return the fastest rates in rad/s in contact, apart, gone, and before the touch."""
-    rates = swings(collision, effects)
+def _fastest(rates: Swings, spacing_s: float) -> Floats:
+    """Return the fastest rates in rad/s in contact, apart, gone, and before the touch; then ``spacing_s``."""
     contact, apart = math.hypot(rates.contact, rates.every), math.hypot(rates.plate, rates.every)
-    return np.array([contact, apart, rates.inside, 0.0])
+    return np.array([contact, apart, rates.inside, 0.0, spacing_s])
 
 
-def _steps(collision: Collision, effects: Sequence[Active], stride: float) -> Floats:
+def _limits(rates: Swings, effects: Sequence[Active], stride: float) -> Floats:
     """Return the longest steps in s (in contact, apart, gone, before the touch), their growth and nearing."""
-    rates = swings(collision, effects)
 
     def longest(base: float, own: float) -> float:
         return min(stride * min(_BASE_STEP / max(base, 1e-9), _HIDDEN_STEP / max(own, 1e-9)), _LONGEST_S)

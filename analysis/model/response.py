@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.model import general
 from analysis.model.effects import sensors
 from analysis.model.effects.row import Effect, Parameter, Sensed
-from analysis.model.exact import Event, TooManyEvents, solve
+from analysis.model.general import Event, TooManyEvents
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision, Floats, Variant
 from analysis.model.slots import swings
@@ -191,10 +191,7 @@ def respond(
     times = shot.time_s - own[1]
     acting = sensors(e.name for e in model.effects)
     inner = 1 if acting else block  # a sensor sees every sample
-    if active or inner > 1:
-        response = _general(collision, active, times, wanted, names, stride, inner)
-    else:
-        response = _exact(collision, times, wanted, names)
+    response = _solved(collision, active, times, wanted, stride, inner)
     x, columns = response.displacement_m, response.derivatives
     if derivatives:
         columns[:, names.index("touch_time_s")] = -response.velocity_m_per_s
@@ -227,32 +224,11 @@ def _direction(model: Model, active: Sequence[general.Active], name: str) -> int
     return _PLATE_AT.get(name)
 
 
-def _exact(collision: Collision, times: Floats, wanted: dict[str, int | None], names: Sequence[str]) -> Response:
-    try:
-        run = solve(collision, times, derivatives=bool(wanted))
-    except TooManyEvents as why:
-        raise Infeasible(str(why)) from why
-    columns = np.zeros((times.size if wanted else 0, len(wanted)))
-    out = None
-    slope = np.zeros(len(wanted))
-    for place, name in enumerate(names if wanted else ()):
-        at = wanted[name]
-        if at is not None:
-            columns[:, place] = run.displacement_derivatives[:, at]
-            slope[place] = run.events[-1].state_derivatives[at, 1]
-    if run.released is not None:
-        out = (float(run.released.state[1]), slope)
-    return Response(
-        run.displacement_m, columns, run.velocity_m_per_s, run.plate_displacement_m, run.gap_m, run.events, out
-    )
-
-
-def _general(
+def _solved(
     collision: Collision,
     active: Sequence[general.Active],
     times: Floats,
     wanted: dict[str, int | None],
-    names: Sequence[str],
     stride: float,
     block: int,
 ) -> Response:
@@ -267,8 +243,8 @@ def _general(
     slope = np.zeros(len(wanted))
     released = run.released
     used = 0
-    for place, name in enumerate(names if wanted else ()):
-        if wanted[name] is not None:
+    for place, at in enumerate(wanted.values()):
+        if at is not None:
             columns[:, place] = run.displacement_derivatives[:, used]
             if released is not None:
                 slope[place] = released.state_derivatives[used, 1]

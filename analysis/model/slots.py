@@ -1,18 +1,17 @@
-"""A collision and its effects as the integrators take them: numbers, slots, addresses, and how fast things swing."""
+"""A collision and its effects as the solver takes them: numbers, slots, addresses, and how fast things swing."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.model.effects.kernel import Kernel, address, complex_address
 from analysis.model.effects.row import Acts, Effect
-from analysis.model.parameters import Collision, Floats
-from analysis.model.rates import SLOT_COLUMNS, SLOT_PARAMETERS
+from analysis.model.parameters import Collision
+from analysis.model.system import SLOT_COLUMNS, SLOT_PARAMETERS, System, system_of
 
-Addresses = NDArray[np.int64]
+_MOST_PARAMETERS = 4096  # of one effect
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,38 +22,40 @@ class Active:
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Laid:
-    """What ``rates`` asks for: ``p``, shape (8 + 3 m,), and ``slots``, shape (m, 7), of m effects; ``hidden`` states.
+def direction(slot: int, place: int) -> int:
+    """Return the direction of an effect's parameter: the ``place``-th of the effect in ``slot``."""
+    return SLOT_PARAMETERS + _MOST_PARAMETERS * slot + place
 
-    ``functions`` are the effects' addresses in real numbers, ``carrying`` in complex ones (zero unless asked for).
+
+def _place(direction: int, begins: Sequence[int]) -> int:
+    """Return where in ``p`` the parameter of a direction stands; -1: none."""
+    slot, place = divmod(direction - SLOT_PARAMETERS, _MOST_PARAMETERS)
+    return direction if direction < SLOT_PARAMETERS else begins[slot] + place
+
+
+def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int]) -> System:
+    """Lay out a collision with mechanical effects, and derivatives by ``which``.
+
+    Those are places in ``kernel_order``, -1 for none, or an effect's parameter's ``direction``.
+    ValueError for an effect that does not act on the motion.
     """
-
-    p: Floats
-    slots: Floats
-    functions: Addresses
-    carrying: Addresses
-    hidden: int
-
-
-def lay_out(collision: Collision, effects: Sequence[Active], *, carrying: bool = False) -> Laid:
-    """Lay out a collision with mechanical effects; ValueError for one that does not act on the motion."""
-    count = len(effects)
-    p, slots = np.zeros(SLOT_PARAMETERS + 3 * count), np.zeros((count, SLOT_COLUMNS))
-    functions, complex_ones = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-    p[:SLOT_PARAMETERS] = collision.vector
+    count, first, hidden = len(effects), SLOT_PARAMETERS, 0
+    begins, values = [], list(collision.vector)
+    slots, addresses = np.empty((count, SLOT_COLUMNS)), np.empty((2, count), dtype=np.int64)
     for slot, active in enumerate(effects):
         row = active.effect
         function, acts = function_of(row, collision)
-        functions[slot] = address(function)
-        if carrying:
-            complex_ones[slot] = complex_address(function)
-        first = SLOT_PARAMETERS + 3 * slot
-        p[first : first + len(active.values)] = active.values
+        addresses[0, slot], addresses[1, slot] = address(function), complex_address(function)
+        range_at = first + row.range_at if row.range_at >= 0 else -1
         on_plate, pair = acts is Acts.ON_PLATE, acts is Acts.IN_CONTACT
-        slots[slot] = [1, pair, row.hidden, row.shift, on_plate, row.rides, row.range_at]
-    hidden = 2 * max((slot + 1 for slot, active in enumerate(effects) if active.effect.hidden), default=0)
-    return Laid(p, slots, functions, complex_ones, hidden)
+        slots[slot] = [pair, row.hidden, row.shift, on_plate, row.rides, range_at, first]
+        if row.hidden:
+            hidden = 2 * (slot + 1)
+        begins.append(first)
+        values += active.values
+        first += len(active.values)
+    by = np.array([_place(one, begins) for one in which], dtype=np.int64)
+    return system_of(np.array(values, dtype=np.float64), slots, addresses, by, int(collision.variant), 4 + hidden)
 
 
 def function_of(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:

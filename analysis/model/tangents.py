@@ -12,14 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.model import general, oscillators
+from analysis.model import general
 from analysis.model.effects import CATALOGUE, Effect, named
 from analysis.model.effects.row import Sensed
-from analysis.model.parameters import Floats
+from analysis.model.first_order import along, steps_for
+from analysis.model.least_squares import Infeasible
+from analysis.model.linear_path import linear_path
+from analysis.model.parameters import Collision, Floats
 from analysis.model.response import OWN_NAMES, ShotData, respond
 from analysis.model.search import Problem
 
 _STEP = 1e-40
+_SMALL = 1e-6  # of an effect's natural size: where its own back-action is nothing
 _NOTHING = 1e9  # kg: the modal mass of a mode that is not there
 
 
@@ -57,22 +61,23 @@ def grid(effect: Effect) -> list[dict[str, float]]:
 def candidates(problem: Problem, parameters: Floats, names: Iterable[str] | None = None) -> Iterator[Candidate]:
     """Yield every candidate of ``names`` (default: the catalogue less what the model has) around a minimum.
 
-    Mechanical effects are taken through the general integrator, exact to first order, up to three in one run;
-    hidden oscillators over their whole grid in one march of ``oscillators`` (around the base motion; what effects
-    already in the model do to the oscillator's response is of second order and left out).
+    Mechanical effects are solved with, exact to first order, up to three in one run;
+    those with hidden states over their whole grid in one march along a linear path.
     """
     have = {effect.name for effect in problem.model.effects}
     rows = [named(name) for name in (CATALOGUE if names is None else names) if name not in have]
     singles: list[tuple[Effect, dict[str, float]]] = []
     for row in rows:
-        if row.name in oscillators.KINDS and not problem.model.base.one_body:
-            yield from _oscillating(problem, parameters, row)
-        elif row.sensor is not None:
+        if row.sensor is not None:
             yield from _sensed(problem, parameters, row)
         elif row.own:
             yield _each_shots_own(problem, parameters, row)
         elif row.one_body or not problem.model.base.one_body:
-            singles += [(row, point) for point in grid(row)]
+            hidden = _hidden(problem, parameters, row) if row.hidden else None
+            if hidden is None:
+                singles += [(row, point) for point in grid(row)]
+            else:
+                yield from hidden
     room = max(1, 3 - sum(effect.kernel is not None for effect in problem.model.effects))
     for begin in range(0, len(singles), room):
         yield from _mechanical(problem, parameters, singles[begin : begin + room])
@@ -86,17 +91,10 @@ def _situation(problem: Problem, parameters: Floats, index: int) -> tuple[ShotDa
 def _mechanical(
     problem: Problem, parameters: Floats, some: Sequence[tuple[Effect, dict[str, float]]]
 ) -> Iterator[Candidate]:
-    model = problem.model
     columns: list[list[Floats]] = [[] for _ in some]
     for index in range(len(problem.shots)):
-        shot, own, values = _situation(problem, parameters, index)
-        plate = model.plate_start(values, own)
-        collision = model.base.collision(parameters, own[0], shot.block_mass_kg, plate)
-        active = [
-            general.Active(e, tuple(values[f"{e.name}.{p.name}"] for p in e.parameters))
-            for e in model.effects
-            if e.kernel is not None
-        ]
+        shot, own, _ = _situation(problem, parameters, index)
+        collision, active = _acting(problem, parameters, index)
         directions = []
         for effect, point in some:
             # At no amplitude: the effect is there only through its derivative.
@@ -112,35 +110,60 @@ def _mechanical(
         yield Candidate(effect.name, point, tuple(each), own=False, inverse=effect.inverse)
 
 
-def _oscillating(problem: Problem, parameters: Floats, effect: Effect) -> Iterator[Candidate]:
-    points = grid(effect)
-    frequency = np.array([point["frequency_hz"] for point in points])
-    damping = np.array([point.get("damping_ratio", 0.0) for point in points])
+def _hidden(problem: Problem, parameters: Floats, effect: Effect) -> list[Candidate] | None:
+    """Return the candidates of an effect with hidden states; None where it has no first order along a path."""
+    points, sign = grid(effect), -1.0 if effect.inverse else 1.0
+    scale = effect.parameters[effect.index(effect.amplitude)].scale
+    size = scale * _SMALL**sign
+    rows = [
+        [size if p.name == effect.amplitude else point.get(p.name, p.scale) for p in effect.parameters]
+        for point in points
+    ]
+    values = np.zeros((len(points), 3))
+    values[:, : len(effect.parameters)] = rows
     each = []
     for index in range(len(problem.shots)):
-        shot, own, values = _situation(problem, parameters, index)
-        plate = problem.model.plate_start(values, own)
-        collision = problem.model.base.collision(parameters, own[0], shot.block_mass_kg, plate)
-        along = oscillators.path(collision, shot.time_s - own[1], float(frequency.max()))
-        each.append(oscillators.responses(along, effect.name, frequency, damping, shot.time_s.size))
-    for place, point in enumerate(points):
-        yield Candidate(
-            effect.name, point, tuple(e[:, place : place + 1] for e in each), own=False, inverse=effect.inverse
-        )
+        shot, own, _ = _situation(problem, parameters, index)
+        collision, active = _acting(problem, parameters, index)
+        active.sort(key=lambda one: one.effect.hidden == 0)
+        spacing = float(shot.time_s[1] - shot.time_s[0])
+        steps = np.array([steps_for(effect, row, collision, spacing) for row in rows])
+        columns = np.empty((shot.time_s.size, len(points)))
+        for some in np.unique(steps):
+            try:
+                path = linear_path(collision, active, shot.time_s - own[1], int(some))
+            except Infeasible:
+                return None
+            which = np.flatnonzero(steps == some)
+            found = along(path, effect, collision, np.ascontiguousarray(values[which]), shot.time_s.size)
+            if found is None:
+                return None
+            columns[:, which] = found
+        each.append(columns / size**sign)
+    return [
+        Candidate(effect.name, point, tuple(e[:, place : place + 1] for e in each), own=False, inverse=effect.inverse)
+        for place, point in enumerate(points)
+    ]
+
+
+def _acting(problem: Problem, parameters: Floats, index: int) -> tuple[Collision, list[general.Active]]:
+    """Return a shot's collision and the effects that act on its motion."""
+    shot, own, values = _situation(problem, parameters, index)
+    model = problem.model
+    collision = model.base.collision(parameters, own[0], shot.block_mass_kg, model.plate_start(values, own))
+    return collision, [
+        general.Active(e, tuple(values[f"{e.name}.{p.name}"] for p in e.parameters))
+        for e in model.effects
+        if e.kernel is not None
+    ]
 
 
 def _each_shots_own(problem: Problem, parameters: Floats, effect: Effect) -> Candidate:
     """Return the candidate whose parameters are all each shot's own and linear: a state of the plate, or a force."""
     columns = []
     for index in range(len(problem.shots)):
-        shot, own, values = _situation(problem, parameters, index)
-        plate = problem.model.plate_start(values, own)
-        collision = problem.model.base.collision(parameters, own[0], shot.block_mass_kg, plate)
-        active = [
-            general.Active(e, tuple(values[f"{e.name}.{p.name}"] for p in e.parameters))
-            for e in problem.model.effects
-            if e.kernel is not None
-        ]
+        shot, own, _ = _situation(problem, parameters, index)
+        collision, active = _acting(problem, parameters, index)
         directions = [6, 5]
         if effect.kernel is not None:
             directions = [general.direction(len(active), place) for place in range(len(effect.parameters))]

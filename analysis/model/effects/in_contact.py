@@ -23,7 +23,8 @@ def nonlinear_contact_damping(s: Any, p: Any, out: Any) -> None:
 def adhesion(s: Any, p: Any, out: Any) -> None:
     """Add an attraction -F_a while the bodies are apart by less than d; p = (F_a in N, d in m).
 
-    Both ways, so it does no net work over a whole flight past; a capillary bridge in its simplest form.
+    Both ways, so it does no net work over a whole flight past; a capillary bridge in its simplest form.  "Velocity in"
+    is that of the flight up to its reach, the touch the instant to which that flight would lead.
     """
     out[PAIR] -= p[0] * s[NEAR].real
 

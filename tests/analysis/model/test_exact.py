@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.model import exact, general
+from analysis.model import exact, general, march
 from analysis.model.parameters import PAPER, Collision, Variant
 
 
@@ -124,13 +124,15 @@ def test_stiff_contact_of_a_light_plate_is_the_half_sine_on_the_plate() -> None:
     damping=st.floats(0.1, 1.5),  # without any, the contact rings on and its phase error grows with every swing
     variant=st.sampled_from(list(Variant)),
 )
-def test_two_integrators_agree_anywhere(
+def test_two_steppers_agree_anywhere(
     velocity: float, plate: float, mass: float, contact: float, damping: float, variant: Variant
 ) -> None:
     collision = Collision(17.85e-3, -velocity, plate, mass, contact, damping, variant=variant)
     time_s = np.arange(-0.002, 1.3 * collision.contact_time_estimate_s, 2e-5)
     one = exact.solve(collision, time_s, derivatives=True)
-    other = general.solve(collision, [], time_s)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
+        other = general.solve(collision, [], time_s)
     # A chain of bounces magnifies any error as it does a small change of the parameters.
     magnified = np.linalg.norm(one.displacement_derivatives[:, :5] * collision.vector[:5], axis=1).max()
     assert np.abs(one.displacement_m - other.displacement_m).max() < 3e-11 * magnified

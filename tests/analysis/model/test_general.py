@@ -1,22 +1,35 @@
-"""The general integrator: as exact as the closed form without effects, and true derivatives with every effect."""
+"""The Runge-Kutta stepper: as exact as the closed form without effects, and true derivatives with every effect."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from analysis.model import exact, general
-from analysis.model.effects import CATALOGUE
+from analysis.model import exact, general, march
+from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter, kernel
 from analysis.model.parameters import PAPER, Variant
 
 TIME_S = np.arange(-500, 4500) * 1e-5
+BENDS = (0.3, -2.0, 1e4, 3e6, -2e9)  # of a made-up law of the bend, in N per power of the metre
+
+
+def of_the_bend(s: Any, p: Any, out: Any) -> None:
+    """Add -(c_0 y^2 + c_1 y^3 + ...) to the plate, more coefficients than any row of the catalogue has."""
+    power = s[kernel.Y] * s[kernel.Y]
+    for k in range(5):
+        out[kernel.ON_PLATE] -= p[k] * power
+        power *= s[kernel.Y]
+
+
 MECHANICAL = [name for name, effect in CATALOGUE.items() if effect.kernel is not None]
 
 
 @pytest.mark.parametrize("variant", list(Variant))
-def test_without_effects_it_is_the_exact_solution(variant: Variant) -> None:
+def test_without_effects_it_is_the_exact_solution(variant: Variant, monkeypatch: pytest.MonkeyPatch) -> None:
     collision = replace(PAPER, variant=variant)
     truth = exact.solve(collision, TIME_S, derivatives=True)
+    monkeypatch.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
     run = general.solve(collision, [], TIME_S, directions=range(7))
     assert np.abs(run.displacement_m - truth.displacement_m).max() < 1e-14
     assert np.abs(run.plate_displacement_m - truth.plate_displacement_m).max() < 2e-12
@@ -47,3 +60,23 @@ def test_derivatives_are_those_of_the_solution(name: str) -> None:
         # Events cross the sampling instants between the four solutions; their kinks are what is left.
         noise = 2e-15 / h
         assert np.abs(difference - column).max() < 2e-3 * np.abs(column).max() + noise
+
+
+def test_a_law_may_have_many_coefficients() -> None:
+    parameters = tuple(Parameter(f"c_{k}", "", 1.0) for k in range(5))
+    law = Effect("of_the_bend", "", Acts.ON_PLATE, parameters, "c_0", of_the_bend)
+    friction = general.Active(CATALOGUE["coulomb_friction"], (2e-5,))
+    by = [*(general.direction(0, k) for k in range(5)), general.direction(1, 0)]
+    run = general.solve(PAPER, [general.Active(law, BENDS), friction], TIME_S, directions=by)
+    for k, value in enumerate(BENDS):
+        sides = []
+        for sign in (1, -1):
+            moved = tuple(v * (1 + 1e-4 * sign) if i == k else v for i, v in enumerate(BENDS))
+            sides.append(general.solve(PAPER, [general.Active(law, moved), friction], TIME_S).displacement_m)
+        column = run.displacement_derivatives[:, k] * value
+        difference = (sides[0] - sides[1]) / 2e-4
+        assert np.abs(difference - column).max() < 2e-4 * np.abs(column).max() + 1e-11
+    alone = general.solve(PAPER, [friction], TIME_S, directions=[general.direction(0, 0)]).displacement_derivatives[
+        :, 0
+    ]
+    assert np.abs(run.displacement_derivatives[:, 5]).max() == pytest.approx(np.abs(alone).max(), rel=0.5)

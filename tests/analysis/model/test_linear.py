@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.model import general, linear
+from analysis.model import general, march
 from analysis.model.effects import CATALOGUE
 from analysis.model.parameters import PAPER, Variant
 
@@ -40,13 +40,13 @@ def directions(effects: Sequence[general.Active]) -> list[int]:
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """What the closed form answered, call by call."""
     answers: list[int] = []
-    closed = linear.integrate
+    closed = march.in_closed_form
 
     def integrate(*arguments: Any) -> int:
         answers.append(int(closed(*arguments)))
         return answers[-1]
 
-    monkeypatch.setattr(linear, "integrate", integrate)
+    monkeypatch.setattr(march, "in_closed_form", integrate)
     return answers
 
 
@@ -55,7 +55,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_it_is_what_steps_lead_to(names: tuple[str, ...], variant: Variant, monkeypatch: pytest.MonkeyPatch) -> None:
     collision, effects = replace(PAPER, variant=variant), active(*names)
     run = general.solve(collision, effects, TIME_S, directions=directions(effects))
-    monkeypatch.setattr(linear, "integrate", lambda *_: linear.NOT_LINEAR)
+    monkeypatch.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
     steps = general.solve(collision, effects, TIME_S, directions=directions(effects))
     assert np.abs(run.displacement_m - steps.displacement_m).max() < 1e-14
     scale = np.abs(steps.displacement_derivatives).max(axis=0)
@@ -106,7 +106,7 @@ def test_what_is_not_linear_is_seen(name: str, asked: list[int]) -> None:
     effects = active(name)
     general.solve(PAPER, effects, TIME_S)
     general.solve(PAPER, effects, TIME_S, directions=directions(effects))
-    assert asked == [linear.NOT_LINEAR, linear.NOT_LINEAR]
+    assert asked == [march.NOT_LINEAR, march.NOT_LINEAR]
 
 
 def test_times_may_lie_anyhow() -> None:

@@ -87,7 +87,7 @@ def _learn(
     fits: list[FormFit] = []
     for place, learned in enumerate(curves[:FOLLOWED]):
         tell(f"reading the curve of the {_argument(learned).name}", 0.84 + 0.03 * place)
-        forms = [form for form in compress(learned) if form.form.name != "constant"][:FORMS_FITTED]
+        forms = [form for form in compress(learned) if _is_law(form, _argument(learned))][:FORMS_FITTED]
         near = [form for form in forms if form.distance <= _NEAR * forms[0].distance + _NEAR_NORMS]
         met = _refined(start, learned, near, stop)
         if not any(_meets(one, curves) for one in met):  # distances were to first order
@@ -111,6 +111,11 @@ def _learn(
 def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
     """Return whether a closed form tells as much as the best free curve."""
     return one.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
+
+
+def _is_law(form: Fitting, argument: Argument) -> bool:
+    """Return whether a form is news: a constant is, of the overlap alone (a force while they touch, and only then)."""
+    return form.form.name != "constant" or (argument.where, argument.name) == ("contact", "overlap")
 
 
 def _argument(learned: Learned) -> Argument:

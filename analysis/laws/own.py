@@ -95,7 +95,7 @@ def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
         formula = read(text, [p.name for p in parameters])
     except FormulaError as error:
         raise LawError(f"formula: {error}") from None
-    if not formula.state:
+    if not formula.state and where != "contact":  # there a constant acts while they touch, and only then
         raise LawError(f"formula: it names nothing of the motion ({', '.join(STATE)})")
     if formula.timed and where == "contact":
         raise LawError(

@@ -130,6 +130,15 @@ def test_a_law_of_time_counts_from_the_touch(where: str) -> None:
     assert ours == pytest.approx(theirs, abs=2e-12)
 
 
+def test_a_constant_in_contact_acts_while_they_touch_and_only_then() -> None:
+    bodies = Bodies()
+    theirs = LawRig(bodies=bodies, between=lambda *_: -2e-3).displacement_m(TIMES_S, 0.25, 1e-5)
+    own = law("contact", "-a", a=2e-3).effect
+    ours = general.solve(_collision(bodies), [general.Active(own, (2e-3,))], TIMES_S).displacement_m
+    assert np.max(np.abs(theirs - LawRig(bodies=bodies).displacement_m(TIMES_S, 0.25))) > 1e-9
+    assert ours == pytest.approx(theirs, abs=2e-12)
+
+
 def test_time_is_not_for_the_force_in_contact() -> None:
     with pytest.raises(LawError, match="t is for laws of the block or the plate"):
         from_mapping(table(where="contact", formula="-a*exp(-t/b)"))

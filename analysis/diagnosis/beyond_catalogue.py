@@ -1,11 +1,17 @@
 """Where the catalogue leaves something: learned laws, alone or beside the effects that were found or came nearest."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from analysis.diagnosis import words
+from analysis.diagnosis.as_fit import effect_parameters
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, predict
+from analysis.diagnosis.forward_selection import without_effect
 from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.identifiability import missed_without, snr
 from analysis.diagnosis.law_learning import Discovery, learn_laws
+from analysis.diagnosis.law_telling import retold
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.residual import Residual, judge
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
@@ -40,15 +46,13 @@ def beyond_catalogue(
     tell("learning a law", 0.8)
     alone = learn_laws(before, held, tell, stop)
     if alone is not None and alone.explains:
-        return _learned(alone, [])
+        return _alone(alone)
     helped = _helps(before, nearest, held, stop)
     if helped is None:
-        return _learned(alone, []) if alone is not None else None
+        return _alone(alone) if alone is not None else None
     tell("learning a law beside the effects that came nearest", 0.85)
     joined = learn_laws(nearest, held, tell, stop)
-    if joined is not None:
-        joined = Discovery(joined.laws, joined.fitted, joined.rest, (helped[0], joined.foretold[1]))
-    found = [_learned(alone, []) if alone else None, _learned(joined, list(effects)) if joined else None]
+    found = [_alone(alone) if alone else None, _together(joined, effects, helped[0], held, stop) if joined else None]
     rest = judge(nearest, projector(nearest))
     found.append(Beyond(nearest, Verdict.PARTLY_EXPLAINED, list(effects), (), helped, rest))
     return min((one for one in found if one is not None), key=lambda one: one.fitted.bic)
@@ -66,12 +70,58 @@ def beside(
     if found is None:
         return None
     base = predict(before, held, named.floor, stop) or found.foretold[0]
-    return _learned(Discovery(found.laws, found.fitted, found.rest, (base, found.foretold[1])), list(effects))
+    return _together(found, effects, base, held, stop)
 
 
-def _learned(found: Discovery, effects: list[FoundEffect]) -> Beyond:
-    verdict = Verdict.LAW_LEARNED if found.explains else Verdict.PARTLY_EXPLAINED
-    return Beyond(found.fitted, verdict, effects, found.laws, found.foretold, found.rest)
+def _alone(found: Discovery) -> Beyond:
+    return Beyond(found.fitted, _verdict(found.explains), [], found.laws, found.foretold, found.rest)
+
+
+def _verdict(explains: bool) -> Verdict:
+    return Verdict.LAW_LEARNED if explains else Verdict.PARTLY_EXPLAINED
+
+
+def _together(
+    found: Discovery, effects: Sequence[FoundEffect], base: Prediction, held: tuple[int, ...], stop: Stop
+) -> Beyond:
+    """Return laws and effects as the fit that holds both has them.
+
+    An effect that only stood in for the law no longer pays beside it, and goes; the numbers of the others are those
+    of the joint fit, not of the one before the law was found.
+    """
+    fitted, kept = found.fitted, list(effects)
+    fewer = {effect.name: without_effect(fitted, effect.name, stop) for effect in kept}
+    while kept:
+        idle = min(kept, key=lambda effect: _worth(fitted, fewer[effect.name]))
+        trial = fewer[idle.name]
+        if trial is None or _worth(fitted, trial) >= CRITERIA.least_fall:
+            break
+        fitted = trial
+        kept.remove(idle)
+        fewer = {effect.name: without_effect(fitted, effect.name, stop) for effect in kept}
+    told, rest = found.foretold[1], found.rest
+    if fitted is not found.fitted:
+        told, rest = predict(fitted, held, fitted.floor, stop) or told, judge(fitted, projector(fitted))
+    explains = found.explains and not rest.significant
+    laws = tuple(retold(law, fitted, law.form is not None) for law in found.laws)
+    named = [_anew(effect, fitted, fewer[effect.name]) for effect in kept]
+    return Beyond(fitted, _verdict(explains), named, laws, (base, told), rest)
+
+
+def _worth(fitted: Fitted, fewer: Fitted | None) -> float:
+    """Return what the criterion rises by without an effect; infinite where there is no fit without it."""
+    return float("inf") if fewer is None else fewer.bic - fitted.bic
+
+
+def _anew(effect: FoundEffect, fitted: Fitted, fewer: Fitted | None) -> FoundEffect:
+    """Return an effect with its numbers and evidence in another fit."""
+    parameters = effect_parameters(fitted)[effect.name]
+    evidence = {
+        "snr": min(snr(fitted, projector(fitted), effect.name), missed_without(fitted, fewer)),
+        "delta_bic": -_worth(fitted, fewer) if fewer is not None else effect.evidence["delta_bic"],
+    }
+    sentence = words.found(effect.name, parameters, effect.indistinguishable_from)
+    return replace(effect, parameters=parameters, evidence={**effect.evidence, **evidence}, sentence=sentence)
 
 
 def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:

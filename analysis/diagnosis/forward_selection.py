@@ -189,6 +189,15 @@ def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
     if known is not None and (sure or (known.converged and known.bic < fitted.bic + CLOSE)):
         return known
     trail.asked.add(tuple(sorted(names)))
+    trial = without_effect(fitted, name, trail.stop)
+    if trial is None:
+        return known
+    trail.keep(trial)
+    return trail.of(names)
+
+
+def without_effect(fitted: Fitted, name: str, stop: Stop) -> Fitted | None:
+    """Return the fit with one effect taken out, begun where it stands; None where nothing can be fitted."""
     hypothesis = Hypothesis(
         fitted.hypothesis.data,
         tuple(kind for kind in fitted.hypothesis.effects if kind.name != name),
@@ -196,17 +205,11 @@ def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
     )
     effective = to_effective(fitted.point)
     values = tuple({key: value for key, value in v.items() if key != name} for v in effective.values)
+    z = hypothesis.pack_effective(Point(effective.base, effective.own, values))
     try:
-        trial = fit(
-            hypothesis,
-            hypothesis.pack_effective(Point(effective.base, effective.own, values)),
-            fitted.floor,
-            cancelled=trail.stop,
-        )
+        return fit(hypothesis, z, fitted.floor, cancelled=stop)
     except Infeasible:
-        return known
-    trail.keep(trial)
-    return trail.of(names)
+        return None
 
 
 def prune(fitted: Fitted, trail: Trail) -> Fitted:

@@ -114,8 +114,8 @@ def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
 
 
 def _is_law(form: Fitting, argument: Argument) -> bool:
-    """Return whether a form is news: a constant is, of the overlap alone (a force while they touch, and only then)."""
-    return form.form.name != "constant" or (argument.where, argument.name) == ("contact", "overlap")
+    """Return whether a form is news: a constant is, in contact alone (a force while they touch, and only then)."""
+    return form.form.name != "constant" or (argument.where == "contact" and not argument.factor)
 
 
 def _argument(learned: Learned) -> Argument:

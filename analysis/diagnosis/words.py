@@ -77,7 +77,7 @@ def found(name: str, parameters: Mapping[str, Quantity], others: Sequence[str]) 
 def learned(law: LearnedLaw) -> str:
     """Return the sentence of a learned law."""
     what = f"a force on the {law.where}" if law.where != "contact" else "a force between block and plate"
-    what += f" that follows the {law.argument}"
+    what += " while they touch" if law.form == "constant" else f" that follows the {law.argument}"
     if law.form is None:
         return f"{what}, by no closed form that was tried (nearest: {law.nearest_form})"
     numbers = ", ".join(f"{name} {q} {unit}".strip() for name, (q, unit) in law.parameters.items())

@@ -73,7 +73,9 @@ class Form:
             table[name] = entry
         text = self.formula(argument).text
         name = "law_" + self.name.replace(" ", "_").replace(",", "").replace("-", "_")
-        words = f"a force of the {argument.name}, {self.name}"
+        words = (
+            "a force while they touch" if self.name == "constant" else f"a force of the {argument.name}, {self.name}"
+        )
         return from_mapping(
             {"name": name, "words": words, "where": argument.where, "formula": text, "parameters": table}
         )

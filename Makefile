@@ -25,7 +25,7 @@ $(SYSTEMS:%=types-%): types-%: $(READY)
 # kernels first, each once: two workers that meet an uncompiled one would both compile it
 unit: $(READY)
 	$(BIN)/python -m app --prepare
-	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal -m "not slow"
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal --durations 25 -m "not slow"
 
 # what takes too long for every change: measured collisions, a law learned through the command line
 slow: $(READY)

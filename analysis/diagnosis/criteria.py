@@ -64,6 +64,13 @@ class Criteria:
     )
     form_excluded: float = _is(10.0, "BIC", "behind the best form: the shots exclude a form so far off", _KASS)
     form_meets: float = _is(12.0, "BIC", "behind the free curve: a form so far off is not the law", _KASS)
+    building_floor: float = _is(
+        100.0, "ratio", "of the floor's rms to the beat's noise, above which a building moves the path",
+        "a quiet bench: 15; VC-G: some 500",
+    )  # fmt: skip
+    above_site: float = _is(
+        2.0, "ratio", "of what is left in contact to what the flights show, below which it is the site's", _CONVENTION
+    )
     drawn_far: float = _is(1e6, "chi^2 a sample", "of a base fit that did not even arrive", _SIMULATED)
 
     def fall(self, tried: int, *, wandering: bool = False) -> float:

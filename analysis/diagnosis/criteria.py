@@ -69,7 +69,10 @@ class Criteria:
         "a quiet bench: 15; VC-G: some 500",
     )  # fmt: skip
     above_site: float = _is(
-        2.0, "ratio", "of what is left in contact to what the flights show, below which it is the site's", _CONVENTION
+        3.0,
+        "ratio",
+        "of what is left in contact to what the flights show, below which it may be the site's",
+        "the plate answers a frame up to twice",
     )
     drawn_far: float = _is(1e6, "chi^2 a sample", "of a base fit that did not even arrive", _SIMULATED)
 

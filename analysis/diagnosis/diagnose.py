@@ -28,7 +28,7 @@ from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.samples import together
-from analysis.diagnosis.site import in_building, of_site
+from analysis.diagnosis.site import in_building, may_be_site
 from analysis.fit import Fit
 from analysis.model.effects import findings
 from analysis.model.fitting import base_named, fit_shots
@@ -105,9 +105,9 @@ def diagnose(
     left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(best, trail, rest)
     learned: tuple[LearnedLaw, ...] = ()
     certain = bool(effects)
-    if verdict is Verdict.UNEXPLAINED and of_site(before):
-        verdict, left = Verdict.ADEQUATE, f"as large in contact as in flight, so the site's own motion: {rest.text}"
-    elif verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED) and not in_building(before):
+    if not effects and rest.significant and may_be_site(before):
+        left = f"{left}; it is no larger in contact than in flight, so it may be the site's own motion"
+    if verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED) and not in_building(before):
         held = choose(data) if hold_out is None else held
         beyond = (
             beside(best, effects, before, held, tell, stop)

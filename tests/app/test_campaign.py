@@ -11,7 +11,7 @@ import pytest
 from app.command_line.campaign.crew import Processes, most_processes
 from app.command_line.campaign.journal import JOURNAL
 from app.command_line.campaign.place import program, unfit
-from app.command_line.campaign.task import NotReached, tasks_of
+from app.command_line.campaign.task import NotReached, analyse_one, tasks_of
 from app.command_line.cli import main
 from tests.app.deadly import DEADLY, unless_deadly
 
@@ -113,3 +113,19 @@ def test_a_process_that_dies_is_not_the_end(monkeypatch: pytest.MonkeyPatch) -> 
         crew.close()
     assert outcomes[DEADLY] == NotReached("the process that analysed it died")
     assert all(outcomes[task.path]["shot"]["path"] == task.path for task in (tasks[0], tasks[2]))
+
+
+def test_a_campaign_that_did_not_look_at_the_hash_is_no_answer_to_one_that_does(shots: Path, tmp_path: Path) -> None:
+    (meta,) = (shots / "a").glob("*-1.sigmf-meta")
+    data = meta.with_suffix(".sigmf-data")
+    stem = tmp_path / "altered"
+    stem.with_suffix(".sigmf-meta").write_bytes(meta.read_bytes())
+    octets = bytearray(data.read_bytes())
+    octets[-2] ^= 1
+    stem.with_suffix(".sigmf-data").write_bytes(octets)
+    found = [stem.with_suffix(".sigmf-meta")]
+    (left,), (looked,) = (tasks_of(found, None, (), None, checked=checked) for checked in (False, True))
+    assert left.stamp != looked.stamp
+    for task, said in ((left, False), (looked, True)):
+        entry = analyse_one(task)
+        assert not isinstance(entry, NotReached) and ("data_altered" in entry["shot"]["flags"]) is said

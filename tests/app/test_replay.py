@@ -79,13 +79,6 @@ def test_data_that_were_altered_are_said_everywhere(
     unchecked = ("--replay", str(_meta(stem)), "--no-diagnose", "--unchecked")
     assert main(unchecked) == 0 and "data_altered" not in capsys.readouterr().out
 
-    # a campaign that was not asked to look is no answer to one that is
-    campaign = ["--replay", str(_meta(stem)), "--jobs", "1", "--json", str(tmp_path / "all.json")]
-    for asked, said in ((["--unchecked"], False), ([], True)):
-        assert main([*campaign, *asked]) == 0
-        (shot,) = json.loads((tmp_path / "all.json").read_text())["shots"]
-        assert ("data_altered" in shot["flags"]) is said
-
 
 def test_a_sound_shot(good: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     status, result, complaints = _replay(capsys, _meta(good), "--export", tmp_path, "--no-diagnose")

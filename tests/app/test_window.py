@@ -50,6 +50,7 @@ def _ready(qtbot, window):
 
 def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tmp_path):
     window = opened()
+    window.resize(1600, 950)  # the tab of SHOT bears its number where there is room
     panels = window.panels
     _ready(qtbot, window)
     qtbot.keyClick(window, Qt.Key.Key_Space)

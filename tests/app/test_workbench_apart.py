@@ -63,10 +63,10 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
             assert (shot.impact, shot.flags, shot.settings) == (replayed.impact, replayed.flags, replayed.settings)
             assert shot.fit.parameters == replayed.fit.parameters
 
-        there.report([1], tmp_path / "report.html")
+        there.papers.report([1], tmp_path / "report.html")
         done = until(there, lambda h: h.kind in (Kind.EXPORTED, Kind.PROBLEM))
         assert done.kind is Kind.EXPORTED and (tmp_path / "report.html").stat().st_size > 10_000
-        there.export([1], tmp_path / "missing" / "\0")
+        there.papers.export([1], tmp_path / "missing" / "\0")
         assert until(there, lambda h: h.kind in (Kind.EXPORTED, Kind.PROBLEM)).kind is Kind.PROBLEM
     finally:
         assert here.jobs.close() and here.errands.close()

@@ -69,6 +69,7 @@ def _wait_for(out: Path, lines: int, call: _Call) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_no_worker_wrong_folder_a_worker_killed_the_scheduler_killed(
     place: Path, cluster: LoopbackCluster, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

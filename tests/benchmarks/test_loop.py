@@ -106,6 +106,7 @@ def test_cases_are_all_there_and_reproducible():
     assert [kinds.count(k) for k in runs] == [8, 19, 19, 3, 6, 6]
 
 
+@pytest.mark.slow
 def test_a_case_runs_from_draw_to_outcome():
     seen = []
 

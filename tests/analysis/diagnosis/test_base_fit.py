@@ -1,5 +1,7 @@
 """A search begins where it can lead somewhere."""
 
+import pytest
+
 from analysis.diagnosis.base_fit import base_fit, explored
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.hypothesis import JointData
@@ -8,6 +10,7 @@ from analysis.model.fitting import base_named, fit_shots
 from tests.analysis.diagnosis.shots import KINDS, calm, shots
 
 
+@pytest.mark.slow
 def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collision_was_read() -> None:
     size = 2.9e5  # the contact that is read is drawn to a wall as well
     motions = shots({"cubic_stiffness": {"coefficient_n_per_m3": size}})

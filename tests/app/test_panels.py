@@ -305,6 +305,16 @@ def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot
     assert panel.diagnose.isEnabled()
 
 
+def test_a_chi2_near_one_beside_unexplained_says_why(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    found = replace(synthetic.diagnosis(shot), verdict=Verdict.UNEXPLAINED, effects=())
+    for chi2, said in ((0.86, True), (7.0, False)):
+        panel.show_diagnosis(replace(found, error_after=replace(found.error_after, reduced_chi2=chi2)), [shot])
+        words = " ".join(label.text() for label in panel.findChildren(QLabel))
+        assert ("against the noise that this residual shows" in words) is said
+
+
 def test_what_stays_open_offers_the_next_step(qtbot, shot):
     panel = DiagnosisPanel(LIGHT)
     qtbot.addWidget(panel)

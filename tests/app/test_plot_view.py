@@ -1,17 +1,21 @@
 """What every plot of the window can do, pressed by keys: cursors with their readout, moving, zooming, the menu."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PySide6.QtCore import QLocale, QPointF, QRectF, Qt
-from PySide6.QtGui import QAccessible, QGuiApplication
+from PySide6.QtGui import QAccessible, QGuiApplication, QImage
+from PySide6.QtWidgets import QWidget
 
 from analysis.drive.curves import drive_curves
 from app.session.session import Session
+from app.window.file_question import Want, ask
 from app.window.layout import Layout
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.plot_view import PlotView
+from app.window.plots.save import save_png
 from app.window.theme import Theme
 from tests.app import synthetic
 
@@ -169,3 +173,29 @@ def test_the_screen_follows_the_locale_and_what_is_copied_does_not(panels):
         assert "A\t1.250000 ms" in QGuiApplication.clipboard().text()
     finally:
         QLocale.setDefault(before)
+
+
+def test_a_saved_picture_bears_the_legend_of_its_lines(panels, tmp_path):
+    plot = panels.compare.stack
+    panels.tabs.setCurrentIndex(Layout.COMPARE)
+    assert len(plot.legend) > 1
+    pictures = []
+    for legend in (plot.legend, ()):
+        plot.legend = legend
+        save_png(plot, tmp_path / "plot.png")
+        pictures.append(QImage(str(tmp_path / "plot.png")))
+    above = pictures[0].height() - pictures[1].height()
+    assert above > 0 and pictures[0].width() == pictures[1].width()
+    heading = 2 * (plot.fontMetrics().height() + 6) if plot.accessibleDescription() else 0
+    strip = pictures[0].copy(0, heading, pictures[0].width(), above)
+    painted = {strip.pixel(x, y) for x in range(0, strip.width(), 3) for y in range(0, strip.height(), 2)}
+    assert len(painted) > 10  # words and lines, not an empty band
+
+
+def test_a_question_for_files_starts_in_the_folder_it_is_given(qtbot, tmp_path):
+    parent = QWidget()
+    qtbot.addWidget(parent)
+    opened = ask(parent, "Open recordings", Want.FILES, lambda _: None, tmp_path)
+    saved = ask(parent, "Save the plot as PNG", Want.NEW_FILE, lambda _: None, tmp_path / "plot.png", "PNG (*.png)")
+    assert {Path(dialog.directory().absolutePath()) for dialog in (opened, saved)} == {tmp_path}
+    assert Path(saved.selectedFiles()[0]) == tmp_path / "plot.png"

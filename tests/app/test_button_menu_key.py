@@ -137,3 +137,14 @@ def test_every_button_that_names_a_key_is_compared_here(window):
             key = button.toolTip().rpartition("(")[2].rstrip(")")
             if button.isVisible() and QKeySequence(key).toString() in keys and button.text() not in known:
                 assert button.text() in ("Hold", "Copy as text", "Whole shot", "First contact"), button.text()
+
+
+def test_the_plot_in_front_is_on_the_clipboard_as_a_picture(window):
+    at_rest(window, "copy_plot")
+    QApplication.clipboard().clear()
+    window.actions_by_name["copy_plot"].trigger()
+    copied, plot = QApplication.clipboard().image(), window.panels.plot_in_front()
+    assert copied.width() == 2 * plot.width() and copied.height() >= 2 * plot.height()
+    assert (
+        len({copied.pixel(x, copied.height() // 2) for x in range(copied.width())}) > 3
+    )  # the curve, not an empty page

@@ -28,7 +28,7 @@ from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.samples import together
-from analysis.diagnosis.site import in_building, may_be_site
+from analysis.diagnosis.site import may_be_site
 from analysis.fit import Fit
 from analysis.model.effects import findings
 from analysis.model.fitting import base_named, fit_shots
@@ -76,8 +76,10 @@ def diagnose(
 
     along = own_flights(data.shots)
     best, trail = search(along)
-    if along and not pays_along(best, along, stop):
-        best, trail = search(())
+    if along:  # bends of each shot's own take up what one law of all does, at the price of a number each
+        plain, plain_trail = search(())
+        if plain.bic <= best.bic or not pays_along(best, along, stop):
+            best, trail = plain, plain_trail
     best, trail = seen_finely(best, trail, motions) or (best, trail)
     before, data = trail.start, trail.start.hypothesis.data
     held = choose(data, in_turn=best is not before) if hold_out is None else (hold_out,)
@@ -107,13 +109,15 @@ def diagnose(
     certain = bool(effects)
     if not effects and rest.significant and may_be_site(before):
         left = f"{left}; it is no larger in contact than in flight, so it may be the site's own motion"
-    if verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED) and not in_building(before):
+    if verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
         held = choose(data) if hold_out is None else held
         beyond = (
             beside(best, effects, before, held, tell, stop)
             if effects
             else beyond_catalogue(before, best, found, held, tell, stop)
         )
+        if beyond is not None and beyond.verdict is Verdict.PARTLY_EXPLAINED and beyond.laws and may_be_site(before):
+            beyond = None  # free curves lay themselves along what a building does
         if beyond is not None:
             after, verdict, effects, learned = beyond.fitted, beyond.verdict, beyond.effects, beyond.laws
             told, left = beyond.foretold, beyond.rest.text

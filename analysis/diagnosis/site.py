@@ -1,10 +1,9 @@
 """A building's floor under the shots: what stands in the flights as well may be no law of the collision.
 
 The diagnosis's floor (white noise and two wandering parts) does not know the lines and resonances of a building, and
-takes them for something that the model lacks.  In flight only smooth forces act, so what a quadratic leaves of a
-flight is the site's; a remainder in contact that is no larger may be the site's, too.  It need not be: a friction that
-bends the flights leaves little else.  So this is said beside a verdict and decides none; but no free curve is fitted
-to a building's motion.
+takes them for something that the model lacks.  A remainder in contact that is no larger than what a quadratic leaves
+of the flights may be the site's.  It need not be: a friction that bends the flights leaves little else, and a law may
+reach far.  So this is said beside a verdict; all it decides is that a curve which explains only a part is not told.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Where the catalogue leaves something: learned laws, alone or beside the effects that were found or came nearest."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from analysis.diagnosis import words
@@ -12,9 +12,10 @@ from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import missed_without, snr
 from analysis.diagnosis.law_learning import Discovery, learn_laws
 from analysis.diagnosis.law_telling import retold
-from analysis.diagnosis.projector import projector
+from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, judge
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.quantity import Quantity
 from analysis.shot import Progress, Stop
 
 
@@ -90,21 +91,20 @@ def _together(
     of the joint fit, not of the one before the law was found.
     """
     fitted, kept = found.fitted, list(effects)
-    fewer = {effect.name: without_effect(fitted, effect.name, stop) for effect in kept}
-    while kept:
-        idle = min(kept, key=lambda effect: _worth(fitted, fewer[effect.name]))
-        trial = fewer[idle.name]
+    while True:
+        fewer = {effect.name: without_effect(fitted, effect.name, stop) for effect in kept}
+        idle = min(fewer, key=lambda name: _worth(fitted, fewer[name]), default="")
+        trial = fewer.get(idle)
         if trial is None or _worth(fitted, trial) >= CRITERIA.least_fall:
             break
-        fitted = trial
-        kept.remove(idle)
-        fewer = {effect.name: without_effect(fitted, effect.name, stop) for effect in kept}
-    told, rest = found.foretold[1], found.rest
+        fitted, kept = trial, [effect for effect in kept if effect.name != idle]
+    told, rest, at = found.foretold[1], found.rest, projector(fitted)
     if fitted is not found.fitted:
-        told, rest = predict(fitted, held, fitted.floor, stop) or told, judge(fitted, projector(fitted))
+        told, rest = predict(fitted, held, fitted.floor, stop) or told, judge(fitted, at)
     explains = found.explains and not rest.significant
     laws = tuple(retold(law, fitted, law.form is not None) for law in found.laws)
-    named = [_anew(effect, fitted, fewer[effect.name]) for effect in kept]
+    parameters = effect_parameters(fitted)
+    named = [_anew(effect, parameters[effect.name], fitted, at, fewer[effect.name]) for effect in kept]
     return Beyond(fitted, _verdict(explains), named, laws, (base, told), rest)
 
 
@@ -113,11 +113,12 @@ def _worth(fitted: Fitted, fewer: Fitted | None) -> float:
     return float("inf") if fewer is None else fewer.bic - fitted.bic
 
 
-def _anew(effect: FoundEffect, fitted: Fitted, fewer: Fitted | None) -> FoundEffect:
+def _anew(
+    effect: FoundEffect, parameters: Mapping[str, Quantity], fitted: Fitted, at: Projector, fewer: Fitted | None
+) -> FoundEffect:
     """Return an effect with its numbers and evidence in another fit."""
-    parameters = effect_parameters(fitted)[effect.name]
     evidence = {
-        "snr": min(snr(fitted, projector(fitted), effect.name), missed_without(fitted, fewer)),
+        "snr": min(snr(fitted, at, effect.name), missed_without(fitted, fewer)),
         "delta_bic": -_worth(fitted, fewer) if fewer is not None else effect.evidence["delta_bic"],
     }
     sentence = words.found(effect.name, parameters, effect.indistinguishable_from)

@@ -107,7 +107,8 @@ def diagnose(
     left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(best, trail, rest)
     learned: tuple[LearnedLaw, ...] = ()
     certain = bool(effects)
-    if not effects and rest.significant and may_be_site(before):
+    site = may_be_site(before)
+    if site and rest.significant and not effects:
         left = f"{left}; it is no larger in contact than in flight, so it may be the site's own motion"
     if verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
         held = choose(data) if hold_out is None else held
@@ -116,7 +117,7 @@ def diagnose(
             if effects
             else beyond_catalogue(before, best, found, held, tell, stop)
         )
-        if beyond is not None and beyond.verdict is Verdict.PARTLY_EXPLAINED and beyond.laws and may_be_site(before):
+        if beyond is not None and beyond.verdict is Verdict.PARTLY_EXPLAINED and beyond.laws and site:
             beyond = None  # free curves lay themselves along what a building does
         if beyond is not None:
             after, verdict, effects, learned = beyond.fitted, beyond.verdict, beyond.effects, beyond.laws

@@ -1,6 +1,7 @@
 """What a plan says to the one who is to take the shots."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from analysis.diagnosis.words import ONE_WITH_TWO_READINGS, plain
 from analysis.planning.next_shot import NextShot
@@ -19,6 +20,11 @@ def told(plan: Plan) -> str:
     but = f"; were it {' or '.join(map(plain, open_ones))}, no shot would" if open_ones else ""
     apart = f"{plan.separation:.2g} noise norms (now {plan.now:.2g})"
     return f"{shots(plan.shots)} would tell {listed} apart by {apart}{but}."
+
+
+def with_words(plan: Plan) -> dict[str, Any]:
+    """Return the plan as the result file has it, its sentence with it."""
+    return {**plan.to_json(), "words": told(plan)}
 
 
 def shots(sequence: Sequence[NextShot]) -> str:

@@ -10,7 +10,7 @@ from analysis.planning.contest import again
 from analysis.planning.precision import sharpen
 from analysis.planning.steps import stand
 from analysis.planning.words import shots as shots_words
-from analysis.planning.words import told
+from analysis.planning.words import told, with_words
 from analysis.shot import AnalysisError, Shot
 
 NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
@@ -47,4 +47,4 @@ def plan_ahead(shots: Sequence[Shot], diagnosis: Diagnosis | None, parameter: st
         return None
     if further is None:
         return Ahead(NOTHING_OPEN, None)
-    return Ahead(told(further), {**further.to_json(), "words": told(further)})
+    return Ahead(told(further), with_words(further))

@@ -10,7 +10,7 @@ from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Diagnosis
 from analysis.planning.next_shot import NextShot
 from analysis.planning.steps import Standing, Step, next_step, stand
-from analysis.planning.words import told
+from analysis.planning.words import told, with_words
 from analysis.report import result
 from analysis.shot import AnalysisError, Shot
 from app.command_line.acquire import LEAST_ARMING_S, capture_settings
@@ -110,7 +110,7 @@ def _standing(shots: Sequence[Shot], steps: Sequence[Step], left: int) -> tuple[
 def _write(shots: Sequence[Shot], diagnosis: Diagnosis, standing: Standing, json_to: str | None) -> int:
     if json_to is None:
         return 0
-    further = None if standing.plan is None else {**standing.plan.to_json(), "words": told(standing.plan)}
+    further = None if standing.plan is None else with_words(standing.plan)
     steps = [step.to_json() for step in standing.steps]
     whole = result(shots, diagnosis) | {"plan": steps, "next_shots": further}
     text = json.dumps(whole, indent=1, allow_nan=False) + "\n"

@@ -8,12 +8,13 @@ Outcomes are kept line by line, so that a run that was cut off goes on where it 
 import argparse
 import json
 import math
-import multiprocessing
 import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from tests.benchmarks.kept_runs import pooled
 
 QUICK_SHOTS = 84
 
@@ -86,15 +87,7 @@ def _all(seed: int, shots: int, processes: int, keep: Path | None) -> Iterator[d
         kept = {line["index"]: line for line in lines if line["seed"] == seed and line["index"] < shots}
     yield from kept.values()
     left = [(seed, index) for index in range(shots) if index not in kept]
-    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        for outcome in pool.imap_unordered(one, left, chunksize=1):
-            if keep:
-                keep.parent.mkdir(parents=True, exist_ok=True)
-                with keep.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(outcome) + "\n")
-            yield outcome
+    yield from pooled(left, one, processes, keep, dict)
 
 
 if __name__ == "__main__":

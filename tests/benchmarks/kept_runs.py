@@ -24,6 +24,17 @@ def kept_runs(
     yield from (kept[case] for case in todo if case in kept)
     left = [case for case in todo if case not in kept]
     random.Random(0).shuffle(left)  # a run that is cut off is then a fair sample of all
+    yield from pooled(left, run, processes, keep, lambda outcome: outcome.as_json())
+
+
+def pooled(
+    left: Sequence[Any],
+    run: Callable[[Any], Any],
+    processes: int,
+    keep: Path | None,
+    as_json: Callable[[Any], dict[str, Any]],
+) -> Iterator[Any]:
+    """Yield what ``run`` makes of each of ``left``, as it comes, and write it to ``keep``, a JSON object a line."""
     # spawned, and one thread each: a kernel's own threads would fight over the cores
     os.environ.setdefault("NUMBA_NUM_THREADS", "1")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -32,7 +43,7 @@ def kept_runs(
             if keep:
                 keep.parent.mkdir(parents=True, exist_ok=True)
                 with keep.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(outcome.as_json()) + "\n")
+                    file.write(json.dumps(as_json(outcome)) + "\n")
             yield outcome
 
 

@@ -1,7 +1,6 @@
 """Shots whose flights bend each in its own way: told from laws that all share, and taken along."""
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,10 +14,8 @@ from analysis.diagnosis.samples import together
 from analysis.model.fitting import fit_shots
 from analysis.model.starts import read
 from analysis.motion import Motion
-from analysis.signal.record import motion_from_displacement
-from instrument.bench.blind import drawn, records
-from instrument.bench.noise import Noise, NoiseKind
 from tests.analysis.camera import MASS_KG, Camera
+from tests.benchmarks.stories import simulated
 
 SPEEDS = (0.13, 0.16, 0.19, 0.23)
 OWN = ((0.012, -0.02), (-0.015, 0.01), (0.02, 0.018), (-0.01, -0.016))  # m/s^2
@@ -84,11 +81,7 @@ def test_the_contact_is_read_through_a_cameras_noise(seed: int) -> None:
 
 def test_what_one_law_of_all_shots_bends_is_not_taken_for_flights_of_their_own() -> None:
     """A set that chance made suspect: 20 uN of friction bent the flights of all shots alike, and nothing was named."""
-    truth = replace(drawn((), 11, Noise(NoiseKind.FLOOR)), effects={"coulomb_friction": {"force_n": 2e-5}})
-    motions = [
-        motion_from_displacement(r.time_s, r.displacement_m, None, None, r.moving_mass_kg, 1e-6, 1e4)
-        for r in records(truth)
-    ]
+    motions = simulated()
     assert own_flights(together(motions)) != ()
     found = diagnose(motions)
     assert [effect.name for effect in found.effects] == ["coulomb_friction"]

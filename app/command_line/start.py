@@ -6,7 +6,7 @@ from pathlib import Path
 
 from app.command_line.cli import window
 from app.command_line.display import why_no_window
-from instrument.bench.site import USUAL_SITE
+from instrument.bench.site import USUAL_SITE, site_named
 
 
 def main() -> int:
@@ -22,13 +22,12 @@ def headless_shot() -> int:
     """Simulate one shot in a usual laboratory, analyse it and print its numbers."""
     from app.command_line.prepare import progress_lines
     from app.command_line.replay import replay
-    from app.command_line.simulate import simulate
     from app.session.prepare import prepare_first_shot
+    from instrument.bench.simulate import simulate
 
     prepare_first_shot(progress_lines())
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
-        status = simulate(Path(folder), shots=1, seed=1, effect=None, undeclared=False, site=USUAL_SITE)
-        return status or replay([Path(folder)], diagnose=False)
+        return replay(simulate(Path(folder), 1, site=site_named(USUAL_SITE)), diagnose=False)
 
 
 if __name__ == "__main__":

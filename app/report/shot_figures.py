@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.fit import Overlay
+from analysis.fitted_shot import shaking_of
+from analysis.noise_band import noise_band
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from app.report.markup import Markup, tag
@@ -89,17 +91,18 @@ def _residuals(course: _Course) -> Markup | None:
     shot, over, motion = course.shot, course.overlay, course.shot.motion
     if over is None or shot.fit is None or motion is None:
         return None
+    noise = noise_band(motion, shaking_of(shot))
     rows = (
-        ("displacement (nm)", 1e9, shot.fit.shots[0].residual_m, motion.displacement_std_m),
-        ("velocity (µm/s)", 1e6, motion.velocity_m_per_s - over.velocity_m_per_s, motion.velocity_std_m_per_s),
-        ("force (mN)", 1e3, motion.force_n - over.force_n, motion.force_std_n),
+        ("displacement (nm)", 1e9, shot.fit.shots[0].residual_m, noise.displacement_m),
+        ("velocity (µm/s)", 1e6, motion.velocity_m_per_s - over.velocity_m_per_s, noise.velocity_m_per_s),
+        ("force (mN)", 1e3, motion.force_n - over.force_n, noise.force_n),
     )
     plots = []
     for label, scale, rest, std in rows:
         line = Line(course.time_ms, scale * rest, RESIDUAL[0])
         band = Band(course.time_ms, 2.0 * scale * std)
         plots.append(Plot(course.time_label, label, (line,), (band,), (), course.marks, zero_line=True))
-    words = "Inside the band what is left is noise; what stands out of it the model lacks."
+    words = "Inside the band what is left is noise and what shook the path; what stands out of it the model lacks."
     return figure("Residual.", words, plots, [RESIDUAL, NOISE], 165)
 
 

@@ -43,7 +43,7 @@ class Colours:
     cursor_b: str
     tones: dict[Tone, tuple[str, str]]  # background, text
     signs: dict[Tone, str]  # the tone as text on the panel
-    series: tuple[str, ...]  # overlaid shots; each also gets its own dash
+    series: tuple[str, ...]  # overlaid shots, none like ``simulated``; each also gets its own dash
 
 
 LIGHT = Colours(
@@ -81,7 +81,7 @@ LIGHT = Colours(
         Tone.WARNING: "#7d5a00",
         Tone.BAD: "#b3161b",
     },
-    series=("#1b5fa8", "#d1380f", "#15703f", "#7a2bb5", "#8a6a00", "#0f7f8c", "#a3195b", "#4a5563"),
+    series=("#1b5fa8", "#a3195b", "#15703f", "#7a2bb5", "#6b7600", "#0f7f8c", "#14181d", "#4a5563"),
 )
 
 DARK = Colours(
@@ -119,7 +119,7 @@ DARK = Colours(
         Tone.WARNING: "#ffc533",
         Tone.BAD: "#ff7d7d",
     },
-    series=("#5aa9ff", "#ff8a4c", "#5fdc98", "#d39bff", "#ffc533", "#4fd3e0", "#ff7fb2", "#b4bec9"),
+    series=("#5aa9ff", "#ff7fb2", "#5fdc98", "#d39bff", "#d9e04a", "#4fd3e0", "#ffffff", "#b4bec9"),
 )
 
 MARKS = {

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from app.command_line import display
+from app.command_line import display, start
 from app.command_line.cli import main
+from app.session import prepare
 
 
 def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -16,6 +17,15 @@ def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixt
     assert len(capsys.readouterr().out.split()) == 2
     assert main(["--replay", str(tmp_path), "--no-diagnose"]) == 0
     assert "COR quasi-static" in capsys.readouterr().out
+
+
+def test_without_a_screen_one_shot_is_told_and_named_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(prepare, "prepare_first_shot", lambda report: None)
+    assert start.headless_shot() == 0
+    said = capsys.readouterr().out
+    assert said.count("shot-1.sigmf-meta") == 1 and "COR quasi-static" in said and "fit of model paper" in said
 
 
 @pytest.mark.parametrize("effect", ["nonsense:x=1", "tilt:nonsense=1", "tilt:angle_rad=steep", "tilt"])

@@ -1,6 +1,7 @@
 """Panels, each by itself, on shots whose numbers are known."""
 
 import csv
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QPushButton
 
 from analysis.budget import budget
-from analysis.diagnosis.result import Candidate, Verdict
+from analysis.diagnosis.result import Candidate, Errors, Verdict
 from analysis.quantity import NotSeen, Quantity
 from app.session.session import Session
 from app.window.panels.candidates import CandidateBars
@@ -303,6 +304,16 @@ def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot
     assert not panel.diagnose.isEnabled() and panel.cancel.isVisible()
     panel.show_progress(None, 0.0)
     assert panel.diagnose.isEnabled()
+
+
+def test_the_errors_before_and_after_are_told_in_one_unit(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    before, after = Errors(141e-9, 33e-6, 2.4e-3, 22280.0), Errors(152e-12, 1.3e-6, 1e-3, 1.004)
+    panel.show_diagnosis(replace(synthetic.diagnosis(shot), error_before=before, error_after=after), [shot])
+    words = " ".join(re.sub("<[^>]*>", " ", panel.residuals._errors.text()).split())
+    assert "displacement (nm)" in words and "force (mN)" in words
+    assert words.split("before")[1].split()[0] == "141" and words.split("after")[1].split()[0] == "0.152"
 
 
 def test_a_chi2_near_one_beside_unexplained_says_why(qtbot, shot):

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from PySide6.QtCore import QRect
+from PySide6.QtCore import QRect, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPen
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QStyle,
     QStyleOptionButton,
     QStyleOptionComboBox,
+    QStyleOptionViewItem,
     QWidget,
 )
 
@@ -28,12 +29,14 @@ from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
 from app.window.layout import Layout
-from app.window.panels.session_model import COLUMNS, FLAGS
+from app.window.panels.session_model import COLUMNS, FLAGS, VERDICT
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView
-from app.window.theme import LIGHT, Theme, Tone
+from app.window.plots.time_stack import TimeStack
+from app.window.theme import DARK, LIGHT, Theme, Tone
 from app.words.flag_words import FLAG_WORDS, flags_in_short
 from app.words.physics_words import EFFECT_WORDS
+from app.words.verdict import verdict_in_short
 from tests.app import synthetic
 
 SMALLEST = (960, 540)
@@ -213,6 +216,14 @@ def test_orange_is_what_was_computed_from_a_model_and_nothing_else(window):
     panels.shot.set_view("whole")
 
 
+@pytest.mark.parametrize("scheme", [LIGHT, DARK], ids=["light", "dark"])
+def test_no_overlaid_shot_is_near_the_orange_of_a_model(scheme):
+    hue = QColor(scheme.simulated).hue()
+    coloured = [c for c in map(QColor, scheme.series) if c.saturation() > 60]
+    near = [c.name() for c in coloured if abs((c.hue() - hue + 180) % 360 - 180) < 25]
+    assert len(set(scheme.series)) == len(scheme.series) and not near
+
+
 def test_all_keys_are_read_without_moving_the_sheet_aside(window):
     sheet = window.panels.keys
     sheet.show()
@@ -254,6 +265,31 @@ def test_every_flag_has_room_in_its_column(window):
     words = [flags_in_short([flag, *["x"] * 9]) for flag in (*MEANINGS, *FLAG_WORDS)]
     widest = max(table.fontMetrics().horizontalAdvance(text) for text in words)
     assert widest < table.table.columnWidth(FLAGS) - 8
+
+
+def test_every_effects_name_has_room_in_the_column_of_verdicts_and_keeps_its_beginning(window):
+    table = window.panels.table
+    words = [verdict_in_short(f"{effect} + {effect}") for effect in EFFECT_WORDS.values()]
+    widest = max(words, key=table.fontMetrics().horizontalAdvance)
+    assert table.fontMetrics().horizontalAdvance(widest) < table.table.columnWidth(VERDICT) - 8, widest
+    option = QStyleOptionViewItem()
+    index = table.model.index(0, VERDICT)
+    table.table.itemDelegateForIndex(index).initStyleOption(option, index)
+    assert option.textElideMode == Qt.TextElideMode.ElideRight  # why a shot was not analysed begins with the cause
+
+
+def test_a_plot_too_low_for_its_label_carries_its_name_inside(window):
+    seen = set()
+    for page in _pages(window):
+        for stack in window.panels.tabs.widget(page).findChildren(TimeStack):
+            for plot in stack.plots if stack.isVisible() else ():
+                axis = plot.getAxis("left")
+                if not plot.isVisible() or plot.size().height() < 4:
+                    continue
+                whole = axis._label_shown == axis._whole
+                assert plot.caption == ("" if whole else plot.title)
+                seen.add(whole)
+    assert (window.width() >= 1366) in seen  # else nothing was asked
 
 
 def test_a_usual_shots_numbers_have_room_in_their_columns(window):

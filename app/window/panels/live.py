@@ -186,7 +186,6 @@ class LivePanel(QWidget):
             if present:
                 name = NAMES[channels[index].role]
                 if plot.title != name:
-                    plot.title = name
-                    plot.setLabel("left", f"{name} (V)")
+                    plot.call(name)
                 curve.show_samples(0.0, step, view.raw_v[-RAW_SHOWN:, index])
                 plot.fit_y()

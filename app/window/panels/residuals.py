@@ -1,10 +1,13 @@
 """What the model left over before and after the diagnosis: the residual of one shot, and the errors in numbers."""
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import Diagnosis, Errors, Verdict
+from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.drive.curves import DriveCurves
 from analysis.shot import Shot
 from app.report.shot_times import time_zero
@@ -14,7 +17,7 @@ from app.window.plots.cursors import SECONDS
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
 from app.words.prefixes import prefix_for
-from app.words.wording import DASH, number, short_name, with_prefix
+from app.words.wording import number, short_name
 
 CELL = "<td align='right' style='padding: 0 6px'>"
 
@@ -168,24 +171,31 @@ class ForceResiduals(QObject):
 
 
 def _errors_table(diagnosis: Diagnosis) -> str:
-    heads = "".join(f"{CELL}<b>{head}</b></td>" for head in ("displacement", "velocity", "force", "χ²/ν"))
     rows = (
         ("before", diagnosis.error_before),
         ("after", diagnosis.error_after),
         ("held out, before", diagnosis.error_held_out_before),
         ("held out, after", diagnosis.error_held_out_after),
     )
-    body = "".join(f"<tr><td>{name}</td>{_cells(errors)}</tr>" for name, errors in rows)
-    return f"<table cellspacing='0'><tr><td>rms</td>{heads}</tr>{body}</table>"
-
-
-def _cells(errors: Errors | None) -> str:
-    if errors is None:
-        return f"{CELL}{DASH}</td>" * 4
-    values = (
-        with_prefix(errors.displacement_rms_m, "m"),
-        with_prefix(errors.velocity_rms_m_per_s, "m/s"),
-        with_prefix(errors.force_rms_n, "N"),
-        number(errors.reduced_chi2, 4),
+    columns = [
+        _column(head, unit, [getattr(errors, name, math.nan) for _, errors in rows])
+        for head, name, unit in (
+            ("displacement", "displacement_rms_m", "m"),
+            ("velocity", "velocity_rms_m_per_s", "m/s"),
+            ("force", "force_rms_n", "N"),
+        )
+    ]
+    chi2 = [number(getattr(errors, "reduced_chi2", math.nan), 4) for _, errors in rows]
+    table = list(zip(*columns, ["<b>χ²/ν</b>", *chi2], strict=True))
+    body = "".join(
+        f"<tr><td>{name}</td>{''.join(f'{CELL}{cell}</td>' for cell in cells)}</tr>"
+        for name, cells in zip(("rms", *(name for name, _ in rows)), table, strict=True)
     )
-    return "".join(f"{CELL}{value}</td>" for value in values)
+    return f"<table cellspacing='0'>{body}</table>"
+
+
+def _column(head: str, unit: str, values: Sequence[float]) -> list[str]:
+    """Return a heading and numbers of one unit: where "141 nm" stood over "152 pm", the eye read a rise."""
+    most = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    factor, words = prefix_for(most, unit)
+    return [f"<b>{head}</b><br>({words})", *(number(factor * value, 3) for value in values)]

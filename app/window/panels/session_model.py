@@ -12,6 +12,7 @@ from app.window.combined import COMBINED, CombinedOnce
 from app.window.flag_tone import flag_line
 from app.window.panels.session_order import Order, ordered
 from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
+from app.words.verdict import verdict_in_short
 from app.words.wording import DASH, concise_text, how_text, value_text
 
 COLUMNS = (
@@ -24,7 +25,7 @@ COLUMNS = (
     ("COR kinetic", 12),
     ("F max (N)", 13),
     ("k_p (N/m)", 13),
-    ("verdict", 20),
+    ("verdict", 25),
     ("flags", 22),
     ("note", 9),
 )
@@ -36,7 +37,7 @@ KEYS = {  # of the numbers in the budget, by column
     7: "force_peak_n",
     8: "plate_stiffness_n_per_m",
 }
-FLAGS, NOTE = len(COLUMNS) - 2, len(COLUMNS) - 1
+VERDICT, FLAGS, NOTE = range(len(COLUMNS) - 3, len(COLUMNS))
 
 
 def _reading(entry: Entry, column: int) -> Reading | None:
@@ -68,7 +69,7 @@ def _sorted_by(entry: Entry, column: int) -> float | str | None:
     texts = {
         1: (shot.started_at or "") if shot is not None else "",
         2: entry.name,
-        9: entry.verdict,
+        VERDICT: entry.verdict,
         FLAGS: ", ".join(by_weight(shot.flags)) if shot is not None else "",
         NOTE: entry.note,
     }
@@ -145,7 +146,7 @@ class SessionModel(QAbstractTableModel):
             if entry.shot is not None
             else ""
         )
-        return " ".join((*(self._text(entry, column) for column in (0, 1, 2, 9, FLAGS, NOTE)), flags))
+        return " ".join((*(self._text(entry, column) for column in (0, 1, 2, VERDICT, FLAGS, NOTE)), flags))
 
     def rowCount(self, parent: QModelIndex | None = None) -> int:
         """Return the number of rows, headings of groups among them."""
@@ -178,6 +179,9 @@ class SessionModel(QAbstractTableModel):
             return _heading(entry, column, role)
         if role == Qt.ItemDataRole.DisplayRole and column == FLAGS:
             return flags_in_short(entry.shot.flags) if entry.shot is not None else ""
+        if role == Qt.ItemDataRole.DisplayRole and column == VERDICT:
+            words = self._text(entry, column)  # or why there is none
+            return verdict_in_short(words) if words == entry.verdict else words
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
             return self._text(entry, column)
         if role == Qt.ItemDataRole.ToolTipRole:
@@ -194,7 +198,7 @@ class SessionModel(QAbstractTableModel):
             return (shot.started_at or "")[11:19] if shot is not None and shot.started_at else DASH
         if column == 2:
             return entry.name
-        if column == 9:
+        if column == VERDICT:
             if shot is None:
                 return "reading …"
             return shot.problem or entry.verdict or DASH

@@ -7,6 +7,8 @@ from functools import partial
 from PySide6.QtCore import (
     QItemSelection,
     QItemSelectionModel,
+    QModelIndex,
+    QPersistentModelIndex,
     Qt,
     Signal,
     Slot,
@@ -21,14 +23,25 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QMenu,
     QPushButton,
+    QStyledItemDelegate,
+    QStyleOptionViewItem,
     QTableView,
     QVBoxLayout,
     QWidget,
 )
 
 from app.session.session import Entry, Session
-from app.window.panels.session_model import COLUMNS, NOTE, SessionModel
+from app.window.panels.session_model import COLUMNS, FLAGS, NOTE, VERDICT, SessionModel
 from app.window.panels.session_order import GROUPS, Order
+
+
+class _FromTheLeft(QStyledItemDelegate):
+    """Cells whose beginning matters: what does not fit is left out at the end, not in the middle as of names."""
+
+    def initStyleOption(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> None:
+        """Leave the end out."""
+        super().initStyleOption(option, index)
+        option.textElideMode = Qt.TextElideMode.ElideRight  # type: ignore[attr-defined]
 
 
 class SessionTable(QFrame):
@@ -91,6 +104,8 @@ class SessionTable(QFrame):
         self.table.setShowGrid(False)
         self.table.setWordWrap(False)
         self.table.setTextElideMode(Qt.TextElideMode.ElideMiddle)
+        for text in (VERDICT, FLAGS, NOTE):
+            self.table.setItemDelegateForColumn(text, _FromTheLeft(self.table))
         self.table.setMinimumHeight(int(4.2 * self.fontMetrics().height()))
         self.table.setTabKeyNavigation(False)
         self.table.verticalHeader().hide()

@@ -4,7 +4,9 @@ import numpy as np
 from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QComboBox, QWidget
 
+from analysis.fitted_shot import shaking_of
 from analysis.motion import Motion
+from analysis.noise_band import noise_band
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from app.report.shot_times import contact_span_ms, time_zero
@@ -97,13 +99,13 @@ class MotionView(QObject):
             self._residual.clear_samples()
             self._band.show_band(0.0, 1.0, np.empty(0))
             return
-        overlay = fit.shots[0].overlay
+        overlay, band = fit.shots[0].overlay, noise_band(motion, shaking_of(shot))
         if kind == "displacement":
-            rest, std = fit.shots[0].residual_m, motion.displacement_std_m
+            rest, std = fit.shots[0].residual_m, band.displacement_m
         elif kind == "velocity":
-            rest, std = motion.velocity_m_per_s - overlay.velocity_m_per_s, motion.velocity_std_m_per_s
+            rest, std = motion.velocity_m_per_s - overlay.velocity_m_per_s, band.velocity_m_per_s
         else:
-            rest, std = motion.force_n - overlay.force_n, motion.force_std_n
+            rest, std = motion.force_n - overlay.force_n, band.force_n
         start, step = _grid(motion, time_zero(shot)[0])
         scale, words = prefix_for(float(np.nanmax(np.abs(rest), initial=0.0)), unit)
         self.residual.count_in(words)

@@ -4,10 +4,8 @@ import pyqtgraph as pg
 from PySide6.QtCore import QObject, Slot
 
 from app.window.plots.curve import SampledCurve
-from app.window.plots.time_plot import TimePlot
+from app.window.plots.time_plot import ON_TOP, TimePlot
 from app.window.theme import Colours
-
-ON_TOP = 30
 
 
 class CurveNumbers(QObject):

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QTimer, Slot
+from PySide6.QtCore import QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetricsF, QPainter
 
 from app.window.pens import straight
@@ -21,6 +21,8 @@ def _round_up(distance: float) -> float:
 
 class PlainAxis(pg.AxisItem):
     """Draws the grid of the strongest ticks only, in one pen."""
+
+    fitted = Signal(bool)  # whether the label is whole
 
     def __init__(self, orientation: str) -> None:
         self._whole = self._label_shown = ""
@@ -58,6 +60,7 @@ class PlainAxis(pg.AxisItem):
             self._label_shown = self.labelText = text
             self.label.setHtml(self.labelString())
             super().resizeEvent(None)
+        self.fitted.emit(text == self._whole)
 
     def setLabel(self, text: str | None = None, *args: Any, **kwargs: Any) -> None:
         """Set the label; it is shown as far as there is room."""

@@ -1,0 +1,61 @@
+"""What noise and a path that moves by itself leave of a motion once the true model is taken off, sample by sample."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.disturbance import Shaking
+from analysis.motion import Motion
+from analysis.signal.filters import derivative_filters, derivative_gains
+
+Floats = NDArray[np.float64]
+_POINTS = 256  # over a record: enough for what is slow, and what is not keeps its power anyway
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseBand:
+    """Standard deviations of what stays when the true model is taken off a motion; arrays of shape (n,)."""
+
+    displacement_m: Floats
+    velocity_m_per_s: Floats
+    force_n: Floats
+
+
+def noise_band(motion: Motion, shaking: Shaking | None) -> NoiseBand:
+    """Return the noise of the samples and what shook the path, each through the motion's own filters.
+
+    The uncertainties a Motion states take the path for a random walk, as no more is known when it is made.  A building
+    moves its floor ever less from octave to octave: with the spectrum that the flights showed (``shaking``) the force
+    keeps a sixth of the band on a floor of VC-D, and the displacement has one at all.  Without, the motion's own hold.
+    """
+    if shaking is None:
+        return NoiseBand(motion.displacement_std_m, motion.velocity_std_m_per_s, motion.force_std_n)
+    rate_hz, bandwidth_hz = motion.sample_rate_hz, motion.bandwidth_hz
+    gains = derivative_gains(np.isfinite(motion.displacement_m), rate_hz, bandwidth_hz)
+    filters = derivative_filters(float(rate_hz), float(bandwidth_hz))
+    turn = 2j * np.pi * shaking.frequency_hz / rate_hz
+    steps = np.arange(-filters.half, filters.half + 1)
+    first, second = (np.abs(np.exp(turn[:, None] * steps) @ taps) for taps in (filters.velocity, filters.acceleration))
+    span_s = float(motion.time_s[-1] - motion.time_s[0])
+    white_m = motion.displacement_std_m
+    return NoiseBand(
+        np.hypot(white_m, _rms(shaking, _left(shaking, span_s, 2))),
+        np.hypot(white_m * gains[0], _rms(shaking, first**2 * _left(shaking, span_s, 1))),
+        motion.moving_mass_kg * np.hypot(white_m * gains[1], _rms(shaking, second**2)),
+    )
+
+
+def _rms(shaking: Shaking, gain: Floats) -> float:
+    return float(np.sqrt(shaking.power_m2 @ gain))
+
+
+def _left(shaking: Shaking, span_s: float, terms: int) -> Floats:
+    """Return what stays of each sine's power once a polynomial of ``terms`` terms is taken off, shape (f,).
+
+    The fit chooses every shot's own place and speed, and so takes the slowest part of the floor off.
+    """
+    at = np.linspace(-1.0, 1.0, _POINTS)
+    basis = np.linalg.qr(np.vander(at, terms))[0]
+    sines = np.exp(1j * np.pi * span_s * shaking.frequency_hz[:, None] * at)
+    return np.asarray(np.mean(np.abs(sines - (sines @ basis) @ basis.T) ** 2, axis=1))

@@ -1,11 +1,15 @@
 """The shots an operator could take next, and what each costs him."""
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from analysis.diagnosis.samples import Samples
+if TYPE_CHECKING:  # the settings need what a rig can do, not the diagnosis
+    from analysis.diagnosis.samples import Samples
 
 SPEEDS_M_PER_S = (0.05, 0.10, 0.20, 0.35, 0.60)
 ADDED_KG = (0.0, 0.05)

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose
@@ -16,7 +16,7 @@ from analysis.shot import AnalysisError, Shot
 from app.command_line.acquire import LEAST_ARMING_S, capture_settings
 from app.command_line.outputs import check_outputs, in_a_line
 from app.session.load import complaint, load_and_analyse
-from app.session.planned_record import planned_record
+from app.session.planned_record import planned_record, planned_setup
 from instrument.acquire import AcquireError, acquire
 from instrument.apart.digitizer import open_apart
 from instrument.digitizer import DigitizerError
@@ -76,8 +76,7 @@ def _planned(shot: NextShot, shots: Sequence[Shot], taking: Taking, number: int)
     source = pushed(taking.source, shot.speed_m_per_s, shot.added_mass_kg, number) if is_bench(taking.source) else None
     _say(f"{'taking' if source else 'please set, then push:'} {shot.words}")
     digitizer = open_apart(source or taking.source, arms_s=max(taking.timeout_s, LEAST_ARMING_S))
-    known = digitizer.setup
-    setup = None if source else replace(known, moving_mass_kg=known.moving_mass_kg + shot.added_mass_kg)
+    setup = None if source else planned_setup(digitizer.setup, shot, shots)
     settings = planned_record(shot, shots, taking.rate_hz)
     (path,) = acquire(digitizer, taking.out, 1, settings, taking.timeout_s, report=_say, setup=setup)
     return path

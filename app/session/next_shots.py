@@ -11,9 +11,10 @@ from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import MOST_SHOTS
 from analysis.planning.steps import Standing, Step, next_step, stand
 from analysis.shot import Shot
+from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.jobs import Job
-from app.session.planned_record import planned_record
+from app.session.planned_record import planned_record, planned_setup
 from app.session.rig import Rig
 from app.session.session import Entry
 from app.session.workbench import Workbench
@@ -37,8 +38,8 @@ class _Under:
 class NextShots:
     """Where every diagnosed set stands, and the one planned shot that may be under way."""
 
-    def __init__(self, workbench: Workbench, rig: Rig) -> None:
-        self._workbench, self._rig = workbench, rig
+    def __init__(self, workbench: Workbench, rig: Rig, choices: Choices) -> None:
+        self._workbench, self._rig, self._choices = workbench, rig, choices
         self._standings: dict[frozenset[int], Standing] = {}
         self._job: tuple[Job, frozenset[int]] | None = None
         self._under: _Under | None = None
@@ -61,7 +62,7 @@ class NextShots:
         """Queue the planning of what would tell apart what this diagnosis left open."""
         motions = [shot.motion for shot in self._shots(found.numbers) if shot.motion is not None]
         left = max(1, MOST_SHOTS - len(steps))
-        work = partial(stand, motions, found.diagnosis, tuple(steps), left=left)
+        work = partial(stand, motions, found.diagnosis, tuple(steps), left=left, reach=self._choices.settings.reach)
         self._job = (self._workbench.aside("next shot", work, PLAN), frozenset(found.numbers))
 
     def take(self, found: Diagnosed) -> None:
@@ -75,9 +76,7 @@ class NextShots:
 
         def changed(options: CaptureOptions) -> CaptureOptions:
             rate_hz = options.settings.sample_rate_hz if options.settings is not None else None
-            setup = options.setup
-            if setup is not None:
-                setup = replace(setup, moving_mass_kg=setup.moving_mass_kg + shot.added_mass_kg)
+            setup = planned_setup(options.setup, shot, shots) if options.setup is not None else None
             settings = planned_record(shot, shots, rate_hz)
             return replace(options, settings=settings, setup=setup)
 

@@ -1,9 +1,11 @@
-"""The record that a planned shot asks for, from what the shots so far show of the rig."""
+"""The record and the mass that a planned shot asks for, from what the shots so far show of the rig."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from analysis.diagnosis.samples import together
 from analysis.planning.next_shot import NextShot, contact_s
+from analysis.recording import Setup
 from analysis.shot import Shot
 from instrument.digitizer import CaptureSettings
 
@@ -21,6 +23,16 @@ def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None)
     whole_s = shot.before_s + contact_s(shot, samples) + shot.after_s
     before_switch_s = max(shot.before_s - _switch_m(shots) / shot.speed_m_per_s, _LEAST_BEFORE_SWITCH_S)
     return CaptureSettings(rate_hz, round(rate_hz * whole_s), round(rate_hz * before_switch_s))
+
+
+def planned_setup(setup: Setup, shot: NextShot, shots: Sequence[Shot]) -> Setup:
+    """Return the rig of a planned shot: the block as the lightest of the shots so far had it, and the plan's weights.
+
+    One rule for the window and ``--resolve``: what the settings state at that moment does not count, so that weights
+    put on as the plan says and typed into the settings as well are not counted twice.
+    """
+    as_found_kg = min(one.motion.moving_mass_kg for one in shots if one.motion is not None)
+    return replace(setup, moving_mass_kg=as_found_kg + shot.added_mass_kg)
 
 
 def _switch_m(shots: Sequence[Shot]) -> float:

@@ -12,7 +12,7 @@ class Field:
     key: str
     group: str
     words: str
-    kind: str  # "number" | "choice" | "folder" | "flag"
+    kind: str  # "number" | "numbers" (SI, parted by blanks) | "choice" | "folder" | "flag"
     unit: str = ""
     scale: float = 1.0
     low: float = float("-inf")

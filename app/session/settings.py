@@ -8,6 +8,7 @@ from pathlib import Path
 
 from platformdirs import user_documents_path
 
+from analysis.planning.next_shot import ADDED_KG, SPEEDS_M_PER_S, Reach
 from analysis.recording import Air, Setup
 from analysis.shot import AnalysisSettings
 from app.session.setting_field import Field, Value
@@ -20,6 +21,7 @@ from instrument.trigger import Edge
 
 KNOWS_ITS_RIG = ("bench", "replay")  # sources that bring mass and wavelength along
 MOST_ADDRESSES = 5
+MOST_LISTED = 12  # speeds or weights: each pair is foretold by every model that competes
 
 
 class WrongSettings(Exception):
@@ -47,6 +49,9 @@ class Settings:
     bandwidth_hz: float = 10e3
     model: str = "paper"
     rest: str = "smoothed"
+    speeds_m_per_s: str = " ".join(map(str, SPEEDS_M_PER_S))  # that a planned shot may have
+    weights_kg: str = " ".join(str(kg) for kg in ADDED_KG if kg)  # that it may have on the block
+    run_up_m: float = 12e-3
     folder: str = ""
     sound: bool = False  # at the trigger
     flash: bool = False
@@ -85,6 +90,8 @@ class Settings:
                     or not field.low <= value <= field.high
                 ):
                     raise WrongSettings(f"{field.words}: {shown(value)} is outside {field.low:g} to {field.high:g}")
+            elif field.kind == "numbers":
+                self._check_list(field, value)
             elif field.kind == "choice" and value not in {stored for stored, _ in field.choices}:
                 raise WrongSettings(f"{field.words}: {shown(value)} is none of the choices")
             elif field.kind == "flag":
@@ -92,6 +99,27 @@ class Settings:
                     raise WrongSettings(f"{field.words}: {shown(value)} is neither true nor false")
             elif not isinstance(value, str):
                 raise WrongSettings(f"{field.words}: {shown(value)} is not a text")
+
+    def _check_list(self, field: Field, value: Value) -> None:
+        try:
+            numbers = [float(word) for word in value.split()] if isinstance(value, str) else None
+        except ValueError:
+            numbers = None
+        if numbers is None:
+            raise WrongSettings(f"{field.words}: {shown(value)} is no list of numbers")
+        if not numbers and not field.optional:
+            raise WrongSettings(f"{field.words}: a number is missing")
+        if len(numbers) > MOST_LISTED:
+            raise WrongSettings(f"{field.words}: {len(numbers)} numbers, of which a plan can weigh {MOST_LISTED}")
+        for number in numbers:
+            if not field.low <= number <= field.high:
+                raise WrongSettings(f"{field.words}: {number:g} is outside {field.low:g} to {field.high:g}")
+
+    @property
+    def reach(self) -> Reach:
+        """Get what the rig can do, for the planning of a next shot: its speeds, its weights and none, its run-up."""
+        speeds, weights = (sorted(set(map(float, text.split()))) for text in (self.speeds_m_per_s, self.weights_kg))
+        return Reach(tuple(speeds), (0.0, *weights), self.run_up_m)
 
     @property
     def data_folder(self) -> Path:
@@ -202,6 +230,13 @@ FIELDS: tuple[Field, ...] = (
     Field("rest", "Analysis", "Rest beat", "choice", choices=(
         ("smoothed", "smoothed PD0"), ("instantaneous", "instantaneous PD0")),
           hover="How PD0 is subtracted from PD1"),
+    Field("speeds_m_per_s", "The next shot", "Speeds", "numbers", "m/s", 1.0, 1e-3, 10.0,
+          "Speeds at which you can let the block strike; a planned shot is one of them. Blanks part them"),
+    Field("weights_kg", "The next shot", "Weights", "numbers", "g", 1e3, 1e-4, 100.0,
+          "What can be put on the block, each as a whole; a planned shot has one of them or none. Empty: none at hand",
+          optional=True),
+    Field("run_up_m", "The next shot", "Run-up", "number", "mm", 1e3, 1e-4, 10.0,
+          "Free flight before the plate: so much of it can be recorded"),
     Field("site", "Simulated bench", "stands at", "choice", choices=SITES,
           hover="How much the floor under the simulated bench moves: the vibration criteria of the field, "
           "as the rms velocity in a third-octave"),

@@ -75,7 +75,7 @@ class MainWindow(QMainWindow):
         self.selection_presenter = SelectionPresenter(workbench, self.panels, self)
         self.session_presenter = SessionPresenter(workbench, choices, self.panels, self.selection_presenter, self)
         self.diagnosis_presenter = DiagnosisPresenter(workbench, self.panels, self)
-        plans = NextShots(workbench, rig)
+        plans = NextShots(workbench, rig, choices)
         self.next_shot_presenter = NextShotPresenter(
             plans, workbench, self.panels, self.diagnosis_presenter.found, self
         )

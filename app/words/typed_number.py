@@ -1,4 +1,4 @@
-"""A number as a person types it, whatever the screen's language is."""
+"""Numbers as a person types them, whatever the screen's language is."""
 
 import math
 
@@ -19,3 +19,12 @@ def typed_number(text: str) -> float:
     if "_" in plain or not math.isfinite(value):
         raise ValueError(f"{text} is not a number")
     return value
+
+
+def typed_numbers(text: str) -> tuple[float, ...]:
+    """Return the numbers of a list, parted by blanks or semicolons; a comma before a blank parts too.
+
+    Raises ValueError as ``typed_number`` does.
+    """
+    words = (word.removesuffix(",") for word in text.replace(";", " ").split())
+    return tuple(typed_number(word) for word in words if word)

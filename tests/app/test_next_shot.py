@@ -11,11 +11,14 @@ from analysis.model.fitting import fit_shots
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import Plan
 from analysis.planning.steps import Standing, Step
+from analysis.recording import Setup
 from app.command_line.cli import main
 from app.command_line.plan_ahead import plan_ahead
 from app.session.diagnoses import Diagnoses
 from app.session.event import Diagnosed
 from app.session.next_shots import NextShots
+from app.session.planned_record import planned_setup
+from app.session.settings import Settings
 from app.window.panels.next_shot import NextShotCard
 from instrument.capture_options import CaptureOptions
 from tests.analysis.diagnosis.shots import motions_of
@@ -105,7 +108,8 @@ class _Rig:
 def planned(said):
     shot = synthetic.shot()
     workbench, rig = _Workbench({1: shot, 2: shot, 3: shot}), _Rig("bench?seed=4")
-    plans, found = NextShots(workbench, rig), Diagnosed(said, (1, 2))
+    choices = SimpleNamespace(settings=Settings(weights_kg="0.02 0.1", speeds_m_per_s="0.3"))
+    plans, found = NextShots(workbench, rig, choices), Diagnosed(said, (1, 2))
     plans.plan(found)
     workbench.jobs[-1].result = Standing(PLAN)
     assert plans.poll() is None
@@ -128,6 +132,26 @@ def test_a_planned_shot_is_set_taken_joined_and_told(planned, said, tmp_path):
     workbench.diagnoses.append(Diagnosed(said, (1, 2, 3)))
     assert plans.poll() == (1, 2, 3)
     assert workbench.jobs[-1].work.args[2] == (STEP,)
+
+
+def test_a_plan_asks_only_for_speeds_and_weights_at_hand(planned):
+    _, workbench, _, _ = planned
+    reach = workbench.jobs[-1].work.keywords["reach"]
+    assert reach.speeds_m_per_s == (0.3,) and reach.added_kg == (0.0, 0.02, 0.1)
+
+
+def test_weights_typed_into_the_settings_as_well_count_once(planned, tmp_path):
+    """The one rule: a planned shot has the block as the set had it, and the plan's weights."""
+    plans, workbench, rig, found = planned
+    rig.source = "hantek6022"
+    plans.take(found)
+    ((source, change),) = rig.taken
+    as_found = workbench.session.entry(1).shot.motion.moving_mass_kg
+    for stated in (as_found, as_found + FAST.added_mass_kg):
+        taken = change(CaptureOptions(tmp_path, setup=Setup(stated)))
+        assert source == "hantek6022" and taken.setup.moving_mass_kg == pytest.approx(as_found + 0.05, rel=1e-12)
+    shots = [workbench.session.entry(1).shot]
+    assert planned_setup(Setup(9.0), FAST, shots).moving_mass_kg == pytest.approx(as_found + 0.05)
 
 
 def test_a_shot_that_cannot_be_read_joins_nothing_and_one_may_give_up(planned):

@@ -26,6 +26,7 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from app.words.typed_number import typed_number
+from app.words.wording import local
 from instrument.digitizer import CaptureSettings
 from instrument.open_recording import open_recording
 from instrument.recording_file import write_recording
@@ -56,6 +57,29 @@ def test_a_typed_mass_is_the_same_in_every_country(qtbot: QtBot, locale: str, ty
         assert taken and taken[0]["moving_mass_kg"] == pytest.approx(17.85e-3, rel=1e-12)
     finally:
         QLocale.setDefault(before)
+
+
+@pytest.mark.parametrize("typed", ["20.5 100", "20,5; 100", "20.5, 100", "  20,5   100 ;"])
+def test_weights_are_typed_as_a_list_in_grams_and_come_back(qtbot: QtBot, typed: str) -> None:
+    sheet = SettingsSheet(LIGHT)
+    qtbot.addWidget(sheet)
+    sheet.offer(FIELDS)
+    sheet.show_values(Settings().values())
+    taken: list[dict[str, object]] = []
+    sheet.applied.connect(taken.append)
+    sheet.set_value("weights_kg", typed)
+    sheet.apply()
+    assert taken and taken[0]["weights_kg"] == "0.0205 0.1" and taken[0]["speeds_m_per_s"] == "0.05 0.1 0.2 0.35 0.6"
+    sheet.show_values(Settings().values() | {"weights_kg": "0.0205 0.1"})
+    shown = sheet._editors["weights_kg"]
+    assert isinstance(shown, QLineEdit) and shown.text() == f"{local('20.5')}  100"
+    for wrong, words in (("20,5,100", "two ways"), ("heavy", "not a number"), ("0.01", "outside")):
+        sheet.set_value("weights_kg", wrong)
+        sheet.apply()
+        assert words in sheet.problem and len(taken) == 1
+    sheet.set_value("weights_kg", "")
+    sheet.apply()
+    assert taken[-1]["weights_kg"] == ""
 
 
 @pytest.mark.parametrize("typed", ["1.785,3", "1,785.3", "1.785.3", "1_785", "nan", "inf", "", "17.85 g"])

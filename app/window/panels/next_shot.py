@@ -16,7 +16,11 @@ UNPLANNED = (
 )
 
 ARM, SET = "ARM for it", "Set and take it"
-ARM_TIP = "Set the rig as said, then arm: the shot joins this diagnosis"
+ARM_TIP = (
+    "Set the rig as said, then arm: the shot joins this diagnosis. Its mass is that of the block as found with the "
+    "weights added, so leave the settings as they are"
+)
+NORMS = "Noise norm: how far apart two models lie, told in what noise alone does to that distance; five decide"
 SET_TIP = "The simulated bench is set to this speed and weight, and pushed; the shot joins this diagnosis"
 
 
@@ -38,6 +42,7 @@ class NextShotCard(QFrame):
         column.addWidget(heading)
         self._sentence = QLabel(self)
         self._sentence.setWordWrap(True)
+        self._sentence.setToolTip(NORMS)
         column.addWidget(self._sentence)
         self._log = QLabel(self)
         self._log.setWordWrap(True)

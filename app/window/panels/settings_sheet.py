@@ -20,7 +20,7 @@ from app.session.setting_field import Field, Value
 from app.window.file_question import Want, ask
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
-from app.words.typed_number import typed_number
+from app.words.typed_number import typed_number, typed_numbers
 from app.words.wording import local
 
 
@@ -139,6 +139,8 @@ class SettingsSheet(SideSheet):
                 if field.kind == "number":
                     shown = "" if value is None else local(f"{float(value) * field.scale:.10g}")
                     editor.setText(shown)
+                elif field.kind == "numbers":
+                    editor.setText("  ".join(local(f"{float(v) * field.scale:.10g}") for v in str(value or "").split()))
                 else:
                     editor.setText("" if value is None else str(value))
 
@@ -158,8 +160,8 @@ class SettingsSheet(SideSheet):
                 values[field.key] = str(editor.currentData())
             elif isinstance(editor, QCheckBox):
                 values[field.key] = editor.isChecked()
-            elif isinstance(editor, QLineEdit) and field.kind == "number":
-                value, problem = self._number(field, editor.text())
+            elif isinstance(editor, QLineEdit) and field.kind in ("number", "numbers"):
+                value, problem = (self._number if field.kind == "number" else self._list)(field, editor.text())
                 if problem:
                     self.refuse(problem)
                     editor.setFocus()
@@ -169,6 +171,17 @@ class SettingsSheet(SideSheet):
                 values[field.key] = editor.text().strip()
         self.accept_words("Applied. Ctrl+R analyses the selected shots again with them, as copies.")
         self.applied.emit(values)
+
+    def _list(self, field: Field, text: str) -> tuple[str | None, str]:
+        try:
+            values = typed_numbers(text)
+        except ValueError as error:
+            return None, f"{field.words}: {error}"
+        if not values:
+            return ("", "") if field.optional else (None, f"{field.words}: a number is missing")
+        told = [self._number(field, repr(value)) for value in values]
+        problem = next((problem for _, problem in told if problem), "")
+        return " ".join(f"{value:.12g}" for value, _ in told if value is not None), problem
 
     def _number(self, field: Field, text: str) -> tuple[float | None, str]:
         if not text.strip():

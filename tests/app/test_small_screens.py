@@ -176,8 +176,10 @@ def test_no_page_is_wider_than_the_window(window):
     panels = window.panels
     shot = panels.diagnosis._shots[0]
     found = synthetic.diagnosis(shot)
-    every = tuple(Candidate(name, 3580.0 - 100 * n, -25700.0) for n, name in enumerate(EFFECT_WORDS))
-    found = replace(found, candidates=every)
+    longest_first = sorted(EFFECT_WORDS, key=lambda name: -len(EFFECT_WORDS[name]))  # more are not shown
+    every = tuple(Candidate(name, 3580.0 - 100 * n, -25700.0) for n, name in enumerate(longest_first))
+    named = tuple(replace(found.effects[0], name=name) for name in longest_first[:3])  # in bold, with a tick
+    found = replace(found, candidates=every, effects=named)
     kinds = (found, replace(found, verdict=Verdict.UNEXPLAINED), replace(found, laws=(synthetic.learned_law(),)))
     for page in _pages(window):
         for kind in kinds if page == Layout.DIAGNOSIS else (found,):

@@ -1,7 +1,7 @@
 """Every effect that a diagnosis tried, best first: a bar, its score in words, its evidence."""
 
 from PySide6.QtCore import QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QScrollArea, QSizePolicy, QWidget
 
 from analysis.diagnosis.result import Candidate
@@ -9,6 +9,7 @@ from app.window.theme import MARKS, Colours, Tone
 from app.words.wording import DASH, effect_words, number, parameter_words
 
 SHOWN_CANDIDATES = 19
+NARROWEST = 16  # letters of a name in one line
 
 
 class Bar(QWidget):
@@ -32,6 +33,8 @@ class CandidateBars(QScrollArea):
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
+        self._grid: QGridLayout | None = None
+        self._longest = self._beside = 0  # width of the longest name, and of what stands beside it
         self.setWidgetResizable(True)
         self.setAccessibleName("Effects that were tried, best first")
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAsNeeded)
@@ -47,6 +50,7 @@ class CandidateBars(QScrollArea):
         grid.setContentsMargins(4, 2, 10, 2)
         grid.setVerticalSpacing(3)
         grid.setColumnStretch(1, 1)
+        names: list[QLabel] = []
         most = max((abs(candidate.score) for candidate in candidates), default=1.0) or 1.0
         ranked = sorted(candidates, key=lambda c: -abs(c.score))  # in the order of their bars
         for line, candidate in enumerate(ranked[:SHOWN_CANDIDATES]):
@@ -58,6 +62,7 @@ class CandidateBars(QScrollArea):
             font = name.font()
             font.setBold(chosen)
             name.setFont(font)
+            names.append(name)
             colour = self._colours.accent if chosen else self._colours.marker
             score = QLabel(number(candidate.score, 3), inner)
             score.setAlignment(Qt.AlignmentFlag.AlignRight)
@@ -72,5 +77,21 @@ class CandidateBars(QScrollArea):
                 widget.setToolTip(hover)
                 grid.addWidget(widget, line, place)
         grid.setRowStretch(SHOWN_CANDIDATES, 1)
+        self._longest = max((label.sizeHint().width() for label in names), default=0)
+        self._beside = inner.sizeHint().width() - self._longest
+        for label in names:
+            label.setWordWrap(True)
+        self._grid = grid
         self.setWidget(inner)
-        self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())
+        least = min(self._longest, NARROWEST * self.fontMetrics().horizontalAdvance("n"))
+        self.setMinimumWidth(self._beside + least + self.verticalScrollBar().sizeHint().width())
+        self._share_width()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Let names have the width that is there, and go on in a second line where it is too little."""
+        super().resizeEvent(event)
+        self._share_width()
+
+    def _share_width(self) -> None:
+        if self._grid is not None:
+            self._grid.setColumnMinimumWidth(0, max(0, min(self._longest, self.viewport().width() - self._beside)))

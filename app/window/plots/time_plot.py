@@ -113,7 +113,7 @@ class TimePlot(pg.PlotItem):
         for side in ("left", "bottom"):
             self.getAxis(side).dress(colours.edge, colours.text, colours.grid)
         self._caption.setColor(colours.text)
-        self._caption.fill = pg.mkBrush(colours.plot)
+        self._caption.fill = pg.mkBrush(f"{colours.plot}a0")  # what lies behind is seen
         for band in self.bands:
             band.dress(colours.band, colours.band_edge)
         for mark in self.marks:

@@ -75,7 +75,7 @@ def accepted_effects(effects: list[FoundEffect], rest: Residual, best: Fitted) -
         return [], Verdict.UNEXPLAINED
     if not rest.significant:
         # Beside a floor that still wanders chance gives any freedom much: an effect must do more than the next one.
-        free = rest.misfit.size if best.floor.rms_m[0] > 0 else 0.0
+        free = rest.misfit.size if best.floor.wanders else 0.0
         if all(effect.evidence["snr"] > CRITERIA.clear_of_rest * free for effect in effects):
             return effects, Verdict.EFFECT_FOUND
         return [], Verdict.UNEXPLAINED

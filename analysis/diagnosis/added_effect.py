@@ -38,7 +38,7 @@ def refit(at: Projector, kind: TrialEffect, start: Sequence[Mapping[str, float]]
         try:
             z = np.clip(hypothesis.pack_effective(Point(effective.base, effective.own, values)), low, high)
             z = _made_room(at, hypothesis, z)
-            return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=_SHORT, cancelled=stop))
+            return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=_SHORT, cancelled=stop), here.floor)
         except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
             continue
     return None
@@ -105,9 +105,8 @@ def united(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | N
     if stop():
         raise Cancelled
     try:
-        return finish(
-            hypothesis, search(hypothesis, np.clip(z, low, high), here.floor, evaluations=_SHORT, cancelled=stop)
-        )
+        found = search(hypothesis, np.clip(z, low, high), here.floor, evaluations=_SHORT, cancelled=stop)
+        return finish(hypothesis, found, here.floor)
     except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
         return None
 

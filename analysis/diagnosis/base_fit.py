@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.effective_parameters import Point
@@ -10,16 +11,17 @@ from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.forward_selection import Trail, better, climb, explore
 from analysis.diagnosis.free_parameters import TrialEffect, trials_named
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.hypothesis_fit import Fitted, finish, fit, search
+from analysis.diagnosis.hypothesis_fit import Fitted, finish, fit, learn_floor, residuals, search
 from analysis.diagnosis.quick_shot import too_fast
 from analysis.fit import Fit
 from analysis.model.fitting import first_guesses, prepare
 from analysis.model.least_squares import Infeasible
-from analysis.model.response import Model
+from analysis.model.response import Base, Model
 from analysis.model.search import own_start
 from analysis.motion import Motion
 from analysis.shot import AnalysisError, Stop
 
+Floats = NDArray[np.float64]
 _SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # of the stiffness and damping of the contact that was read
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
@@ -29,11 +31,9 @@ def base_fit(data: JointData, given: Fit, stop: Stop, taken_along: Sequence[str]
 
     ``taken_along`` are the effects that each shot has for itself and that are no finding.
     """
-    names = data.base.names
-    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
     along = trials_named(taken_along)
     values = tuple({kind.name: kind.starts[0] for kind in along} for _ in data.shots)
-    point = Point(np.array([given.parameters[name].value for name in names]), np.array(own), values)
+    point = Point(*parameters_of(given, data.base), values)
     hypothesis = Hypothesis(data, along)
     point = _slow_enough(hypothesis, point)
     quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in data.shots])
@@ -41,10 +41,19 @@ def base_fit(data: JointData, given: Fit, stop: Stop, taken_along: Sequence[str]
         raise AnalysisError("too few samples for a diagnosis")
     white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
     floor = Floor(white, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)
+    z = hypothesis.pack(point)
     try:
-        return fit(hypothesis, hypothesis.pack(point), floor, cancelled=stop)
+        if data.site is not None:  # what a building does is no reason to leave the point
+            floor, _ = learn_floor(data, residuals(hypothesis, z), floor)
+        return fit(hypothesis, z, floor, cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
+
+
+def parameters_of(given: Fit, base: Base) -> tuple[Floats, Floats]:
+    """Return a fit's shared parameters of the base model, shape (k,), and (v_in, touch, offset) a shot, shape (n, 3)."""
+    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
+    return np.array([given.parameters[name].value for name in base.names]), np.array(own)
 
 
 def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:
@@ -85,7 +94,7 @@ def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[st
             hypothesis = Hypothesis(here.hypothesis.data, (*here.hypothesis.effects, kind), here.hypothesis.fixed)
             values = tuple({**v, name: dict(kind.starts[0])} for v in here.point.values)
             z = hypothesis.pack(Point(here.point.base, here.point.own, values))
-            better = finish(hypothesis, search(hypothesis, z, here.floor, cancelled=stop))
+            better = finish(hypothesis, search(hypothesis, z, here.floor, cancelled=stop), here.floor)
         here = better
     return here
 
@@ -121,9 +130,8 @@ def _from_the_guess(
         contact[-2:] *= softer
         point = _slow_enough(hypothesis, Point(contact, own, before.point.values))
         try:
-            there = finish(
-                hypothesis, search(hypothesis, hypothesis.pack(point), before.floor, evaluations=1, cancelled=stop)
-            )
+            found = search(hypothesis, hypothesis.pack(point), before.floor, evaluations=1, cancelled=stop)
+            there = finish(hypothesis, found, before.floor)
         except Infeasible:
             continue
         trail = Trail(before, catalogue, stop)

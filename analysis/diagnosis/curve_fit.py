@@ -158,7 +158,7 @@ def _moved(terms: tuple[Term, ...], by: Floats) -> tuple[Term, ...]:
 def _whitened(hypothesis: Hypothesis, shown: Sequence[Floats], columns: Sequence[Floats], floor: Floor) -> Floats:
     """Return (measured - model, derivatives) whitened, all shots one after another."""
     rows = [
-        floor.whiten(np.column_stack([shot.displacement_m - x, j]), shot.valid, shot.weight)
+        shot.whitened(floor, np.column_stack([shot.displacement_m - x, j]))
         for shot, x, j in zip(hypothesis.data.shots, shown, columns, strict=True)
     ]
     joined = np.concatenate(rows)

@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.quick_shot import Values, too_fast
-from analysis.diagnosis.samples import Samples
 from analysis.diagnosis.search_vector import SearchVector
 from analysis.model.effects import Effect, named
 from analysis.model.least_squares import Infeasible
-from analysis.model.response import DEFAULT_WAVELENGTH_M, Model, Response, ShotData, respond
-from analysis.noise import Noise
+from analysis.model.response import Model, Response, respond
 
 Floats = NDArray[np.float64]
 _STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
@@ -50,7 +48,7 @@ def solved(
     own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
     block = shot.factor if averaged else 1
     return model, respond(
-        model, _data(shot), np.array(shared), np.array(own), derivatives=derivatives, stride=_STRIDE, block=block
+        model, shot.for_model, np.array(shared), np.array(own), derivatives=derivatives, stride=_STRIDE, block=block
     )
 
 
@@ -70,19 +68,3 @@ def _chosen(vector: SearchVector, values: Values) -> tuple[tuple[str, float], ..
 def _value(values: Values, full: str) -> float:
     name, _, parameter = full.rpartition(".")
     return values[name][parameter]
-
-
-def _data(shot: Samples) -> ShotData:
-    """Return the shot as the model takes it; it is whitened elsewhere."""
-    nothing = Noise(1.0, 0.0, 1.0, np.ones(1), shot.spacing_s, 0)
-    rate_hz = shot.factor / shot.spacing_s
-    return ShotData(
-        shot.time_s,
-        shot.displacement_m,
-        shot.valid,
-        shot.moving_mass_kg,
-        shot.course,
-        nothing,
-        shot.wavelength_m or DEFAULT_WAVELENGTH_M,
-        rate_hz,
-    )

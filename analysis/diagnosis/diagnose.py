@@ -9,7 +9,7 @@ import numpy as np
 from analysis.diagnosis import words
 from analysis.diagnosis.acceptance import accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
-from analysis.diagnosis.base_fit import accept, base_fit, explored, pays_along
+from analysis.diagnosis.base_fit import accept, base_fit, explored, parameters_of, pays_along
 from analysis.diagnosis.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.competing_models import apart
 from analysis.diagnosis.criteria import CRITERIA
@@ -18,7 +18,7 @@ from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.forward_selection import Trail, without
 from analysis.diagnosis.free_parameters import TrialEffect, trial_effects
-from analysis.diagnosis.full_rate import seen_finely
+from analysis.diagnosis.full_rate import seen_finely, swayed_from_there
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
@@ -28,12 +28,15 @@ from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.samples import together
-from analysis.diagnosis.site import may_be_site
+from analysis.diagnosis.site import on_site, site_of
+from analysis.disturbance import Shaking
 from analysis.fit import Fit
-from analysis.model.effects import findings
+from analysis.model.effects import findings, named
 from analysis.model.fitting import base_named, fit_shots
+from analysis.model.on_frame import can_tell
 from analysis.motion import Motion
 from analysis.quantity import Quantity
+from analysis.reading.read import shaking_in
 from analysis.shot import Progress, Stop
 
 
@@ -45,6 +48,7 @@ def diagnose(
     accepted: Sequence[str] = (),
     laws: Sequence[str] = (),
     hold_out: int | None = None,
+    shakings: Sequence[Shaking | None] | None = None,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Diagnosis:
@@ -53,6 +57,7 @@ def diagnose(
     ``laws`` are the keys of a person's own (``laws.own``), asked like the catalogue's effects.
     ``fit`` is a joint base fit of these motions, where there is one already; ``hold_out`` the index of the shot that
     is foretold from the others (default: the slowest, a middle one and the fastest in turn, of two the slower).
+    ``shakings`` say what shook the frame of each shot, as its reading tells; where not given, they are read here.
     Everything is judged in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there
     is nothing to judge, Cancelled when asked to stop.
     """
@@ -66,8 +71,16 @@ def diagnose(
     catalogue = trial_effects([*laws, *(name for name in accepted if "{" in name)])
     accepted = findings(accepted)
     tell("fitting the base model", 0.0)
-    data = JointData(together(motions), base_named(model))
-    fit_before = fit or fit_shots(motions, model=model, cancelled=stop)
+    base = base_named(model)
+    site = None
+    if model == "paper" and all(can_tell(motion) for motion in motions):
+        shakings = [shaking_in(motion) for motion in motions] if shakings is None else shakings
+        site = site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions))
+    if site is not None:  # what shakes the frame is the site, and no finding
+        catalogue = [kind for kind in catalogue if named(kind.name).wave is None or kind.name in accepted]
+    fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings or ())
+    shots = on_site(together(motions), site, base, *parameters_of(fit_before, base))
+    data = JointData(shots, base, site=site)
 
     def search(along: Sequence[str]) -> tuple[Fitted, Trail]:
         start = accept(base_fit(data, fit_before, stop, along), catalogue, accepted, stop)
@@ -80,7 +93,7 @@ def diagnose(
         plain, plain_trail = search(())
         if plain.bic <= best.bic or not pays_along(best, along, stop):
             best, trail = plain, plain_trail
-    best, trail = seen_finely(best, trail, motions) or (best, trail)
+    best, trail = swayed_from_there(*(seen_finely(best, trail, motions) or (best, trail)))
     before, data = trail.start, trail.start.hypothesis.data
     held = choose(data, in_turn=best is not before) if hold_out is None else (hold_out,)
     stands = settle(best, trail, held, tell)
@@ -107,19 +120,15 @@ def diagnose(
     left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(best, trail, rest)
     learned: tuple[LearnedLaw, ...] = ()
     certain = bool(effects)
-    site = may_be_site(before)
-    if site and rest.significant and not effects:
-        left = f"{left}; it is no larger in contact than in flight, so it may be the site's own motion"
     if verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
-        held = choose(data) if hold_out is None else held
+        in_turn = choose(data) if hold_out is None else held
         beyond = (
-            beside(best, effects, before, held, tell, stop)
+            beside(best, effects, before, in_turn, tell, stop)
             if effects
-            else beyond_catalogue(before, best, found, held, tell, stop)
+            else beyond_catalogue(before, best, found, in_turn, tell, stop)
         )
-        if beyond is not None and beyond.verdict is Verdict.PARTLY_EXPLAINED and beyond.laws and site:
-            beyond = None  # free curves lay themselves along what a building does
         if beyond is not None:
+            held = in_turn
             after, verdict, effects, learned = beyond.fitted, beyond.verdict, beyond.effects, beyond.laws
             told, left = beyond.foretold, beyond.rest.text
         elif not effects:

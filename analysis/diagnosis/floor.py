@@ -8,7 +8,7 @@ a model leaves over, anew for every model that is compared: white noise plus Orn
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -93,12 +93,17 @@ def _normalised(values, valid, white, q0, phi0, p0, q1, phi1, p1):  # type: igno
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """White noise of ``white_m`` a sample and up to two wandering parts of ``rms_m`` with memories ``tau_s``."""
+    """White noise of ``white_m`` a sample and up to two wandering parts of ``rms_m`` with memories ``tau_s``.
+
+    Or, where the shots stand in a building, what ``site`` says of it: the logarithms of how much stronger each band of
+    its spectrum is than it was read.
+    """
 
     white_m: float
     rms_m: tuple[float, float]
     tau_s: tuple[float, float]
     spacing_s: float
+    site: tuple[float, ...] = ()
 
     @property
     def std_m(self) -> float:
@@ -108,7 +113,17 @@ class Floor:
     @property
     def parameters(self) -> int:
         """Get how many numbers were learnt."""
-        return 1 + 2 * sum(rms > 0 for rms in self.rms_m)
+        return 1 + 2 * sum(rms > 0 for rms in self.rms_m) + len(self.site)
+
+    @property
+    def wanders(self) -> bool:
+        """Get whether anything but white noise is in it."""
+        return self.rms_m[0] > 0 or bool(self.site)
+
+    @property
+    def still(self) -> "Floor":
+        """Get the floor as if nothing but the white noise moved."""
+        return replace(self, rms_m=(0.0, 0.0), site=())
 
     @property
     def kalman(self) -> tuple[float, float, float, float, float, float, float]:

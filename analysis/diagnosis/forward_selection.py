@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -57,7 +57,7 @@ class Trail:
     def least_fall(self, floor: Floor | None = None) -> float:
         """Return by how much the best of the catalogue must lower the criterion to join, beside ``floor``."""
         # One number gains three times by chance beside a floor that wanders what it gains beside white noise.
-        return CRITERIA.fall(len(self.catalogue), wandering=floor is not None and floor.rms_m[0] > 0)
+        return CRITERIA.fall(len(self.catalogue), wandering=floor is not None and floor.wanders)
 
     def pays(self, fitted: Fitted, fewer: Fitted) -> bool:
         """Return whether a fit is worth its effects more than ``fewer`` has."""
@@ -139,11 +139,10 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
         if strong or place < compared or listed[0].gain > WORTH_FITTING
         for score in _starts(listed)[: 1 if place >= 2 else 2]
     ]
-    if here.floor.rms_m[0] > 0:
+    if here.floor.wanders:
         # The floor was learnt from what is left and may have taken it for noise: ask as if nothing wandered, too.
-        still = replace(here.floor, rms_m=(0.0, 0.0))
         names = {score.kind.name for score in tried}
-        other = _ranked(at.under(still), free, trail)[:UNDER_THE_FLOOR]
+        other = _ranked(at.under(here.floor.still), free, trail)[:UNDER_THE_FLOOR]
         tried += [listed[0] for listed in other if listed[0].kind.name not in names]
     refitted = side_by_side(lambda score: refit(at, score.kind, score.start, trail.stop), tried)
     known = {score.kind.name: trail.of((*trail.start.names, score.kind.name)) for score in tried if not first}

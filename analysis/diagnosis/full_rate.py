@@ -8,6 +8,8 @@ alone, and a strong one is measured twice as well there.
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from analysis.diagnosis.added_effect import refit
 from analysis.diagnosis.forward_selection import Trail, polish, prune
 from analysis.diagnosis.free_parameters import TrialEffect
@@ -16,9 +18,12 @@ from analysis.diagnosis.hypothesis_fit import Fitted, fit, learn_floor, residual
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.samples import FINE_RATE_HZ, together
 from analysis.diagnosis.screening import scores
+from analysis.diagnosis.site import on_site
 from analysis.model.effects import named
 from analysis.motion import Motion
 from analysis.shot import Stop
+
+_MATTERS = 0.02  # of the white noise: that the site's directions are wrong by
 
 
 def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[Fitted, Trail] | None:
@@ -30,18 +35,39 @@ def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[
     here = best.hypothesis.data
     if ripple is None or ripple.name in trail.start.names or any(shot.wavelength_m is None for shot in here.shots):
         return None
-    data = replace(here, shots=together(motions, FINE_RATE_HZ))
-    if data.shots[0].factor == here.shots[0].factor:
+    shots = together(motions, FINE_RATE_HZ)
+    if shots[0].factor == here.shots[0].factor:
         return None
+    data = replace(here, shots=on_site(shots, here.site, here.base, best.point.base, best.point.own))
     if ripple.name in best.names:
         finest: Fitted | None = _at(best, data, trail.stop)
     else:
         finest = _with(ripple, best, data, trail)
     if finest is None:
         return None
+    return _anew(finest, trail, data)
+
+
+def swayed_from_there(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
+    """Return the best fit and its trail with the site's directions as they are where the fit ended.
+
+    What an effect does had drawn the base parameters with which they were computed.
+    """
+    here, start = best.hypothesis.data, trail.start
+    if here.site is None or best is start:
+        return best, trail
+    moved = float(np.max(np.abs(best.point.base / start.point.base - 1.0)))
+    if moved * here.site.shaking.rms_m < _MATTERS * best.floor.white_m:
+        return best, trail
+    data = replace(here, shots=on_site(here.shots, here.site, here.base, best.point.base, best.point.own))
+    return _anew(_at(best, data, trail.stop), trail, data)
+
+
+def _anew(best: Fitted, trail: Trail, data: JointData) -> tuple[Fitted, Trail]:
+    """Return the best fit, which knows other ``data`` of the same shots, with a trail of these."""
     anew = Trail(_at(trail.start, data, trail.stop), trail.catalogue, trail.stop, trail.scores)
-    anew.keep(finest)
-    return polish(prune(finest, anew), anew), anew
+    anew.keep(best)
+    return polish(prune(best, anew), anew), anew
 
 
 def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis import site_strengths
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor, learn
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
@@ -59,7 +60,7 @@ class Fitted:
         """Return what is left over at the valid samples, shot by shot, in units of ``floor`` (its own)."""
         shots = self.hypothesis.data.shots
         return [
-            (floor or self.floor).whiten(left[:, None], shot.valid, shot.weight)[:, 0]
+            shot.whitened(floor or self.floor, left[:, None])[:, 0]
             for left, shot in zip(self.residual_m, shots, strict=True)
         ]
 
@@ -73,7 +74,7 @@ def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
     """Return the whitened sum of squares at ``z`` with its derivatives."""
     rows = []
     for shot, (here, columns) in zip(hypothesis.data.shots, hypothesis.linearised(z), strict=True):
-        both = floor.whiten(np.column_stack([here - shot.displacement_m, columns]), shot.valid, shot.weight)
+        both = shot.whitened(floor, np.column_stack([here - shot.displacement_m, columns]))
         if not np.all(np.isfinite(both)):
             raise Infeasible("the trajectory is not finite")
         rows.append(both)
@@ -95,7 +96,7 @@ def whitened_residual(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Floats
     shots = hypothesis.data.shots
     return np.concatenate(
         [
-            floor.whiten((x - shot.displacement_m)[:, None], shot.valid, shot.weight)[:, 0]
+            shot.whitened(floor, (x - shot.displacement_m)[:, None])[:, 0]
             for shot, x in zip(shots, hypothesis.displacement(z), strict=True)
         ]
     )
@@ -109,6 +110,8 @@ def residuals(hypothesis: Hypothesis, z: Floats) -> tuple[Floats, ...]:
 
 def learn_floor(data: JointData, left: Sequence[Floats], start: Floor | None = None) -> tuple[Floor, float]:
     """Return the floor of what is left over, and the log-likelihood."""
+    if data.site is not None:
+        return site_strengths.learn(left, data.shots, data.site, data.shots[0].spacing_s, start)
     return learn(
         left,
         [shot.valid for shot in data.shots],
@@ -141,10 +144,11 @@ def search(
     )
 
 
-def finish(hypothesis: Hypothesis, found: Minimum) -> Fitted:
-    """Learn the floor of a found minimum and give it its likelihood."""
+def finish(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Fitted:
+    """Learn the floor of what was found beside another ``floor``, and give it its likelihood."""
     left = residuals(hypothesis, found.parameters)
-    floor, value = learn_floor(hypothesis.data, left)
+    # What wanders has more than one likely floor: begun where another hypothesis ended, it would stay there.
+    floor, value = learn_floor(hypothesis.data, left, floor if floor.site else None)
     inverse = covariance(found.square)
     converged = found.converged
     if inverse is None:
@@ -164,8 +168,8 @@ def fit(
     cancelled: Stop | None = None,
 ) -> Fitted:
     """Fit from ``z``: with the floor given, then once more with the floor that this leaves."""
-    first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled))
+    first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled), floor)
     again = max(8, evaluations // 2)
     second = search(hypothesis, first.z, first.floor, evaluations=again, cancelled=cancelled)
-    final = finish(hypothesis, second)
+    final = finish(hypothesis, second, first.floor)
     return final if final.log_likelihood >= first.log_likelihood else first

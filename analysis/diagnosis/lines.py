@@ -42,7 +42,7 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
         key = f"lines {part.start}"
         make = partial(_waves, grid, shot.centre_s)
         bare = at.once(key, make, under_any_floor=True)
-        both = at.once(key, partial(at.floor.whiten, bare, shot.valid, shot.weight))
+        both = at.once(key, partial(shot.whitened, at.floor, bare))
         # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
         inner = at.basis[part].T @ both
         cross = both.T @ at.left[part]

@@ -32,7 +32,7 @@ class Projector:
     def whitened(self, columns: Sequence[Floats]) -> Floats:
         """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
         shots = self.fitted.hypothesis.data.shots
-        return np.concatenate([self.floor.whiten(c, s.valid, s.weight) for c, s in zip(columns, shots, strict=True)])
+        return np.concatenate([s.whitened(self.floor, c) for c, s in zip(columns, shots, strict=True)])
 
     def once(self, key: str, make: Callable[[], Any], *, under_any_floor: bool = False) -> Any:
         """Return what is known under ``key``, made by the first who asks; others wait for it."""
@@ -65,10 +65,7 @@ def projector(
     shots = fitted.hypothesis.data.shots
     lines = lines or fitted.hypothesis.linearised(fitted.z)
     rows = np.concatenate(
-        [
-            floor.whiten(np.column_stack([s.displacement_m - x, j]), s.valid, s.weight)
-            for s, (x, j) in zip(shots, lines, strict=True)
-        ]
+        [s.whitened(floor, np.column_stack([s.displacement_m - x, j])) for s, (x, j) in zip(shots, lines, strict=True)]
     )
     basis = orthonormal(rows[:, 1:])
     left = rows[:, 0] - basis @ (basis.T @ rows[:, 0])

@@ -237,7 +237,7 @@ def errors(
             sums[k] += float(good @ good)
             counts[k] += good.size
         rest = (shot.displacement_m - shot.averaged(model))[:, None]
-        white = floor.whiten(rest, shot.valid, shot.weight)
+        white = shot.whitened(floor, rest)
         chi2 += float(np.sum(white**2))
         samples += white.size
     rms = np.sqrt(sums / np.maximum(counts, 1))

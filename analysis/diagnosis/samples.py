@@ -3,14 +3,21 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis import noise
 from analysis.model import general, starts
 from analysis.model.fitting import FITTED_CONTACT_TIMES
+from analysis.model.response import DEFAULT_WAVELENGTH_M, ShotData
 from analysis.model.starts import Course
 from analysis.motion import Motion
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.floor import Floor
+    from analysis.diagnosis.site import Sway
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -38,10 +45,38 @@ class Samples:
     course: Course
     white_m: float  # of one averaged sample, as the motion states it
     weight: float = 1.0  # ``white_m`` over that of the shots judged together
+    sway: "Sway | None" = None  # what the site may have done to the shot
+
+    def whitened(self, floor: "Floor", columns: Floats) -> Floats:
+        """Return ``columns``, shape (n, k), as unit white noise where their noise is this floor's; shape (m, k).
+
+        One row a valid sample.
+        """
+        rows = floor.whiten(columns, self.valid, self.weight)
+        if self.sway is None or not floor.site:
+            return rows
+        return self.sway.whiten(rows, floor.white_m * self.weight, floor.site)
 
     def averaged(self, columns: Floats) -> Floats:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
         return general.averaged(columns, self.factor)
+
+    @property
+    def for_model(self) -> ShotData:
+        """Get the shot as the model takes it; it is whitened here."""
+        nothing = noise.white(1.0, self.spacing_s)
+        wavelength_m = self.wavelength_m or DEFAULT_WAVELENGTH_M
+        rate_hz = self.factor / self.spacing_s
+        return ShotData(
+            self.time_s,
+            self.displacement_m,
+            self.valid,
+            self.moving_mass_kg,
+            self.course,
+            nothing,
+            wavelength_m,
+            rate_hz,
+        )
 
     @property
     def length_s(self) -> float:

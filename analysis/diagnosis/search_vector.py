@@ -11,6 +11,7 @@ from analysis.diagnosis.first_order import Shot
 from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.quick_shot import Optics, Values
 from analysis.diagnosis.samples import Samples
+from analysis.diagnosis.site import Site
 from analysis.model.coordinates import Coordinates
 from analysis.model.effects.row import Parameter
 from analysis.model.response import OWN_NAMES, Base
@@ -20,11 +21,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class JointData:
-    """The shots that are judged together, the base model, and how many wandering parts their floor may have."""
+    """The shots that are judged together, the base model, and how many wandering parts their floor may have.
+
+    ``site`` is what shook the frame under them, where anything did: their floor is its then.
+    """
 
     shots: tuple[Samples, ...]
     base: Base
     parts: int = 2
+    site: Site | None = None
 
     @property
     def band_hz(self) -> tuple[float, float]:

@@ -1,58 +1,147 @@
-"""A building's floor under the shots: what stands in the flights as well may be no law of the collision.
+"""Where the shots of a set were taken: one spectrum that shook the frame under all of them, and what it did to each.
 
-The diagnosis's floor (white noise and two wandering parts) does not know the lines and resonances of a building, and
-takes them for something that the model lacks.  A remainder in contact that is no larger than what a quadratic leaves
-of the flights may be the site's.  It need not be: a friction that bends the flights leaves little else, and a law may
-reach far.  So this is said beside a verdict; all it decides is that a curve which explains only a part is not told.
+A frame that sways moves the displacement in flight and in contact along directions that the base model knows
+(``model.sway``); so does a plate that it swings before the touch.  Their sizes are nobody's parameters: they are normal
+numbers of known variance, integrated over wherever displacements are whitened.  The variance is what the flights'
+readings say of the site, band by band times a strength that is learnt anew from what each hypothesis leaves over.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
-from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.samples import Samples
+from analysis.disturbance import Shaking
+from analysis.model.general import averaged
+from analysis.model.response import PLATE_START, Base, Model, respond
+from analysis.model.sway import BELOW_HZ, plate_swing_std, responses
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
-_WINDOW = 0.4  # of the contact: shots begin 12 ms before a touch of 28 ms
-_FEWEST = 12  # averaged samples in a window, to look at
+LEAST_M = 1e-9  # rms of what shakes at random: on a table that is quieter, a line is a finding
+_APART = 0.45  # of one over a shot's length: sines that stand for what shakes at random
+_SAME_LINE = 0.3  # of the same
+_IN_AN_OCTAVE = 3  # bands
+_SEEN = 1e-3  # of the noise's variance: a direction that shakes less is noise
 
 
-def in_building(fitted: Fitted) -> bool:
-    """Return whether the floor wanders so far above the beat's noise that it is a building's."""
-    return fitted.floor.std_m > CRITERIA.building_floor * fitted.floor.white_m
+@dataclass(frozen=True)
+class Site:
+    """What shakes the frame, pooled over the shots: sines (``shaking``) and the band of each, shape (f,).
 
-
-def may_be_site(fitted: Fitted) -> bool:
-    """Return whether what is left in contact is about as large as what a quadratic leaves of the flights.
-
-    Looked at in windows of ``_WINDOW`` of the contact.  False where no flight is that long, or the floor is not a
-    building's.
+    The first ``random_bands`` are third-octaves of what shakes at random, slowest first; each further one is a line.
     """
-    if not in_building(fitted):
-        return False
-    flights, contacts = [], []
-    for shot, left_m in zip(fitted.hypothesis.data.shots, fitted.residual_m, strict=True):
-        touch_s, contact_s = shot.course.touch_time_s, shot.course.contact_time_s
-        release_s, length_s = touch_s + contact_s, _WINDOW * contact_s
-        time_s = shot.centre_s
-        contacts += _windows(time_s, left_m, shot.valid, touch_s, release_s, length_s)
-        flights += _windows(time_s, left_m, shot.valid, time_s[0], touch_s, length_s)
-        flights += _windows(time_s, left_m, shot.valid, release_s, time_s[-1], length_s)
-    if not flights or not contacts:
-        return False
-    return float(np.mean(contacts)) < CRITERIA.above_site**2 * float(np.mean(flights))
+
+    shaking: Shaking
+    band: NDArray[np.int64]
+    random_bands: int
+
+    @property
+    def bands(self) -> int:
+        """Get how many strengths there are."""
+        return int(self.band.max(initial=-1)) + 1
 
 
-def _windows(
-    time_s: Floats, left_m: Floats, valid: NDArray[np.bool_], start_s: float, end_s: float, length_s: float
-) -> list[float]:
-    """Return the mean squares that a quadratic leaves in each window of ``length_s`` within the limits, in m^2."""
-    out = []
-    for k in range(int((end_s - start_s) / length_s + 1e-6)):
-        from_s = start_s + k * length_s
-        here = valid & (time_s >= from_s) & (time_s < from_s + length_s)
-        if here.sum() >= _FEWEST:
-            u = (time_s[here] - from_s) / length_s
-            left = left_m[here] - np.polynomial.Polynomial.fit(u, left_m[here], 2)(u)
-            out.append(float(np.mean(left**2)))
-    return out
+@dataclass(frozen=True)
+class Sway:
+    """What a site may do to one shot, at its valid averaged samples.
+
+    ``basis``, shape (n, r), are orthonormal directions; ``factors``, shape (r, m), what independent unit normal numbers
+    do along them, in m; ``band``, shape (m,), says which strength each of these follows.
+    """
+
+    basis: Floats
+    factors: Floats
+    band: NDArray[np.int64]
+    _roots: dict[tuple[float, tuple[float, ...]], Floats] = field(default_factory=dict, repr=False)
+
+    def root(self, white_m: float, strengths: tuple[float, ...]) -> Floats:
+        """Return the Cholesky factor of the covariance along the basis over the white variance, shape (r, r)."""
+        scaled = self.factors * (np.exp(0.5 * np.asarray(strengths))[self.band] / white_m)
+        covariance = scaled @ scaled.T
+        covariance[np.diag_indices_from(covariance)] += 1.0
+        return np.asarray(np.linalg.cholesky(covariance))
+
+    def whiten(self, rows: Floats, white_m: float, strengths: tuple[float, ...]) -> Floats:
+        """Return ``rows``, shape (n, k), that white noise of ``white_m`` has whitened, with the sway whitened, too.
+
+        Cost: 4 n r multiply-adds a column.
+        """
+        key = (white_m, strengths)
+        less = self._roots.get(key)
+        if less is None:
+            root = self.root(white_m, strengths)
+            less = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
+            less[np.diag_indices_from(less)] -= 1.0
+            while len(self._roots) >= 4:
+                self._roots.pop(next(iter(self._roots)), None)
+            self._roots[key] = less
+        return np.asarray(rows + self.basis @ (less @ (self.basis.T @ rows)))
+
+
+def site_of(shakings: Sequence[Shaking | None], length_s: float) -> Site | None:
+    """Return the one site that shots of ``length_s`` tell of, None where hardly anything shakes.
+
+    A floor is the mean of what the shots show; a line is one where shots show it at the same frequency.
+    """
+    known = [shaking.below(BELOW_HZ) for shaking in shakings if shaking is not None]
+    if not known:
+        return None
+    share = 1.0 / len(shakings)
+    apart_hz = _APART / length_s
+    frequency = np.arange(0.25 * apart_hz, max(float(one.frequency_hz[-1]) for one in known), apart_hz)
+    density = sum(share * np.array([one.density_m2_per_hz(float(f)) for f in frequency]) for one in known)
+    power = np.asarray(density * apart_hz)
+    if float(np.sqrt(power.sum())) < LEAST_M:
+        return None
+    third = np.floor(_IN_AN_OCTAVE * np.log2(np.maximum(frequency / frequency[1], 1.0)))
+    band = np.unique(third, return_inverse=True)[1]
+    at = np.concatenate([one.frequency_hz[~one.random] for one in known])
+    size = share * np.concatenate([one.power_m2[~one.random] for one in known])
+    order = np.argsort(at)
+    at, size = at[order], size[order]
+    apart = np.diff(at, prepend=-np.inf) > _SAME_LINE / length_s
+    random_bands = int(band.max()) + 1
+    band = np.concatenate([band, random_bands - 1 + np.cumsum(apart)]).astype(np.int64)
+    random = np.arange(band.size) < frequency.size
+    return Site(Shaking(np.concatenate([frequency, at]), np.concatenate([power, size]), random), band, random_bands)
+
+
+def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -> Sway:
+    """Return what a site may do to a shot that went as these parameters of the base model say.
+
+    Cost: about 0.1 s.
+    """
+    collision = base.collision(shared, float(own[0]), shot.moving_mass_kg)
+    omega = 2 * np.pi * site.shaking.frequency_hz
+    moved, _ = responses(collision, shot.time_s - own[1], omega)
+    size = np.sqrt(site.shaking.power_m2)
+    model = Model(replace(base, swings=True))
+    start = np.concatenate([own[:3], np.zeros(len(PLATE_START))])
+    swings = respond(model, shot.for_model, shared, start, block=shot.factor).derivatives[:, -len(PLATE_START) :]
+    columns = np.hstack(
+        [
+            averaged(moved.real * size, shot.factor),
+            averaged(moved.imag * size, shot.factor),
+            swings * plate_swing_std(site.shaking, collision),
+        ]
+    )[shot.valid]
+    own_hz = np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg) / (2 * np.pi)
+    nearest = int(np.argmin(np.abs(site.shaking.frequency_hz[site.shaking.random] - own_hz)))
+    band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(PLATE_START))])
+    level, turn = np.linalg.eigh(columns.T @ columns)
+    basis, _ = np.linalg.qr(columns @ turn[:, level > _SEEN * shot.white_m**2])
+    return Sway(basis, basis.T @ columns, band)
+
+
+def on_site(
+    shots: Sequence[Samples], site: Site | None, base: Base, shared: Floats, own: Floats
+) -> tuple[Samples, ...]:
+    """Return the shots with what a site may do to each, if they went as these parameters say; ``own`` a row a shot."""
+    if site is None:
+        return tuple(shots)
+    every = side_by_side(lambda index: swayed(shots[index], site, base, shared, own[index]), range(len(shots)))
+    return tuple(replace(shot, sway=sway) for shot, sway in zip(shots, every, strict=True))

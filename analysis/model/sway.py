@@ -127,20 +127,23 @@ def responses(collision: Collision, at_s: Floats, omega: Floats) -> tuple[Comple
     ``at_s``, shape (n,), counts from the first touch.  The second, shape (f,), is what the frame's and the added
     velocity make together after the last release, where it stays.
     """
-    turning = np.exp(1j * at_s[:, None] * omega)
-    out: Complex = np.where(at_s[:, None] <= 0, 1.0 + 1j * at_s[:, None] * omega - turning, 0.0)
+    out: Complex = np.zeros((at_s.size, omega.size), dtype=np.complex128)
     events = solve(collision, np.array([0.0, max(float(at_s[-1]), 1e-9)])).events
+    before = np.flatnonzero(at_s <= 0)
+    out[before] = 1.0 + 1j * at_s[before, None] * omega - np.exp(1j * at_s[before, None] * omega)
     state = np.zeros((4, omega.size), dtype=np.complex128)
     for event, following in zip(events, [*events[1:], None], strict=True):
         state = _jump(collision, event) @ state
         rates = _rates(collision, event.kind == "touch")
         forced = _forced(rates, omega) * np.exp(1j * omega * event.time_s)
         ends_s = following.time_s if following is not None else np.inf
-        here = (at_s > event.time_s) & (at_s <= ends_s)
-        later = np.append(at_s[here], ends_s if following is not None else event.time_s) - event.time_s
-        moved = np.einsum("kij,jf->kif", _propagators(rates, later), state - forced)
-        moved += forced * np.exp(1j * later[:, None] * omega)[:, None, :]
-        out[here], state = moved[:-1, 0], moved[-1]
+        here = np.flatnonzero((at_s > event.time_s) & (at_s <= ends_s))
+        later = at_s[here] - event.time_s
+        moved = _propagators(rates, later)[:, 0] @ (state - forced)
+        out[here] = moved + forced[0] * np.exp(1j * later[:, None] * omega)
+        if following is not None:
+            lasted = following.time_s - event.time_s
+            state = _propagators(rates, np.array([lasted]))[0] @ (state - forced) + forced * np.exp(1j * lasted * omega)
     return out, np.asarray(state[1] + 1j * omega * np.exp(1j * omega * events[-1].time_s))
 
 
@@ -209,7 +212,7 @@ def _propagators(rates: Floats, after_s: Floats) -> Floats:
     """Return exp(A t) at several times, shape (k, 4, 4)."""
     if rates[1].any():
         level, turn = np.linalg.eig(rates)
-        both = np.einsum("ij,kj,jl->kil", turn, np.exp(after_s[:, None] * level), np.linalg.inv(turn))
+        both = (turn * np.exp(after_s[:, None, None] * level)) @ np.linalg.inv(turn)
         return np.asarray(both.real)
     own = float(np.sqrt(-rates[3, 2]))  # apart, the block's motion has no eigenvectors to speak of
     out = np.zeros((after_s.size, 4, 4))

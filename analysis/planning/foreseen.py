@@ -97,7 +97,7 @@ def foretold(fitted: Fitted, shot: Samples) -> Samples:
 def as_if_taken(fitted: Fitted, added: Sequence[Samples], floor: Floor) -> Fitted:
     """Return a fit as it would be after shots that show just what it foretells: where it was, beside ``floor``."""
     hypothesis, z = with_shots(fitted, added)
-    return replace(finish(hypothesis, search(hypothesis, z, floor, evaluations=1)), floor=floor)
+    return replace(finish(hypothesis, search(hypothesis, z, floor, evaluations=1), floor), floor=floor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ def informs(rival: Fitted, shot: Samples, floor: Floor) -> Informs:
     hypothesis, z = with_shots(rival, [shot])
     last = len(hypothesis.data.shots) - 1
     here, columns = hypothesis.of_shot(last, z)
-    rows = floor.whiten(np.column_stack([here - shot.displacement_m, columns]), shot.valid, shot.weight)
+    rows = shot.whitened(floor, np.column_stack([here - shot.displacement_m, columns]))
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
     return _eliminated(rows[:, 1:], rows[:, 0], hypothesis)

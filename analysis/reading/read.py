@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
-from analysis.disturbance import Disturbance
+from analysis.disturbance import Disturbance, Shaking
 from analysis.doubts import doubts_of_reading
 from analysis.impact import Impact, KineticCor
 from analysis.motion import Motion
@@ -17,6 +18,7 @@ from analysis.reading.flights import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
 from analysis.reading.lines import without_lines
 from analysis.reading.locate import Span, find_collision
 from analysis.reading.quiet import Quiet, read_flights
+from analysis.shot import AnalysisError
 
 GUARD = 1.5  # of the force filter's reach, kept clear of the line that an edge leaves
 RELEASE_GUARD = 0.05  # of the contact
@@ -94,6 +96,15 @@ def read_impact(motion: Motion) -> Impact:
     momentum = pulse.read_momentum(motion, touch, release, drag, (v_in, v_out), noise)
     flags += doubts_of_reading(impact, momentum)
     return replace(impact, flags=tuple(flags), disturbance=_disturbance(quiet, motion, impact))
+
+
+def shaking_in(motion: Motion) -> Shaking | None:
+    """Return what shook the frame as far as a motion shows; None where that is too little to matter, or unread."""
+    try:
+        disturbance = read_impact(motion).disturbance
+    except (NoImpact, AnalysisError, LinAlgError):
+        return None
+    return disturbance.shaking if disturbance else None
 
 
 def _edges(motion: Motion, span: Span) -> tuple[Edge, Edge | None]:

@@ -105,8 +105,8 @@ def united(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | N
     if stop():
         raise Cancelled
     try:
-        found = search(hypothesis, np.clip(z, low, high), here.floor, evaluations=_SHORT, cancelled=stop)
-        return finish(hypothesis, found, here.floor)
+        ended = search(hypothesis, np.clip(z, low, high), here.floor, evaluations=_SHORT, cancelled=stop)
+        return finish(hypothesis, ended, here.floor)
     except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
         return None
 

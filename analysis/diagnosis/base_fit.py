@@ -3,25 +3,23 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.forward_selection import Trail, better, climb, explore
 from analysis.diagnosis.free_parameters import TrialEffect, trials_named
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.hypothesis_fit import Fitted, finish, fit, learn_floor, residuals, search
+from analysis.diagnosis.hypothesis_fit import Fitted, finish, first_floor, fit, search
+from analysis.diagnosis.joint_data import parameters_of
 from analysis.diagnosis.quick_shot import too_fast
 from analysis.fit import Fit
 from analysis.model.fitting import first_guesses, prepare
 from analysis.model.least_squares import Infeasible
-from analysis.model.response import Base, Model
+from analysis.model.response import Model
 from analysis.model.search import own_start
 from analysis.motion import Motion
 from analysis.shot import AnalysisError, Stop
 
-Floats = NDArray[np.float64]
 _SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # of the stiffness and damping of the contact that was read
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
@@ -40,20 +38,11 @@ def base_fit(data: JointData, given: Fit, stop: Stop, taken_along: Sequence[str]
     if quick.size < 100:
         raise AnalysisError("too few samples for a diagnosis")
     white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
-    floor = Floor(white, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)
     z = hypothesis.pack(point)
     try:
-        if data.site is not None:  # what a building does is no reason to leave the point
-            floor, _ = learn_floor(data, residuals(hypothesis, z), floor)
-        return fit(hypothesis, z, floor, cancelled=stop)
+        return fit(hypothesis, z, first_floor(hypothesis, z, white), cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
-
-
-def parameters_of(given: Fit, base: Base) -> tuple[Floats, Floats]:
-    """Return a fit's shared parameters of the base model, shape (k,), and (v_in, touch, offset) a shot, shape (n, 3)."""
-    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
-    return np.array([given.parameters[name].value for name in base.names]), np.array(own)
 
 
 def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:

@@ -64,16 +64,10 @@ class Criteria:
     )
     form_excluded: float = _is(10.0, "BIC", "behind the best form: the shots exclude a form so far off", _KASS)
     form_meets: float = _is(12.0, "BIC", "behind the free curve: a form so far off is not the law", _KASS)
-    building_floor: float = _is(
-        100.0, "ratio", "of the floor's rms to the beat's noise, above which a building moves the path",
-        "a quiet bench: 15; VC-G: some 500",
+    site_nm: float = _is(
+        1.0, "nm", "rms of what shakes at random, above which frame vibration is the site and no finding",
+        "a quiet bench: 0.3; VC-G: some 100",
     )  # fmt: skip
-    above_site: float = _is(
-        3.0,
-        "ratio",
-        "of what is left in contact to what the flights show, below which it may be the site's",
-        "the plate answers a frame up to twice",
-    )
     drawn_far: float = _is(1e6, "chi^2 a sample", "of a base fit that did not even arrive", _SIMULATED)
 
     def fall(self, tried: int, *, wandering: bool = False) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.diagnosis import words
 from analysis.diagnosis.acceptance import accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
-from analysis.diagnosis.base_fit import accept, base_fit, explored, parameters_of, pays_along
+from analysis.diagnosis.base_fit import accept, base_fit, explored, pays_along
 from analysis.diagnosis.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.competing_models import apart
 from analysis.diagnosis.criteria import CRITERIA
@@ -22,21 +22,18 @@ from analysis.diagnosis.full_rate import seen_finely, swayed_from_there
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
+from analysis.diagnosis.joint_data import joint_data, shakings_of, site_under
 from analysis.diagnosis.own_flights import own_flights
 from analysis.diagnosis.profile import with_profile_std
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
-from analysis.diagnosis.samples import together
-from analysis.diagnosis.site import on_site, site_of
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model.effects import findings, named
-from analysis.model.fitting import base_named, fit_shots
-from analysis.model.on_frame import can_tell
+from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.quantity import Quantity
-from analysis.reading.read import shaking_in
 from analysis.shot import Progress, Stop
 
 
@@ -71,16 +68,12 @@ def diagnose(
     catalogue = trial_effects([*laws, *(name for name in accepted if "{" in name)])
     accepted = findings(accepted)
     tell("fitting the base model", 0.0)
-    base = base_named(model)
-    site = None
-    if model == "paper" and all(can_tell(motion) for motion in motions):
-        shakings = [shaking_in(motion) for motion in motions] if shakings is None else shakings
-        site = site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions))
+    shakings = shakings_of(motions, model, shakings)
+    site = site_under(motions, shakings)
     if site is not None:  # what shakes the frame is the site, and no finding
         catalogue = [kind for kind in catalogue if named(kind.name).wave is None or kind.name in accepted]
-    fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings or ())
-    shots = on_site(together(motions), site, base, *parameters_of(fit_before, base))
-    data = JointData(shots, base, site=site)
+    fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
+    data = joint_data(motions, fit_before, site)
 
     def search(along: Sequence[str]) -> tuple[Fitted, Trail]:
         start = accept(base_fit(data, fit_before, stop, along), catalogue, accepted, stop)

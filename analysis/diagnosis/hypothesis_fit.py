@@ -122,6 +122,12 @@ def learn_floor(data: JointData, left: Sequence[Floats], start: Floor | None = N
     )
 
 
+def first_floor(hypothesis: Hypothesis, z: Floats, white_m: float) -> Floor:
+    """Return the floor under which a search from ``z`` begins: white noise, and what a building does there."""
+    floor = Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), hypothesis.data.shots[0].spacing_s)
+    return learn_floor(hypothesis.data, residuals(hypothesis, z))[0] if hypothesis.data.site is not None else floor
+
+
 def search(
     hypothesis: Hypothesis,
     z: Floats,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.samples import Samples
 from analysis.disturbance import Shaking
 from analysis.model.general import averaged
@@ -21,7 +22,6 @@ from analysis.model.sway import BELOW_HZ, plate_swing_std, responses
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
-LEAST_M = 1e-9  # rms of what shakes at random: on a table that is quieter, a line is a finding
 _APART = 0.45  # of one over a shot's length: sines that stand for what shakes at random
 _SAME_LINE = 0.3  # of the same
 _IN_AN_OCTAVE = 3  # bands
@@ -95,7 +95,7 @@ def site_of(shakings: Sequence[Shaking | None], length_s: float) -> Site | None:
     frequency = np.arange(0.25 * apart_hz, max(float(one.frequency_hz[-1]) for one in known), apart_hz)
     density = sum(share * np.array([one.density_m2_per_hz(float(f)) for f in frequency]) for one in known)
     power = np.asarray(density * apart_hz)
-    if float(np.sqrt(power.sum())) < LEAST_M:
+    if 1e9 * float(np.sqrt(power.sum())) < CRITERIA.site_nm:
         return None
     third = np.floor(_IN_AN_OCTAVE * np.log2(np.maximum(frequency / frequency[1], 1.0)))
     band = np.unique(third, return_inverse=True)[1]

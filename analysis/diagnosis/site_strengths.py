@@ -22,6 +22,7 @@ _NEIGHBOURS = 1.0  # std of the logarithm of a strength beside its neighbour's
 _LEVEL = 6.0  # of each band's by itself
 _LINE = 2.0  # of a line's
 _ITERATIONS, _ENOUGH, _MOST = 20, 5e-3, 3.0  # steps, in log-likelihood, in the logarithm of a strength
+_AS_PROMISED = 0.15  # of what a step promises to first order: half of it is gained where the curvature is right
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ def learn(
             break
         gained, at = found[0] - value, at + step
         value, slope, waves = found
-        if gained < 0.3 * promise:  # the curvature is another one here
+        if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature is another one here
             curve = _curvature(waves, parts, precision)
     white_m = math.exp(0.5 * at[0])
     return Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), spacing_s, tuple(float(a) for a in at[1:])), value

@@ -10,16 +10,16 @@ from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.forward_selection import Trail, without
 from analysis.diagnosis.free_parameters import trials_named
-from analysis.diagnosis.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.hypothesis_fit import Fitted, finish, fit, search
+from analysis.diagnosis.hypothesis import Hypothesis
+from analysis.diagnosis.hypothesis_fit import Fitted, finish, first_floor, fit, search
 from analysis.diagnosis.identifiability import separation
+from analysis.diagnosis.joint_data import joint_data, parameters_of, shakings_of, site_under
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.result import Diagnosis
-from analysis.diagnosis.samples import FINE_RATE_HZ, RATE_HZ, together
+from analysis.diagnosis.samples import FINE_RATE_HZ, RATE_HZ
 from analysis.diagnosis.screening import fixed_of
 from analysis.fit import Fit
 from analysis.model.effects import named
-from analysis.model.fitting import base_named
 from analysis.model.least_squares import Infeasible
 from analysis.motion import Motion
 from analysis.shot import AnalysisError, Stop
@@ -96,7 +96,7 @@ def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop) -> list[M
         rival = fitted_instead(best, projector(fewer), far, frequency, stop, kind)
         if rival is not None:
             ended = search(rival.hypothesis, rival.z, best.floor, evaluations=40, cancelled=stop)
-            rival = finish(rival.hypothesis, ended)
+            rival = finish(rival.hypothesis, ended, best.floor)
             out.append(Member(kind.name, rival, _chi2(rival, best.floor)))
     return out
 
@@ -105,16 +105,16 @@ def again(given: Fit, motions: Sequence[Motion], stop: Stop, beside: Sequence[st
     """Return the fit that a diagnosis ended with as it was searched, fine enough for the effects ``beside`` it."""
     kinds = trials_named(given.effects)
     finely = any(named(name).ripples for name in (*given.effects, *beside))
-    data = JointData(together(motions, FINE_RATE_HZ if finely else RATE_HZ), base_named(given.model))
+    site = site_under(motions, shakings_of(motions, given.model, None))
+    data = joint_data(motions, given, site, FINE_RATE_HZ if finely else RATE_HZ)
+    base, own = parameters_of(given, data.base)
     values = tuple({kind.name: _values(given, kind.name, shot) for kind in kinds} for shot in range(len(motions)))
-    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
     fixed = {kind.name: fixed_of(kind, values[0][kind.name]) for kind in kinds}
     hypothesis = Hypothesis(data, kinds, fixed)
-    base = np.array([given.parameters[name].value for name in data.base.names])
+    z = hypothesis.pack(Point(base, own, values))
     white_m = given.noise_std_m / np.sqrt(data.shots[0].factor)
-    floor = Floor(float(white_m), (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)
     try:
-        return fit(hypothesis, hypothesis.pack(Point(base, np.array(own), values)), floor, cancelled=stop)
+        return fit(hypothesis, z, first_floor(hypothesis, z, float(white_m)), cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"the diagnosed model has no motion for these shots: {why}") from why
 

@@ -58,13 +58,12 @@ def screened(contest: Contest, shots: Sequence[NextShot], tell: Callable[[float]
     true = [k for k, member in enumerate(members) if member in contest.likely]
     pairs = tuple((a, b) for a in true for b in range(len(members)) if a != b)
     known = {b: at_hand(members[b].fitted, floor) for b in {b for _, b in pairs}}
-    samples = members[0].fitted.hypothesis.data.shots
     done = count(1)
 
     def of_shot(shot: NextShot) -> dict[Pair, Informs] | None:
         if stop():
             raise Cancelled
-        empty = blank(shot, samples)
+        empty = blank(shot, members[0].fitted)
         try:
             shown = {a: foretold(members[a].fitted, empty) for a in true}
             return {(a, b): informs(members[b].fitted, shown[a], floor) for a, b in pairs}
@@ -86,7 +85,7 @@ def refitted(contest: Contest, shots: Shots, distances: Distances, stop: Stop) -
 
     Raises Cancelled.
     """
-    empty = [blank(shot, contest.members[0].fitted.hypothesis.data.shots) for shot in shots]
+    empty = [blank(shot, contest.members[0].fitted) for shot in shots]
     first = distances.of_pairs(shots)
     nearest = _nearest(first)
     shown = {true: [foretold(contest.members[true].fitted, one) for one in empty] for true in nearest}
@@ -116,7 +115,7 @@ def searched_anew(
     of a contest, some seconds.
     """
     grids = {member.effect for member in contest.members if len(trials_named([member.effect])[0].starts) > 1}
-    empty = [blank(shot, contest.members[0].fitted.hypothesis.data.shots) for shot in shots]
+    empty = [blank(shot, contest.members[0].fitted) for shot in shots]
     out = dict(nearest)
     for true, value in nearest.items():
         member = contest.members[true]

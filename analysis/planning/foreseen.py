@@ -12,6 +12,7 @@ from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.hypothesis import Hypothesis
 from analysis.diagnosis.hypothesis_fit import Fitted, finish, search, square_of
 from analysis.diagnosis.samples import Samples
+from analysis.diagnosis.site import on_site
 from analysis.model.least_squares import Infeasible
 from analysis.model.starts import Course
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s
@@ -21,15 +22,17 @@ Floats = NDArray[np.float64]
 _EVALUATIONS = 15
 
 
-def blank(shot: NextShot, shots: Sequence[Samples]) -> Samples:
-    """Return the samples of a shot not yet taken, nothing in them: sampled and as noisy as those at hand."""
+def blank(shot: NextShot, fitted: Fitted) -> Samples:
+    """Return the samples of a shot not yet taken, nothing in them: sampled and as noisy as those of a fit."""
+    data, point = fitted.hypothesis.data, fitted.point
+    shots = data.shots
     like = shots[0]
     touching_s = contact_s(shot, shots)
     rate_hz = like.factor / like.spacing_s
     count = int((shot.before_s + touching_s + shot.after_s) * rate_hz) // like.factor * like.factor
     time_s = np.arange(count) / rate_hz
     averaged = count // like.factor
-    return Samples(
+    empty = Samples(
         time_s=time_s,
         used=np.ones(count, dtype=np.bool_),
         factor=like.factor,
@@ -42,6 +45,8 @@ def blank(shot: NextShot, shots: Sequence[Samples]) -> Samples:
         course=_course(like.course, shot, touching_s),
         white_m=like.white_m,
     )
+    own = np.array([[-shot.speed_m_per_s, shot.before_s, 0.0]])
+    return on_site([empty], data.site, data.base, point.base, own)[0]
 
 
 def _course(like: Course, shot: NextShot, touching_s: float) -> Course:

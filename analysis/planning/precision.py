@@ -89,7 +89,7 @@ def sharpen(
         if stop():
             raise Cancelled
         try:
-            return informs(fitted, foretold(fitted, blank(shot, samples)), floor).curvature
+            return informs(fitted, foretold(fitted, blank(shot, fitted)), floor).curvature
         except Infeasible:
             return None
 

@@ -11,7 +11,7 @@ from analysis.diagnosis.foretold import foretell as foretell_motions
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
-from analysis.fitted_shot import fit_again
+from analysis.fitted_shot import fit_again, shaking_of
 from analysis.quantity import Quantity, Reading
 from analysis.report import result
 from analysis.shot import AnalysisError, AnalysisSettings, Shot
@@ -97,6 +97,7 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[str]) -> Diagnosis | None:
             model=models.pop(),
             accepted=fitted[0].settings.effects,
             laws=laws,
+            shakings=[shaking_of(shot) for shot in fitted],
         )
     except AnalysisError as error:
         print(f"levimass: no diagnosis: {error}", file=sys.stderr)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Diagnosis
+from analysis.fitted_shot import shaking_of
 from analysis.planning.next_shot import NextShot
 from analysis.planning.steps import Standing, Step, next_step, stand
 from analysis.planning.words import told, with_words
@@ -91,10 +92,11 @@ def _analysed(paths: Sequence[Path]) -> list[Shot]:
 
 
 def _standing(shots: Sequence[Shot], steps: Sequence[Step], left: int) -> tuple[Diagnosis, Standing]:
-    motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
+    fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
+    motions = [shot.motion for shot in fitted if shot.motion is not None]
     if not motions:
         raise AnalysisError("no shot could be analysed, so there is nothing to diagnose")
-    diagnosis = diagnose(motions)
+    diagnosis = diagnose(motions, shakings=[shaking_of(shot) for shot in fitted])
     _say(f"after {len(motions)} shots: {diagnosis.sentence}")
     standing = stand(motions, diagnosis, steps, left=left)
     if standing.steps:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.diagnosis import diagnose
+from analysis.fitted_shot import shaking_of
 from analysis.shot import AnalysisSettings, Shot
 from app.session.cut_off import cut_off
 from app.session.diagnoses import Diagnoses
@@ -203,12 +204,15 @@ class Workbench:
         models = {entry.settings.model for entry in chosen}
         if len(models) > 1:
             return f"the selected shots use different base models ({', '.join(sorted(models))}): select shots of one"
-        motions = [e.shot.motion for e in chosen if e.shot is not None and e.shot.motion is not None]
+        shots = [entry.shot for entry in chosen if entry.shot is not None]
+        motions = [shot.motion for shot in shots if shot.motion is not None]
         ids = tuple(entry.number for entry in chosen)
         (model,) = models
         laws, problems = self.own_laws.keys()
         self._waiting += [Event(Kind.PROBLEM, problem) for problem in problems]
-        judging = partial(diagnose, motions, model=model, accepted=self.model.effects_of(model), laws=laws)
+        shakings = [shaking_of(shot) for shot in shots]
+        accepted = self.model.effects_of(model)
+        judging = partial(diagnose, motions, model=model, accepted=accepted, laws=laws, shakings=shakings)
 
         def work(report: Report, cancelled: Asked) -> Diagnosed:
             return Diagnosed(self._work.do(judging, report, cancelled), ids)

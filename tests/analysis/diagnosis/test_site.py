@@ -1,35 +1,110 @@
-"""What a building does in flight as well is said to be perhaps the site's own."""
+"""The diagnosis knows the site: one spectrum of all shots, weighed wherever displacements are whitened."""
 
-from types import SimpleNamespace
-from typing import Any, cast
+import math
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.site import in_building, may_be_site
-
-TIME_S = np.arange(1200) * 5e-5
-TOUCH_S, CONTACT_S = 0.012, 0.028
-SWAY_M = 1e-7 * np.sin(2 * np.pi * 67.0 * TIME_S + 0.3)
-
-
-def fit(left_m: np.ndarray, wander_m: float = 1e-7) -> Any:
-    """Return as much of a fit as is looked at: one shot of the usual length."""
-    course = SimpleNamespace(touch_time_s=TOUCH_S, contact_time_s=CONTACT_S)
-    shot = SimpleNamespace(centre_s=TIME_S, valid=np.ones(TIME_S.size, dtype=np.bool_), course=course)
-    data = SimpleNamespace(shots=[shot])
-    floor = Floor(2e-11, (wander_m, 0.0), (0.1, 0.1), 5e-5)
-    return cast(Any, SimpleNamespace(hypothesis=SimpleNamespace(data=data), floor=floor, residual_m=[left_m]))
-
-
-@pytest.mark.parametrize(("wander_m", "building"), [(3e-10, False), (1.2e-8, True)])
-def test_a_floor_far_above_the_beats_noise_is_a_buildings(wander_m: float, building: bool) -> None:
-    assert in_building(fit(SWAY_M, wander_m)) is building
+from analysis.diagnosis import diagnose, site_strengths
+from analysis.diagnosis.effective_parameters import Point
+from analysis.diagnosis.hypothesis import Hypothesis
+from analysis.diagnosis.hypothesis_fit import residuals
+from analysis.diagnosis.joint_data import joint_data, parameters_of, shakings_of, site_under
+from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.site import Site, Sway, site_of
+from analysis.disturbance import Shaking
+from analysis.model.fitting import fit_shots
+from instrument.bench.blind import drawn
+from instrument.bench.effects import Effects
+from instrument.bench.noise import Noise, NoiseKind
+from instrument.bench.site import site_named
+from tests.analysis.diagnosis.shots import WHITE_M, motions_of
 
 
-@pytest.mark.parametrize(("times", "site"), [(1.0, True), (6.0, False)])
-def test_what_is_as_large_in_flight_may_be_the_site(times: float, site: bool) -> None:
-    contact = (TIME_S >= TOUCH_S) & (TIME_S < TOUCH_S + CONTACT_S)
-    assert may_be_site(fit(np.where(contact, times * SWAY_M, SWAY_M))) is site
-    assert not may_be_site(fit(np.where(contact, times * SWAY_M, SWAY_M), 3e-10))  # a quiet bench has no site
+def shots_at(site: str, seed: int, effects: Effects | None = None):
+    truth = drawn((), seed, Noise(NoiseKind.WHITE, white_m=WHITE_M), 3, site_named(site))
+    return motions_of(replace(truth, effects=effects or {}))
+
+
+def a_sway(random: np.random.Generator, rows: int = 60) -> Sway:
+    """Return two bands of motion, far above noise of 1 and near it."""
+    columns = random.standard_normal((rows, 9)) * np.repeat([30.0, 1.0], [5, 4])
+    basis, _ = np.linalg.qr(columns)
+    return Sway(basis, basis.T @ columns, np.repeat([0, 1], [5, 4]))
+
+
+@pytest.mark.parametrize(("white_m", "strengths"), [(1.0, (0.0, 0.0)), (0.3, (-2.0, 1.5))])
+def test_whitening_undoes_noise_and_sway(white_m: float, strengths: tuple[float, float]) -> None:
+    sway = a_sway(np.random.default_rng(1))
+    moved = sway.basis @ sway.factors * np.exp(0.5 * np.array(strengths))[sway.band]
+    covariance = moved @ moved.T + white_m**2 * np.eye(60)
+    white = sway.whiten(np.linalg.cholesky(covariance) / white_m, white_m, strengths)
+    np.testing.assert_allclose(white @ white.T, np.eye(60), atol=1e-8)
+
+
+def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shaking:
+    frequency = np.arange(2.0, 400.0, 4.0)
+    at, size = (np.array(column) for column in zip(*lines, strict=True)) if lines else (np.zeros(0), np.zeros(0))
+    random = np.arange(frequency.size + at.size) < frequency.size
+    power = np.concatenate([np.full(frequency.size, power_m2), size])
+    return Shaking(np.concatenate([frequency, at]), power, random)
+
+
+def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
+    one, other = flat(1e-18, ((100.0, 4e-18),)), flat(3e-18, ((101.0, 2e-18), (296.0, 1e-18)))
+    site = site_of((one, other), 0.06)
+    assert isinstance(site, Site)
+    lines = site.shaking.frequency_hz[~site.shaking.random]
+    assert list(lines) == [100.0, 101.0, 296.0]
+    assert list(site.band[~site.shaking.random] - site.random_bands) == [0, 0, 1]
+    assert site.shaking.power_m2[~site.shaking.random] == pytest.approx([2e-18, 1e-18, 0.5e-18])
+    assert site.shaking.density_m2_per_hz(200.0) == pytest.approx(2e-18 / 4.0, rel=0.02)
+
+
+def test_a_quiet_table_is_no_site() -> None:
+    assert site_of((None, None), 0.06) is None
+    assert site_of((flat(1e-22, ((100.0, 1e-15),)),), 0.06) is None  # of a line alone the diagnosis tells
+
+
+@cache
+def at_vc_d():
+    """Return three clean shots at VC-D as a diagnosis judges them, and what the base fit leaves."""
+    motions = shots_at("VC-D", 31)
+    shakings = shakings_of(motions, "paper", None)
+    site = site_under(motions, shakings)
+    fit = fit_shots(motions, shakings=shakings)
+    data = joint_data(motions, fit, site)
+    hypothesis = Hypothesis(data, ())
+    z = hypothesis.pack(Point(*parameters_of(fit, data.base), ({},) * 3))
+    return data, residuals(hypothesis, z)
+
+
+def test_strengths_are_the_likeliest_and_leave_white_noise() -> None:
+    data, left = at_vc_d()
+    floor, value = site_strengths.learn(left, data.shots, data.site, data.shots[0].spacing_s)
+    assert floor.white_m == pytest.approx(WHITE_M / math.sqrt(data.shots[0].factor), rel=0.05)
+    for shot, rest in zip(data.shots, left, strict=True):
+        white = shot.whitened(floor, rest[:, None])[:, 0]
+        assert np.mean(white**2) == pytest.approx(1.0, abs=0.12)
+    for scale in (0.9, 1.1):
+        other = replace(floor, white_m=scale * floor.white_m)
+        assert site_strengths.learn(left, data.shots, data.site, floor.spacing_s, other)[1] == pytest.approx(
+            value, abs=0.05
+        )
+
+
+def test_a_clean_set_in_an_ordinary_building_is_adequate() -> None:
+    diagnosis = diagnose(shots_at("VC-D", 31))
+    assert diagnosis.verdict is Verdict.ADEQUATE
+    assert "frame_vibration" not in {candidate.name for candidate in diagnosis.candidates}  # it is the site
+
+
+def test_friction_is_named_in_an_ordinary_building() -> None:
+    diagnosis = diagnose(shots_at("VC-D", 31, {"coulomb_friction": {"force_n": 1e-3}}))
+    assert diagnosis.verdict is Verdict.EFFECT_FOUND
+    assert [effect.name for effect in diagnosis.effects] == ["coulomb_friction"]
+    force = diagnosis.effects[0].parameters["force_n"]
+    assert abs(force.value - 1e-3) < 4 * force.std
+    assert force.std < 5e-6

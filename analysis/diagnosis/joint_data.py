@@ -1,0 +1,48 @@
+"""The shots that are judged together: averaged, weighed against each other, and with what the site did to each."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.samples import RATE_HZ, together
+from analysis.diagnosis.search_vector import JointData
+from analysis.diagnosis.site import Site, on_site, site_of
+from analysis.disturbance import Shaking
+from analysis.fit import Fit
+from analysis.model.fitting import base_named
+from analysis.model.on_frame import can_tell
+from analysis.model.response import Base
+from analysis.motion import Motion
+from analysis.reading.read import shaking_in
+
+Floats = NDArray[np.float64]
+
+
+def shakings_of(
+    motions: Sequence[Motion], model: str, known: Sequence[Shaking | None] | None
+) -> tuple[Shaking | None, ...]:
+    """Return what shook the frame of each shot, as ``known`` or as read here; nothing where ``model`` cannot tell.
+
+    Cost of reading: some 0.1 s a shot.
+    """
+    if model != "paper" or not all(can_tell(motion) for motion in motions):
+        return (None,) * len(motions)
+    return tuple(known) if known is not None else tuple(shaking_in(motion) for motion in motions)
+
+
+def site_under(motions: Sequence[Motion], shakings: Sequence[Shaking | None]) -> Site | None:
+    """Return the site that shots with these shakings tell of, None where hardly anything shakes."""
+    return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions))
+
+
+def joint_data(motions: Sequence[Motion], given: Fit, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
+    """Return the shots as a diagnosis judges them; ``given`` is a fit of ``motions``, at whose motion the site acts."""
+    base = base_named(given.model)
+    return JointData(on_site(together(motions, rate_hz), site, base, *parameters_of(given, base)), base, site=site)
+
+
+def parameters_of(given: Fit, base: Base) -> tuple[Floats, Floats]:
+    """Return a fit's shared parameters of the base model, shape (k,), and (v_in, touch, offset) of each shot."""
+    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
+    return np.array([given.parameters[name].value for name in base.names]), np.array(own)

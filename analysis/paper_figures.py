@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lsim
 
 from analysis.model.exact import solve
 from analysis.model.parameters import Collision
@@ -59,6 +58,8 @@ def plate_from_force(time_s: Floats, force_n: Floats, plate_stiffness_n_per_m: f
     m_p* x_p'' = -k_p x_p - F (Eq. 4), the force linear between samples.  The optics do not see
     the plate; this is where the measured force, read as the reaction of the contact, has put it.
     """
+    from scipy.signal import lsim  # with all of scipy.stats: not at every start
+
     system = (
         np.array([[0.0, 1.0], [-plate_stiffness_n_per_m / plate_mass_kg, 0.0]]),
         np.array([[0.0], [-1.0 / plate_mass_kg]]),

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from analysis.kinetic_contact import contact_cor
 from analysis.model.exact import Trajectory, solve
@@ -124,6 +123,8 @@ def _vertex(time: Floats, values: Floats, at: int) -> tuple[float, float]:
 
 def _smooth_width(collision: Collision, contact_s: float, cutoff_hz: float) -> float:
     """Return the full width at half maximum of the force after a low-pass without delay."""
+    from scipy.signal import butter, sosfiltfilt  # with all of scipy.stats: not at every start
+
     rate = 1e5
     time = np.arange(-2.0 * contact_s, 3.0 * contact_s, 1.0 / rate)
     force = solve(collision, time).force_n

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.effective_parameters import Point
@@ -121,9 +121,7 @@ def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> LackOfFit:
         factor = slow * (CRITERIA.wandering_gain if floor.wanders else 1.0)
         if width:
             found.append(
-                LackOfFit(
-                    name, value, factor * float(chi2_law.isf(CRITERIA.freedom_chance / len(shapes), width)), width
-                )
+                LackOfFit(name, value, factor * float(chdtri(width, CRITERIA.freedom_chance / len(shapes))), width)
             )
     return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=NOTHING)
 

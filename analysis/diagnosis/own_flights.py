@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.floor import Floor, learn
@@ -50,7 +50,7 @@ def own_flights(shots: Sequence[Samples]) -> tuple[str, ...]:
     spacing_s = shots[0].spacing_s
     shared, laws = _log_likelihood(flights, np.stack([flight.laws for flight in flights]), _ONE_WAY, spacing_s)
     own, bends = _log_likelihood(flights, np.eye(len(flights)), np.zeros(len(flights), dtype=np.bool_), spacing_s)
-    limit = float(chi2_law.isf(CRITERIA.own_flights, bends - laws))
+    limit = float(chdtri(bends - laws, CRITERIA.own_flights))
     return tuple(TAKEN_ALONG) if 2.0 * (own - shared) > limit else ()
 
 

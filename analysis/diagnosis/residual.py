@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.floor import Floor
@@ -129,7 +129,7 @@ def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
     gains = side_by_side(gained, _POWERS)
     best = max(0.0, *(value for value, _, _ in gains))
     width = gains[-1][1]
-    limit = CRITERIA.small_sample * float(chi2_law.isf(CRITERIA.shape_chance / len(_POWERS), width))
+    limit = CRITERIA.small_sample * float(chdtri(width, CRITERIA.shape_chance / len(_POWERS)))
     return best, limit, width
 
 

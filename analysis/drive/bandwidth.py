@@ -4,7 +4,6 @@ import itertools
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from analysis.motion import Motion
 from analysis.shot import AnalysisError
@@ -50,6 +49,8 @@ def force_noise(motion: Motion) -> float:
     The motion's own estimate takes all that changes from sample to sample for noise; where the force is driven so
     fast, the top of its spectrum lies lower.
     """
+    from scipy.signal import welch  # with all of scipy.stats: not at every start
+
     known = np.isfinite(motion.force_n)
     start, stop = max(stretches(known), key=lambda ends: ends[1] - ends[0])
     frequency, density = welch(np.diff(motion.force_n[start:stop]), motion.sample_rate_hz)
@@ -79,6 +80,8 @@ def _clear(place: Floats, rate: float, noise_m: float) -> float:
     Differentiation raises noise and motion alike, so that their ratio is that of the displacement.  The spectrum is
     that of its second differences, which are flat enough for a window not to leak the slow motion over the fast one.
     """
+    from scipy.signal import welch  # with all of scipy.stats: not at every start
+
     second = np.diff(place, 2)
     frequency, density = welch(second, rate, nperseg=min(second.size, max(64, second.size // _PIECES)))
     frequency, density = frequency[1:], density[1:]

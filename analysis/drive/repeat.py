@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate
 
 from analysis.drive.catalogue import BASE
 from analysis.drive.regress import Regression, delay_of, rms
@@ -76,6 +75,8 @@ def _cycles(table: Table) -> Iterator[Pass]:
 
 def _lag(place: Floats) -> int | None:
     """Return the shortest lag at which a displacement does the same again."""
+    from scipy.signal import correlate  # with all of scipy.stats: not at every start
+
     known = np.isfinite(place)
     if known.sum() < _LEAST_SAMPLES:
         return None

@@ -12,7 +12,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve, upfirdn
 
 from analysis.drive.bandwidth import bandwidth_of
 from analysis.motion import Motion
@@ -50,6 +49,8 @@ class Run:
 
     def smooth(self, column: Floats, later_s: float = 0.0) -> Floats:
         """Return a column (n,) through the low-pass at the samples used (m,), taken ``later_s`` before their time."""
+        from scipy.signal import upfirdn  # with all of scipy.stats: not at every start
+
         taps = low_pass(self.sample_rate_hz, self.bandwidth_hz, later_s)
         thinned = upfirdn(taps, np.concatenate([column, np.zeros(taps.size // 2)]), 1, self.step)
         return np.asarray(thinned[(self.used + taps.size // 2) // self.step])
@@ -117,6 +118,8 @@ def _stretches(motion: Motion, record: int, bandwidth_hz: float) -> list[Run]:
     rate = motion.sample_rate_hz
     filters = derived(rate, bandwidth_hz)
     half = int(np.ceil(_HALF_LENGTH * rate / bandwidth_hz))
+    from scipy.signal import fftconvolve  # with all of scipy.stats: not at every start
+
     edge = filters[0].size // 2 + half
     velocity_gain = float(np.linalg.norm(filters[0]))
     noise_m = float(np.nanmedian(motion.displacement_std_m))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from analysis.motion import Motion
 from analysis.quantity import NotSeen, Quantity, Reading
@@ -53,6 +52,8 @@ def with_short_holes_closed(motion: Motion, contact_s: float) -> Motion:
 
 def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
     """Return the force in N, low-passed without delay (Butterworth, both ways), (n,); None where it cannot be."""
+    from scipy.signal import butter, sosfiltfilt  # with all of scipy.stats: not at every start
+
     seen = np.isfinite(motion.force_n)
     first, last = (int(i) for i in np.flatnonzero(seen)[[0, -1]])
     if not seen[first : last + 1].all() or cutoff_hz >= 0.45 * motion.sample_rate_hz or last - first < 64:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from analysis.signal.filters import decimator_taps
 from analysis.signal.tuning import Tuning
@@ -112,7 +111,7 @@ def noise_ratio(tuning: Tuning, factor: int) -> float:
     def gain(fine: Floats) -> float:
         spread = np.zeros((fine.size - 1) * tuning.decimation + 1)
         spread[:: tuning.decimation] = fine
-        return float(np.sum(fftconvolve(spread, window) ** 2))
+        return float(np.sum(np.convolve(spread, window) ** 2))
 
     return float(np.sqrt(gain(decimator_taps(factor, tuning.spread)) / gain(third)))
 

@@ -5,7 +5,6 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt
 
 from instrument.bench.floor import Floor
 
@@ -35,6 +34,8 @@ class Noise:
         """Return ``samples`` of noise in m at ``rate_hz``."""
         white: Floats = self.white_m * random.standard_normal(samples + 1000)
         if self.kind is NoiseKind.LOW_PASSED:
+            from scipy.signal import butter, sosfilt  # with all of scipy.stats: not at every start
+
             white = sosfilt(butter(4, self.cut_hz, fs=rate_hz, output="sos"), white)
         white = white[1000:]  # without the filter's beginning
         if self.kind is NoiseKind.DRIFTING:

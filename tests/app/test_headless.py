@@ -60,7 +60,7 @@ def test_no_qt_without_a_window(tmp_path: Path) -> None:
     """The other modes need no screen; Qt is not even imported, nor at a start what costs a second."""
     code = (
         "import sys\n"
-        "import app.session.shot_work, analysis.diagnosis, analysis.planning.plan, instrument.bench.digitizer\n"
+        "import app.session.load, analysis.diagnosis, analysis.planning.plan, instrument.bench.digitizer\n"
         "assert not {'scipy.stats', 'scipy.signal'} & set(sys.modules)\n"
         "from app.command_line.cli import main\n"
         f"assert main(['--simulate', {str(tmp_path)!r}, '--shots', '1']) == 0\n"

@@ -15,6 +15,7 @@ from analysis.diagnosis.forward_selection import Trail, polish, prune
 from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted, fit, learn_floor, residuals
+from analysis.diagnosis.joint_data import with_plates
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.samples import FINE_RATE_HZ, together
 from analysis.diagnosis.screening import scores
@@ -38,6 +39,7 @@ def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[
     shots = together(motions, FINE_RATE_HZ)
     if shots[0].factor == here.shots[0].factor:
         return None
+    shots = with_plates(shots, [shot.plate for shot in here.shots])
     data = replace(here, shots=on_site(shots, here.site, here.base, best.point.base, best.point.own))
     if ripple.name in best.names:
         finest: Fitted | None = _at(best, data, trail.stop)

@@ -1,18 +1,19 @@
 """The shots that are judged together: averaged, weighed against each other, and with what the site did to each."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.samples import RATE_HZ, together
+from analysis.diagnosis.samples import RATE_HZ, Samples, together
 from analysis.diagnosis.search_vector import JointData
 from analysis.diagnosis.site import Site, on_site, site_of
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model.fitting import base_named
 from analysis.model.on_frame import can_tell
-from analysis.model.response import Base
+from analysis.model.response import PLATE_START, Base
 from analysis.motion import Motion
 from analysis.reading.read import shaking_in
 
@@ -37,9 +38,23 @@ def site_under(motions: Sequence[Motion], shakings: Sequence[Shaking | None]) ->
 
 
 def joint_data(motions: Sequence[Motion], given: Fit, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
-    """Return the shots as a diagnosis judges them; ``given`` is a fit of ``motions``, at whose motion the site acts."""
+    """Return the shots as a diagnosis judges them; ``given`` is a fit of ``motions``, at whose motion the site acts.
+
+    A plate that a building swings far is no small matter: what the fit says of it is where the site's part begins.
+    """
     base = base_named(given.model)
-    return JointData(on_site(together(motions, rate_hz), site, base, *parameters_of(given, base)), base, site=site)
+    shots = with_plates(together(motions, rate_hz), _plates(given) if site is not None else [])
+    return JointData(on_site(shots, site, base, *parameters_of(given, base)), base, site=site)
+
+
+def with_plates(shots: Sequence[Samples], plates: Sequence[tuple[float, float]]) -> tuple[Samples, ...]:
+    """Return the shots with what is known of each one's plate at first touch, where there is any."""
+    return tuple(replace(s, plate=plate) for s, plate in zip(shots, plates, strict=True)) if plates else tuple(shots)
+
+
+def _plates(given: Fit) -> list[tuple[float, float]]:
+    own = [shot.own_parameters for shot in given.shots]
+    return [(of[x].value, of[v].value) for of in own for x, v in (PLATE_START,) if x in of]
 
 
 def parameters_of(given: Fit, base: Base) -> tuple[Floats, Floats]:

@@ -56,8 +56,9 @@ def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_
 
 
 def respond(time_s: Floats, base: Floats, own: Floats, values: Values, mass_kg: float, optics: Optics) -> Run:
-    """Solve one shot; ``base`` is (k_p, m_p*, k_N, gamma_N), m_p* infinite for a locked plate, ``own`` (v_i, t, x_0).
+    """Solve one shot; ``base`` is (k_p, m_p*, k_N, gamma_N), m_p* infinite for a locked plate.
 
+    ``own`` is (v_i, t, x_0) and, where the plate moves by then, its displacement and velocity at first touch.
     Raises Infeasible where the parameters give no trajectory.
     """
     collision, active = situation(base, own, values, mass_kg)
@@ -82,6 +83,8 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
     try:
         k_p, m_p, k_n, gamma_n = (float(value) for value in base)
         y_0, u_0 = start["displacement_m"], start["velocity_m_per_s"]
+        if own.size > 3:
+            y_0, u_0 = y_0 + float(own[3]), u_0 + float(own[4])
         collision = Collision(mass_kg, float(own[0]), k_p, m_p, k_n, gamma_n, y_0, u_0)
     except ValueError as why:
         raise Infeasible(str(why)) from why

@@ -46,6 +46,7 @@ class Samples:
     white_m: float  # of one averaged sample, as the motion states it
     weight: float = 1.0  # ``white_m`` over that of the shots judged together
     sway: "Sway | None" = None  # what the site may have done to the shot
+    plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: what it made of the plate at first touch, the likeliest
 
     def whitened(self, floor: "Floor", columns: Floats) -> Floats:
         """Return ``columns``, shape (n, k), as unit white noise where their noise is this floor's; shape (m, k).
@@ -76,6 +77,7 @@ class Samples:
             nothing,
             wavelength_m,
             rate_hz,
+            plate=self.plate,
         )
 
     @property

@@ -160,4 +160,11 @@ class SearchVector:
         shot = self.data.shots[index]
         base = point.base if not self.data.base.one_body else np.array([0.0, np.inf, *point.base])
         optics = Optics(shot.wavelength_m, shot.factor / shot.spacing_s)
-        return Shot(shot.centre_s, base, point.own[index], point.values[index], shot.moving_mass_kg, optics)
+        return Shot(
+            shot.centre_s,
+            base,
+            np.append(point.own[index], shot.plate),
+            point.values[index],
+            shot.moving_mass_kg,
+            optics,
+        )

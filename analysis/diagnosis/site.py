@@ -111,11 +111,11 @@ def site_of(shakings: Sequence[Shaking | None], length_s: float) -> Site | None:
 
 
 def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -> Sway:
-    """Return what a site may do to a shot that went as these parameters of the base model say.
+    """Return what a site may do to a shot that went as these parameters of the base model say, its plate as is known.
 
     Cost: about 0.1 s.
     """
-    collision = base.collision(shared, float(own[0]), shot.moving_mass_kg)
+    collision = base.collision(shared, float(own[0]), shot.moving_mass_kg, shot.plate)
     omega = 2 * np.pi * site.shaking.frequency_hz
     moved, _ = responses(collision, shot.time_s - own[1], omega)
     size = np.sqrt(site.shaking.power_m2)

@@ -52,6 +52,7 @@ class ShotData:
     wavelength_m: float = DEFAULT_WAVELENGTH_M
     rate_hz: float = 1e5  # of the demodulated record
     plate_std: tuple[float, float] = (1e-15, 1e-12)  # m, m/s: how far the plate may swing before it is touched
+    plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: at first touch, as far as it is known and not fitted
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,9 +130,12 @@ class Model:
         """Get the names of a shot's own parameters in the fit's order."""
         return (*self.base.own_names, *(name for name, _, _, p in self.effect_parameters if p.own and not p.fixed))
 
-    def plate_start(self, values: Mapping[str, float], own: Floats) -> tuple[float, float]:
-        """Return the plate's displacement and velocity at first touch, of effects with ``values`` and a shot's own."""
+    def plate_start(
+        self, values: Mapping[str, float], own: Floats, known: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[float, float]:
+        """Return the plate's displacement and velocity at first touch: of effects with ``values``, own and known."""
         x, v = (values.get(f"plate_motion.{name}", 0.0) for name in ("displacement_m", "velocity_m_per_s"))
+        x, v = x + known[0], v + known[1]
         if self.base.swings:
             x, v = x + float(own[len(OWN_NAMES)]), v + float(own[len(OWN_NAMES) + 1])
         return x, v
@@ -178,7 +182,7 @@ def respond(
     ``stride`` is that of ``general.solve``; with ``block`` all arrays are means over so many samples.
     """
     values = model.values(shared, own) if model.effects else {}
-    collision = model.base.collision(shared, own[0], shot.block_mass_kg, model.plate_start(values, own))
+    collision = model.base.collision(shared, own[0], shot.block_mass_kg, model.plate_start(values, own, shot.plate))
     if collision.fastest_rate_rad_per_s * (shot.time_s[-1] - shot.time_s[0]) > _MOST_RADIANS:
         raise Infeasible("the contact would swing faster than any that a record can show")
     active = [

@@ -11,7 +11,7 @@ from analysis.diagnosis import diagnose, site_strengths
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.hypothesis import Hypothesis
 from analysis.diagnosis.hypothesis_fit import residuals
-from analysis.diagnosis.joint_data import joint_data, parameters_of, shakings_of, site_under
+from analysis.diagnosis.joint_data import joint_data, parameters_of, shakings_of, site_under, with_plates
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.site import Site, Sway, site_of
 from analysis.disturbance import Shaking
@@ -20,7 +20,7 @@ from instrument.bench.blind import drawn
 from instrument.bench.effects import Effects
 from instrument.bench.noise import Noise, NoiseKind
 from instrument.bench.site import site_named
-from tests.analysis.diagnosis.shots import WHITE_M, motions_of
+from tests.analysis.diagnosis.shots import KINDS, WHITE_M, motions_of
 
 
 def shots_at(site: str, seed: int, effects: Effects | None = None):
@@ -93,6 +93,20 @@ def test_strengths_are_the_likeliest_and_leave_white_noise() -> None:
         assert site_strengths.learn(left, data.shots, data.site, floor.spacing_s, other)[1] == pytest.approx(
             value, abs=0.05
         )
+
+
+def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
+    data, _ = at_vc_d()
+    own = np.array([[s.course.velocity_in_m_per_s, s.course.touch_time_s, 0.0] for s in data.shots])
+    base = np.array([220.0, 1.7e-4, 1.2e4, 0.4])
+    swing = {"displacement_m": 3e-7, "velocity_m_per_s": -4e-4}
+    still = replace(data, shots=with_plates(data.shots, [(0.0, 0.0)] * 3))
+    moving = replace(data, shots=with_plates(data.shots, [tuple(swing.values())] * 3))
+    as_known, as_effect = Point(base, own, ({},) * 3), Point(base, own, ({"plate_motion": swing},) * 3)
+    known, effect = Hypothesis(moving, ()), Hypothesis(still, (KINDS["plate_motion"],))
+    np.testing.assert_allclose(known.averaged(0, as_known), effect.averaged(0, as_effect), atol=1e-15)
+    np.testing.assert_allclose(known.coarse(0, as_known), effect.coarse(0, as_effect), atol=1e-15)
+    assert np.abs(known.averaged(0, as_known) - Hypothesis(still, ()).averaged(0, as_known)).max() > 1e-8
 
 
 def test_a_clean_set_in_an_ordinary_building_is_adequate() -> None:

@@ -79,13 +79,18 @@ test-lowest:
 	.venv-lowest/bin/python -m pip install --quiet --no-deps --editable .
 	QT_QPA_PLATFORM=offscreen .venv-lowest/bin/python -m pytest $(LOWEST_TESTS)
 
-# one folder in dist/ that needs no Python
-app: $(READY)
+# one folder in dist/ that needs no Python; frozen anew where something of it is newer
+FROZEN := dist/.frozen
+WITHIN := analysis app instrument levimass resources packaging
+app: $(FROZEN)
+
+$(FROZEN): $(READY) LICENSE $(shell find $(WITHIN) -type f -not -path '*/__pycache__/*')
 	$(BIN)/python -m pip install --quiet 'pyinstaller>=6.10'
 	$(BIN)/python -m PyInstaller --noconfirm --log-level WARN packaging/levimass.spec
+	@touch $@
 
 # that folder as a Debian package
-deb: app
+deb: $(FROZEN)
 	$(BIN)/python packaging/deb.py dist/levimass dist
 
 $(READY): pyproject.toml

@@ -12,7 +12,8 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 def told(plan: Plan) -> str:
     """Return the plan as one sentence."""
-    listed = " or ".join(map(plain, plan.members))
+    *others, last = map(plain, plan.members)
+    listed = f"{', '.join(others)} and {last}" if others else last
     if not plan.settles:
         most = f"the best would reach {plan.best:.2g} noise norms"
         return f"No shot of this rig tells {listed} apart: {most}{_why(plan)}."

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PySide6.QtTest import QTest
 
 from analysis.recording import Channel, Role
 from analysis.signal.stream import LiveChunk
@@ -77,6 +78,23 @@ def test_an_axis_left_wide_by_hand_is_close_again_after_a_reset(panel):
     assert plot.view.viewRange()[1][1] == pytest.approx(2 * before[1])
     plot.free_y()
     assert plot.view.viewRange()[1][1] < 1.2 * before[1]
+
+
+@pytest.mark.parametrize(("height", "seen"), [(1000, True), (420, False)])
+def test_raw_signals_are_whole_or_not_there(panel, height, seen):
+    channels = tuple(Channel(role, 1e-3) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
+    time_s = np.arange(200) / RATE_HZ
+    view = replace(views(1, range(0), 0.0)[0], raw_time_s=time_s, raw_v=np.zeros((200, 3), np.float32))
+    panel.resize(1000, height)
+    QTest.qWait(20)
+    for _ in range(2):
+        panel.show_raw(view, channels)
+        QTest.qWait(20)
+    assert panel.raw.isVisible() is seen
+    panel.resize(1000, 1000)
+    QTest.qWait(20)
+    panel.show_raw(view, channels)
+    assert panel.raw.isVisible()
 
 
 def test_the_floor_of_the_site_is_shown_with_its_lines_and_advice(panel):

@@ -41,6 +41,7 @@ from tests.app import synthetic
 
 SMALLEST = (960, 540)
 SIZES = (SMALLEST, (1366, 768 - 30), (1920, 1080 - 30))
+FULL_HD_AT_150 = (1280, 720 - 30)
 LONG = "2026-03-01_rig-a_paper-plate_run-"
 
 
@@ -181,15 +182,18 @@ def test_no_page_is_wider_than_the_window(window):
     named = tuple(replace(found.effects[0], name=name) for name in longest_first[:3])  # in bold, with a tick
     found = replace(found, candidates=every, effects=named)
     kinds = (found, replace(found, verdict=Verdict.UNEXPLAINED), replace(found, laws=(synthetic.learned_law(),)))
-    for page in _pages(window):
-        for kind in kinds if page == Layout.DIAGNOSIS else (found,):
-            panels.diagnosis.show_diagnosis(kind, [shot])
-            QTest.qWait(20)
-            areas = [area for area in panels.tabs.currentWidget().findChildren(QScrollArea) if _scrolls_across(area)]
-            assert not areas, (page, kind.verdict)
-            bars = panels.diagnosis.bars
-            assert not bars.isVisible() or bars.widget().minimumSizeHint().width() <= bars.viewport().width()
-            assert not {text for widget in _shown(window) if (text := _cut(widget)) is not None}
+    own = (window.width(), window.height())
+    for size in (FULL_HD_AT_150, own) if own[0] == 1366 else (own,):
+        window.resize(*size)
+        for page in _pages(window):
+            for kind in kinds if page == Layout.DIAGNOSIS else (found,):
+                panels.diagnosis.show_diagnosis(kind, [shot])
+                QTest.qWait(20)
+                areas = [a for a in panels.tabs.currentWidget().findChildren(QScrollArea) if _scrolls_across(a)]
+                assert not areas, (size, page, kind.verdict)
+                bars = panels.diagnosis.bars
+                assert not bars.isVisible() or bars.widget().minimumSizeHint().width() <= bars.viewport().width()
+                assert not {text for widget in _shown(window) if (text := _cut(widget)) is not None}
     panels.diagnosis.show_diagnosis(found, [shot])
 
 

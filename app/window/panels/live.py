@@ -15,6 +15,7 @@ from app.words.wording import DASH, local
 from instrument.snapshot import LiveView
 
 WINDOW_MS = 2000.0  # fixed, so that the axis never moves; older parts (after lost samples) run out of it
+LEAST_RAW = 9  # lines of height: below it nothing of three signals is seen but their axis
 RAW_SHOWN = 150  # samples: some forty periods, so that the beat is seen as a wave
 NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "switch"}
 
@@ -174,6 +175,8 @@ class LivePanel(QWidget):
 
     def show_raw(self, view: LiveView, channels: tuple[Channel, ...]) -> None:
         """Show the newest raw samples; ``channels`` names the columns."""
+        room = self.stack.geometry().bottom() - self.hold.geometry().bottom()
+        self.raw.setVisible(room >= LEAST_RAW * self.fontMetrics().lineSpacing())
         if self.hold.isChecked() or len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])

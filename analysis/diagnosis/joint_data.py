@@ -12,6 +12,7 @@ from analysis.diagnosis.site import Site, on_site, site_of
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model.fitting import base_named
+from analysis.model.least_squares import Infeasible
 from analysis.model.on_frame import can_tell
 from analysis.model.response import PLATE_START, Base
 from analysis.motion import Motion
@@ -43,8 +44,14 @@ def joint_data(motions: Sequence[Motion], given: Fit, site: Site | None, rate_hz
     A plate that a building swings far is no small matter: what the fit says of it is where the site's part begins.
     """
     base = base_named(given.model)
-    shots = with_plates(together(motions, rate_hz), _plates(given) if site is not None else [])
-    return JointData(on_site(shots, site, base, *parameters_of(given, base)), base, site=site)
+    plain = together(motions, rate_hz)
+    if site is None:
+        return JointData(plain, base)
+    try:
+        shots = on_site(with_plates(plain, _plates(given)), site, base, *parameters_of(given, base))
+        return JointData(shots, base, site=site)
+    except Infeasible:  # drawn to where nothing collides: nobody can say what a frame would do there
+        return JointData(plain, base)
 
 
 def with_plates(shots: Sequence[Samples], plates: Sequence[tuple[float, float]]) -> tuple[Samples, ...]:

@@ -85,6 +85,10 @@ def fit_shots(
         bare = problem = Problem.of(Model(base), on_frames(shots, known, base, begins[0], own))
         found = _base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
         before = begins[0]
+        if any(known) and found.square.chi2 > _STRONG * found.square.samples:
+            before, trial, there = _by_way_of_rest(base, motions, shots, known, stop)
+            if there.square.chi2 < found.square.chi2:
+                bare, problem, found = trial, trial, there
         for _ in range(_FRAME_TURNS):
             here = found.parameters
             if not elsewhere(shots, known, before, here[: bare.shared]):
@@ -204,6 +208,24 @@ def _base_minimum(bare: Problem, begins: Sequence[Floats], stop: Stop) -> Minimu
             if best.square.chi2 < _STRONG * best.square.samples:
                 break
     return best
+
+
+def _by_way_of_rest(
+    base: Base, motions: Sequence[Motion], shots: Sequence[ShotData], known: Sequence[Shaking | None], stop: Stop
+) -> tuple[Floats, Problem, Minimum]:
+    """Return where a fit ends that takes what frames do for noise, the problem on frames from there and its minimum.
+
+    What frames do leaves little but bounces to hold on to: where an effect is missing, too, a start that is not near
+    is drawn to no collision at all.
+    """
+    at_rest = replace(base, swings=False)
+    still = Problem.of(Model(at_rest), [prepare(motion) for motion in motions])
+    own = [own_start(shot, still.model) for shot in still.shots]
+    begins = first_guesses(at_rest, still.shots, stop)
+    there = _base_minimum(still, [np.concatenate([shared, *own]) for shared in begins], stop).parameters
+    shared, mine = there[: still.shared], [np.pad(there[still.own_slice(k)], (0, 2)) for k in range(len(shots))]
+    problem = Problem.of(Model(base), on_frames(shots, known, base, shared, mine))
+    return shared, problem, search(problem, np.concatenate([shared, *mine]), stop)
 
 
 def _with_effects(

@@ -46,7 +46,7 @@ def _on_frame(shot: ShotData, shaking: Shaking, base: Base, shared: Floats, own:
 
 def elsewhere(shots: Sequence[ShotData], shakings: Sequence[Shaking | None], before: Floats, now: Floats) -> bool:
     """Return whether parameters moved so far that the frames' noise is another one."""
-    moved = float(np.max(np.abs(now / before - 1.0)))
+    moved = float(np.max(np.abs(now / before - 1.0))) if np.all(before != 0.0) else np.inf
     return any(
         shaking is not None and moved * shaking.rms_m > _MATTERS * shot.noise.std_m
         for shot, shaking in zip(shots, shakings, strict=True)

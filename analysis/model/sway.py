@@ -18,6 +18,8 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from analysis.disturbance import Shaking
 from analysis.model.exact import Event, solve
+from analysis.model.general import RunsAway, TooManyEvents
+from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision, Floats
 from analysis.noise import Noise
 
@@ -125,10 +127,13 @@ def responses(collision: Collision, at_s: Floats, omega: Floats) -> tuple[Comple
     """Return what a frame that sways as exp(i omega t) adds to the displacement, shape (n, f), for unit sways.
 
     ``at_s``, shape (n,), counts from the first touch.  The second, shape (f,), is what the frame's and the added
-    velocity make together after the last release, where it stays.
+    velocity make together after the last release, where it stays.  Infeasible where there is no such collision.
     """
     out: Complex = np.zeros((at_s.size, omega.size), dtype=np.complex128)
-    events = solve(collision, np.array([0.0, max(float(at_s[-1]), 1e-9)])).events
+    try:
+        events = solve(collision, np.array([0.0, max(float(at_s[-1]), 1e-9)])).events
+    except (TooManyEvents, RunsAway) as why:
+        raise Infeasible(str(why)) from why
     before = np.flatnonzero(at_s <= 0)
     out[before] = 1.0 + 1j * at_s[before, None] * omega - np.exp(1j * at_s[before, None] * omega)
     state = np.zeros((4, omega.size), dtype=np.complex128)

@@ -63,8 +63,8 @@ def screened(contest: Contest, shots: Sequence[NextShot], tell: Callable[[float]
     def of_shot(shot: NextShot) -> dict[Pair, Informs] | None:
         if stop():
             raise Cancelled
-        empty = blank(shot, members[0].fitted)
         try:
+            empty = blank(shot, members[0].fitted)
             shown = {a: foretold(members[a].fitted, empty) for a in true}
             return {(a, b): informs(members[b].fitted, shown[a], floor) for a, b in pairs}
         except Infeasible:

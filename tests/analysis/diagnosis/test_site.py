@@ -16,6 +16,7 @@ from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.site import Site, Sway, site_of
 from analysis.disturbance import Shaking
 from analysis.model.fitting import fit_shots
+from analysis.quantity import Quantity
 from instrument.bench.blind import drawn
 from instrument.bench.effects import Effects
 from instrument.bench.noise import Noise, NoiseKind
@@ -107,6 +108,23 @@ def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
     np.testing.assert_allclose(known.averaged(0, as_known), effect.averaged(0, as_effect), atol=1e-15)
     np.testing.assert_allclose(known.coarse(0, as_known), effect.coarse(0, as_effect), atol=1e-15)
     assert np.abs(known.averaged(0, as_known) - Hypothesis(still, ()).averaged(0, as_known)).max() > 1e-8
+
+
+def test_a_joint_fit_in_a_building_is_not_drawn_to_other_bounces() -> None:
+    """A swaying frame lets a first guess pass whose bounces are not the shots': from there no step leads back."""
+    motions = shots_at("VC-B", 209)
+    fit = fit_shots(motions, shakings=shakings_of(motions, "paper", None))
+    assert fit.reduced_chi2 < 1.2
+
+
+def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
+    motions = shots_at("VC-D", 31)
+    fit = fit_shots(motions)
+    names = {"plate_stiffness_n_per_m": 3.8e6, "plate_mass_kg": 1.4e-6, "contact_stiffness_n_per_m": 280.0}
+    drawn_off = replace(fit, parameters={**fit.parameters, **{name: Quantity(v, 0.0) for name, v in names.items()}})
+    site = site_under(motions, shakings_of(motions, "paper", None))
+    assert site is not None
+    assert joint_data(motions, drawn_off, site).site is None
 
 
 def test_a_clean_set_in_an_ordinary_building_is_adequate() -> None:

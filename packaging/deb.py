@@ -63,7 +63,7 @@ def main() -> None:
         _write(root / "DEBIAN" / "control", control)
         for script in ("postinst", "postrm"):
             _write(root / "DEBIAN" / script, AFTER, 0o755)
-        strength = ["-Zgzip", "-z1"] if options.fast else ["-Zxz"]
+        strength = ["-Zgzip", "-z1"] if options.fast else ["-Zxz", "-z1"]  # -z6: a tenth smaller, many times as long
         subprocess.run(["dpkg-deb", "--root-owner-group", *strength, "--build", root, package], check=True)
     print(package)
 

@@ -19,6 +19,7 @@ from analysis.model.system import MAX_EVENTS, Record, System
 _BASE_STEP = 0.14  # radians of the fastest swing of block, contact and plate a step: 1e-12 of the displacement
 _HIDDEN_STEP = 0.22  # of an effect's own swing, which is small beside the motion
 _LONGEST_S = 1e-3
+_RIGHT_M, _ORDER = 1e-18, 12  # what a step longer than safe may be off by, and how it goes with the stride
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,13 +217,17 @@ def _fastest(rates: Swings, spacing_s: float) -> Floats:
 
 
 def _limits(rates: Swings, effects: Sequence[Active], stride: float) -> Floats:
-    """Return the longest steps in s (in contact, apart, gone, before the touch), their growth and nearing."""
+    """Return the ``limits`` of ``RungeKutta``."""
+    swinging = [math.hypot(rates.contact, rates.every), math.hypot(rates.plate, rates.every), rates.inside, 0.0]
 
     def longest(base: float, own: float) -> float:
         return min(stride * min(_BASE_STEP / max(base, 1e-9), _HIDDEN_STEP / max(own, 1e-9)), _LONGEST_S)
 
-    contact, apart = longest(rates.contact, rates.every), longest(rates.plate, rates.every)
-    steps = [contact, apart, longest(0.0, rates.inside), _LONGEST_S]
+    safe = [longest(rates.contact, rates.every), longest(rates.plate, rates.every)]
+    safe += [longest(0.0, rates.inside), _LONGEST_S]
     # A law that is not smooth where the overlap begins is stepped away from, and up to, in short strides.
     rough = any(active.effect.rough for active in effects)
-    return np.array([*steps, *((1.35, 0.4) if rough else (3.0, 0.0))])
+    return np.array(
+        [*safe, *swinging, longest(0.0, rates.every), *((1.35, 0.4) if rough else (3.0, 0.0))]
+        + [_RIGHT_M * stride**_ORDER]
+    )

@@ -1,9 +1,10 @@
 """The stepper for any effect: a Runge-Kutta method of order eight at a step well inside the mode's fastest period.
 
 A step that would pass a guard function is refused and the event approached in ever shorter steps; after it the steps
-grow again.  A law that is not smooth where the overlap begins (an exponent) then still comes out to 1e-10, smooth ones
-to 1e-12 of the displacement.  The derivatives by the parameters go through the very same steps.  Between steps the
-displacement is the quintic through position, velocity and acceleration at both ends.
+grow again.  Where the contact's swing has died away they grow on, as far as the displacement between steps allows.  A
+law that is not smooth where the overlap begins (an exponent) then still comes out to 1e-10, smooth ones to 1e-12 of the
+displacement.  The derivatives by the parameters go through the very same steps.  Between steps the displacement is the
+quintic through position, velocity and acceleration at both ends.
 """
 
 import math
@@ -35,12 +36,24 @@ from analysis.model.system import (
 Places = NDArray[np.int64]
 _SHRINK, _SMALLEST = 0.25, 1e-4
 _SLOWLY = 6  # steps taken without growing after one was refused
-STEP, LONGEST, HELD = 0, 1, 2  # of the memory: the next step, the longest in this mode, steps to be taken so yet
+# Of the memory: the next step, the longest that is safe in this mode, the longest of all, steps to be taken as long as
+# the last, and what is known of the motion's sixth derivative over 720 (below zero: nothing yet).
+STEP, LONGEST, EVER, HELD, SIXTH = 0, 1, 2, 3, 4
+_MEMORY = 5
+_RADIANS = 2.0  # of the fastest swing a step may take once that is still: the method is stable to three
+_MIDWAY = 1.0 / 64.0  # of the sixth derivative over 720, times h^6: how far a quintic is off between two states
+_PLATE = 0.02  # of an error of the plate's: what it is worth beside the block's
+_NEARING = 0.4  # of the way to the next touch or release that a step longer than safe may go
+_CHANGE = 1e-3  # of a parameter, by which a derivative is seen
+_FORGOTTEN = 0.5  # of the sixth derivative a radian: it passes zero twice a period
+_SUDDEN = 4.0  # times what was known of the motion's bends: a kink was passed, and the step is taken once more, safely
+_REFUSED = 30.0  # times the error that is allowed: taken once more in a safe step
 
 
 class RungeKutta(NamedTuple):
-    """``limits``: longest step in s in contact, apart, left to itself, and before the touch; the factor by which steps
-    grow; and the share of the way to the next touch or release that a step may go (0: all of it).
+    """``limits``: safe step in s in contact, apart, left to itself, and before the touch, and the fastest swing then in
+    rad/s; the longest step that the effects allow; the factor by which steps grow; the share of the way to the next
+    touch or release that a step may go (0: all of it); and the error in m that a step longer than safe may make.
 
     The stages' weights times the step, their rates (the first are those of ``here``), and a stage's state.
     """
@@ -124,11 +137,65 @@ def reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
 def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
     here, mode, memory, limits = motion.here, motion.mode, stepper.memory, stepper.limits
     rates(here, system.which.size + 1, system.which, system, mode)
-    longest = limits[3]
-    if forward:
-        longest = limits[0] if mode[PHASE] != FREE else (limits[1] if mode[PLATE] > 0.5 else limits[2])
-    memory[LONGEST], memory[STEP], memory[HELD] = longest, longest * _SMALLEST, 0.0
+    mode_at = _mode_at(mode, forward)
+    longest, swing = limits[mode_at], limits[4 + mode_at]
+    memory[EVER] = max(longest, min(_RADIANS / swing, limits[8]) if swing > 0.0 else longest)
+    memory[LONGEST], memory[STEP], memory[HELD], memory[SIXTH] = longest, longest * _SMALLEST, 0.0, -1.0
     return True
+
+
+@inlined
+def _mode_at(mode, forward):  # type: ignore[no-untyped-def]
+    """Return the place of a mode among the limits."""
+    if not forward:
+        return 3
+    return 0 if mode[PHASE] != FREE else (1 if mode[PLATE] > 0.5 else 2)
+
+
+@inlined
+def _fifth(one, other, place, row, h):  # type: ignore[no-untyped-def]
+    """Return the size of the fifth derivative over 120 of the quintic through two states."""
+    x0, v0, a0 = one.z[row, place], one.z[row, place + 1], one.f[row, place + 1]
+    x1, v1, a1 = other.z[row, place], other.z[row, place + 1], other.f[row, place + 1]
+    d = x1 - x0 - h * (v0 + 0.5 * h * a0)
+    return abs((6.0 * d - 3.0 * h * (v1 - v0 - h * a0) + 0.5 * h * h * (a1 - a0)) / h**5)
+
+
+@inlined
+def _still_enough(stepper, system, here, there, swing, h):  # type: ignore[no-untyped-def]
+    """Return whether a step was right to what is allowed, and note how long the next one may be.
+
+    What swings at ``swing`` bends the quintic by its sixth derivative and is followed by the method to its ninth; a
+    step that is no longer than safe is always right.  Derivatives by parameters count as a change of a thousandth.
+    """
+    memory, allowed = stepper.memory, stepper.limits[11]
+    longest, ever = memory[LONGEST], memory[EVER]
+    if h < 0.5 * longest or ever <= longest:  # too short to tell, or nothing to be gained
+        return True
+    fifth = max(_fifth(here, there, 0, 0, h), _PLATE * _fifth(here, there, 2, 0, h))
+    for row in range(1, system.which.size + 1):
+        by = system.which[row - 1]
+        if by >= 0:
+            fifth = max(fifth, _CHANGE * abs(system.p[by]) * _fifth(here, there, 0, row, h))
+    sixth, known = fifth * swing / 6.0, memory[SIXTH]
+    memory[SIXTH] = max(sixth, known / (1.0 + _FORGOTTEN * swing * h))
+    error = _MIDWAY * sixth * h**6 * max(1.0, (swing * h) ** 3)
+    return h <= longest or (error <= _REFUSED * allowed and sixth <= _SUDDEN * known)
+
+
+@inlined
+def _next(stepper, swing):  # type: ignore[no-untyped-def]
+    """Return the longest step that the motion allows now."""
+    memory = stepper.memory
+    longest, sixth = memory[LONGEST], memory[SIXTH]
+    if sixth < 0.0:
+        return longest
+    long = memory[EVER]
+    if sixth > 0.0:
+        long = (stepper.limits[11] / (_MIDWAY * sixth)) ** (1.0 / 6.0)
+        if long * swing > 1.0:  # there the ninth power of the step counts
+            long = (swing * long) ** (2.0 / 3.0) / swing
+    return max(longest, min(long, memory[EVER]))
 
 
 @inlined
@@ -151,7 +218,8 @@ def _crossed(motion, system, h):  # type: ignore[no-untyped-def]
 def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     here, there, signs, memory = motion.here, motion.there, motion.signs, stepper.memory
     rows, i, times, cleared = system.which.size + 1, ahead.i, record.times, ahead.cleared
-    growth, nearing, longest = stepper.limits[4], stepper.limits[5], memory[LONGEST]
+    growth, nearing, longest = stepper.limits[9], stepper.limits[10], memory[LONGEST]
+    swing = stepper.limits[4 + _mode_at(motion.mode, ahead.forward)]
     omega, way = math.sqrt(system.p[0] / system.p[1]), 1.0 if ahead.forward else -1.0
     while (i <= ahead.last) if ahead.forward else (i >= ahead.last):
         far = ahead.forward and may_be_gone(here.z[0, 0], here.z[0, 2], motion.mode)
@@ -161,9 +229,10 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
         remaining = abs(times[ahead.last] - t)
         if remaining <= 0.0:
             remaining = longest
-        h = min(memory[STEP], longest)
-        if nearing > 0.0 and signs[0] != 0.0 and here.told[0, 1] * signs[0] < 0.0 < here.told[0, 0] * signs[0]:
-            h = min(h, max(nearing * abs(here.told[0, 0] / here.told[0, 1]), longest * _SMALLEST))
+        h = min(memory[STEP], _next(stepper, swing))
+        if (nearing > 0.0 or h > longest) and here.told[0, 1] * signs[0] < 0.0 < here.told[0, 0] * signs[0]:
+            least = longest * _SMALLEST if nearing > 0.0 else longest  # a touch or release is met in safe steps
+            h = min(h, max((nearing or _NEARING) * abs(here.told[0, 0] / here.told[0, 1]), least))
         h = min(h, remaining)
         signed = way * h
         _step(stepper, system, here, there, motion.mode, signed, rows)
@@ -175,6 +244,9 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
         cleared = False
         if not math.isfinite(there.z[0, 0] + there.z[0, 1] + there.z[0, 3]):
             return i, signed, AWAY
+        if not _still_enough(stepper, system, here, there, swing, h):  # what bends there was not foreseen
+            memory[STEP] = longest
+            continue
         if (times[i] - t) * way <= h:
             i = show(stepper, system, motion, record, i, signed)
         take(here, there, rows)
@@ -256,10 +328,10 @@ def stepper_of(limits, rows, size, room, at):  # type: ignore[no-untyped-def]
     slopes, at = cut(room, at, (11, rows, size))
     scaled, at = cut(room, at, (_WEIGHTS.size,))
     trial, at = cut(room, at, (rows, size))
-    memory, at = cut(room, at, (3,))
+    memory, at = cut(room, at, (_MEMORY,))
     return RungeKutta(limits, scaled, slopes, trial, memory), at
 
 
 def room_for(rows: int, size: int) -> int:
     """Return how many numbers the arrays of a stepper take."""
-    return 12 * rows * size + _WEIGHTS.size + 3
+    return 12 * rows * size + _WEIGHTS.size + _MEMORY

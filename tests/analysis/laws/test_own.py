@@ -66,9 +66,9 @@ def test_derivatives_of_any_formula_are_those_of_differences(formula: str) -> No
         moved = []
         for sign in (-1, 1):
             near = list(values)
-            near[k] *= 1 + sign * 1e-4
+            near[k] *= 1 + sign * 1e-3  # past a cusp the speed depends to 1e-11 m/s on where the steps come to lie
             moved.append(general.solve(PAPER, [general.Active(own, tuple(near))], TIMES_S).displacement_m)
-        slope = (moved[1] - moved[0]) / (2e-4 * values[k])
+        slope = (moved[1] - moved[0]) / (2e-3 * values[k])
         exact = run.displacement_derivatives[:, k]
         assert np.max(np.abs(slope)) > 0 or "*0" in formula
         assert np.max(np.abs(exact - slope)) <= 2e-3 * np.max(np.abs(slope)) + 1e-9

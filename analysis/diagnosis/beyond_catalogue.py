@@ -8,9 +8,9 @@ from analysis.diagnosis.as_fit import effect_parameters
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, predict
 from analysis.diagnosis.forward_selection import without_effect
-from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.hypothesis_fit import Fitted, lead_on
 from analysis.diagnosis.identifiability import missed_without, snr
-from analysis.diagnosis.law_learning import Discovery, learn_laws
+from analysis.diagnosis.law_learning import Discovery, learn_another, learn_law, learn_laws
 from analysis.diagnosis.law_telling import retold
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, judge
@@ -41,22 +41,30 @@ def beyond_catalogue(
 ) -> Beyond | None:
     """Return what lowers the error of the held-out shots, or None where nothing does.
 
-    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Laws alone
-    that explain all are taken; otherwise the likeliest of laws alone, those effects alone, and laws beside them.
+    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  A law is learned from what the base
+    model leaves, and one from what those effects leave; a second beside the likelier of them, and beside the other
+    where that does not explain all.
     """
     tell("learning a law", 0.8)
-    alone = learn_laws(before, held, tell, stop)
+    alone = learn_law(before, held, tell, stop)
     if alone is not None and alone.explains:
         return _alone(alone)
     helped = _helps(before, nearest, held, stop)
-    if helped is None:
-        return _alone(alone) if alone is not None else None
-    tell("learning a law beside the effects that came nearest", 0.85)
-    joined = learn_laws(nearest, held, tell, stop)
-    found = [_alone(alone) if alone else None, _together(joined, effects, helped[0], held, stop) if joined else None]
-    rest = judge(nearest, projector(nearest))
-    found.append(Beyond(nearest, Verdict.PARTLY_EXPLAINED, list(effects), (), helped, rest))
-    return min((one for one in found if one is not None), key=lambda one: one.fitted.bic)
+    ways: list[tuple[Discovery, Prediction | None]] = [(alone, None)] if alone is not None else []
+    if helped is not None:
+        tell("learning a law beside the effects that came nearest", 0.83)
+        joined = learn_law(nearest, held, tell, stop)
+        ways += [(joined, helped[0])] if joined is not None else []
+    found = []
+    for first, base in sorted(ways, key=lambda way: way[0].fitted.bic):
+        laws = first if first.explains else learn_another(first, held, tell, stop)
+        found.append(_alone(laws) if base is None else _together(laws, effects, base, held, stop))
+        if found[-1].verdict is Verdict.LAW_LEARNED:
+            return found[-1]
+    if helped is not None:
+        rest = judge(nearest, projector(nearest))
+        found.append(Beyond(nearest, Verdict.PARTLY_EXPLAINED, list(effects), (), helped, rest))
+    return min(found, key=lambda one: one.fitted.bic, default=None)
 
 
 def beside(
@@ -98,6 +106,7 @@ def _together(
         if trial is None or _worth(fitted, trial) >= CRITERIA.least_fall:
             break
         fitted, kept = trial, [effect for effect in kept if effect.name != idle]
+    fitted = lead_on(fitted, cancelled=stop)
     told, rest, at = found.foretold[1], found.rest, projector(fitted)
     if fitted is not found.fitted:
         told, rest = predict(fitted, held, fitted.floor, stop) or told, judge(fitted, at)

@@ -17,6 +17,9 @@ from analysis.side_by_side import side_by_side
 Floats = NDArray[np.float64]
 
 
+_TRAINED = 25  # evaluations at most, from where all shots together put the shared parameters
+
+
 @dataclass(frozen=True, slots=True)
 class Prediction:
     """Held-out shots as the others predict them: displacements on the motions' grids.
@@ -75,7 +78,7 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Float
     one = _subset(hypothesis, [held])
     try:
         begin = some.pack(Point(point.base, point.own[others], tuple(point.values[i] for i in others)))
-        trained = search(some, begin, fitted.floor, evaluations=10, cancelled=stop)
+        trained = search(some, begin, fitted.floor, evaluations=_TRAINED, cancelled=stop)
         learnt = some.unpack(trained.parameters)
         values = {name: dict(v) for name, v in point.values[held].items()}
         for name, free, shot in some.free_parameters:

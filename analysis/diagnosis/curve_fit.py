@@ -33,6 +33,9 @@ from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 _RIDGE = 1e-9  # of each coefficient's own curvature: keeps what no shot visits at rest
+_DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after another until one leads down
+_EASING = 1e-2  # of the damping, from step to step
+_SETTLED = 0.5  # of chi^2: a step that brings no more is the last
 _BEYOND = 1e100  # noise norms: no motion of this rig
 
 
@@ -109,28 +112,40 @@ def screen(start: Fitted, argument: Argument, pieces: int, stop: Stop, *, steps:
     return fit_terms(start.hypothesis, start.z, (term,), rough, stop, steps=steps)
 
 
+def refine(learned: Learned, pieces: int, stop: Stop, *, steps: int) -> Learned:
+    """Fit on with the last curve in about ``pieces`` pieces, from where it stands; Infeasible, Cancelled."""
+    *others, term = learned.terms
+    knots = np.array(term.basis.knots)
+    basis = graded(float(knots[0]), float(knots[-1]), pieces)
+    fine = np.unique(np.concatenate([knots, np.linspace(knots[0], knots[-1], 8 * basis.count), basis.knots]))
+    coefficients = np.linalg.lstsq(basis.design(fine), term.curve(fine), rcond=None)[0]
+    finer = (*others, Term(term.argument, basis, np.asarray(coefficients, dtype=np.float64)))
+    return fit_terms(learned.hypothesis, learned.z, finer, learned.floor, stop, steps=steps)
+
+
 def fit_terms(
     hypothesis: Hypothesis, z: Floats, terms: tuple[Term, ...], floor: Floor, stop: Stop, *, steps: int
 ) -> Learned:
     """Fit base, starts and curves by penalised Gauss-Newton steps; the noise begins as ``floor`` and is learned."""
-    here = _linearised(hypothesis, z, terms)
+    here, damping = _linearised(hypothesis, z, terms), 0.0
     for step in range(steps):
         if stop():
             raise Cancelled
         rows = _whitened(hypothesis, here[0], here[1], floor)
         moves, penalty, _ = _penalised_step(rows, z.size, terms)
-        better = None
+        better, fell = None, 0.0
         chi2 = _penalised(rows[:, 0], terms, penalty)
-        for share in (1.0, 0.4, 0.1, 0.02):
-            new_z = z + share * moves[: z.size]
-            new_terms = _moved(terms, share * moves[z.size :])
+        for trial_damping in (d for d in _DAMPINGS if d >= damping):
+            by = moves if trial_damping == 0.0 else _damped_step(rows, terms, penalty, trial_damping)
+            new_z, new_terms = z + by[: z.size], _moved(terms, by[z.size :])
             try:
                 trial = _linearised(hypothesis, new_z, new_terms)
                 there = _whitened(hypothesis, trial[0], trial[1], floor)
             except Infeasible:
                 continue
-            if _penalised(there[:, 0], new_terms, penalty) < chi2:
-                better = (new_z, new_terms, trial)
+            fell = chi2 - _penalised(there[:, 0], new_terms, penalty)
+            if fell > 0.0:
+                better, damping = (new_z, new_terms, trial), trial_damping
                 break
         if better is None:
             break
@@ -138,6 +153,9 @@ def fit_terms(
         left = [shot.displacement_m - x for shot, x in zip(hypothesis.data.shots, here[0], strict=True)]
         if step >= 1:
             floor, _ = learn_floor(hypothesis.data, left, floor)
+        if step >= 2 and damping == 0.0 and fell < _SETTLED:
+            break
+        damping *= _EASING if damping > _DAMPINGS[1] else 0.0
     left = [shot.displacement_m - x for shot, x in zip(hypothesis.data.shots, here[0], strict=True)]
     floor, value = learn_floor(hypothesis.data, left, floor)
     rows = _whitened(hypothesis, here[0], here[1], floor)
@@ -193,6 +211,22 @@ def _penalised_step(rows: Floats, base: int, terms: Sequence[Term]) -> tuple[Flo
         scale > 0, scale, 1.0
     )
     return np.concatenate([own, solution - now]), penalty, freedom
+
+
+def _damped_step(rows: Floats, terms: Sequence[Term], penalty: Floats, damping: float) -> Floats:
+    """Return the step of all numbers with the directions held back that the shots hardly see (Levenberg, Marquardt).
+
+    They are where the valleys bend: a full step along them leads out.
+    """
+    left, jacobian = rows[:, 0], rows[:, 1:]
+    coefficients = np.concatenate([term.coefficients for term in terms])
+    curvature, gradient = jacobian.T @ jacobian, jacobian.T @ left
+    base = gradient.size - coefficients.size
+    curvature[base:, base:] += penalty
+    gradient[base:] -= penalty @ coefficients
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    scaled = curvature / np.outer(scale, scale) + damping * np.eye(scale.size)
+    return np.asarray(np.linalg.solve(scaled, gradient / scale) / scale)
 
 
 def _smoothing(a: Floats, b: Floats, s: float, free_samples: int, terms: Sequence[Term]) -> tuple[Floats, Floats]:

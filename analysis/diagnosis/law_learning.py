@@ -8,18 +8,18 @@ arguments whose curves end in forms are compared as forms.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.diagnosis.closed_forms import Fitting, compress
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, predict
-from analysis.diagnosis.curve_fit import Learned, fit_terms, screen
+from analysis.diagnosis.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.free_parameters import trial_effect
 from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.hypothesis_fit import Fitted, fit
+from analysis.diagnosis.hypothesis_fit import Fitted, fit, lead_on
 from analysis.diagnosis.law_telling import FormFit, retold, told
 from analysis.diagnosis.projector import projector
 from analysis.diagnosis.residual import Residual, judge
@@ -32,10 +32,11 @@ from analysis.side_by_side import side_by_side
 
 FIRST_PIECES, MOST_PIECES = 12, 96
 _FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front
+_FINER_STEPS = 4  # from the curve in half as many pieces
 _GO_ON = 6  # arguments that are searched to the end
 FINER_PAYS = 10.0  # of the criterion: worth twice the knots
 FOLLOWED = 3  # arguments that are given finer knots
-FORMS_FITTED = 4  # of an argument, by their distance from its curve
+FORMS_FITTED = 6  # of an argument, by their distance from its curve
 _NEAR, _NEAR_NORMS = 4.0, 200.0  # times the nearest form's distance, and more: fitted before the others
 
 
@@ -55,17 +56,27 @@ class Discovery:
         return named and self.fitted.converged and not self.rest.significant
 
 
-def learn_laws(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery | None:
-    """Return the law that ``start`` lacks, or the two, if the shots show any; Cancelled when asked to stop.
+def learn_law(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery | None:
+    """Return the law that ``start`` lacks, if the shots show any; Cancelled when asked to stop.
 
-    ``held`` are the shots that are foretold in turn.  A single shot shows no law: it could not be tested.  A second
-    law is asked where the first leaves more than noise; a form that fell short of its curve only for what the second
-    explains is then the first law's after all.
+    ``held`` are the shots that are foretold in turn.  A single shot shows no law: it could not be tested.
     """
-    first = _learn(start, held, None, tell, stop)
-    if first is None or first.explains:
-        return first
+    return _learn(start, held, None, tell, stop)
+
+
+def learn_laws(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery | None:
+    """Return the law that ``start`` lacks, or the two: a second is asked where the first leaves more than noise."""
+    first = learn_law(start, held, tell, stop)
+    return first if first is None or first.explains else learn_another(first, held, tell, stop)
+
+
+def learn_another(first: Discovery, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery:
+    """Return a law with a second one beside it, or itself where there is none; Cancelled when asked to stop.
+
+    A form that fell short of its curve only for what the second explains is then the first law's after all.
+    """
     law = first.laws[0]
+    tell("learning a second law", 0.86)
     second = _learn(first.fitted, held, law, tell, stop)
     if second is None:
         return first
@@ -96,6 +107,9 @@ def _learn(
     if not fits:
         return None
     fits.sort(key=lambda one: one.bic)
+    within = fits[0].bic + CRITERIA.form_excluded
+    fits = side_by_side(lambda one: _led_on(one, stop) if one.bic < within else one, fits)
+    fits.sort(key=lambda one: one.bic)
     best = fits[0].fitted
     if best.bic > start.bic - CRITERIA.law_fall:
         return None
@@ -125,12 +139,12 @@ def _argument(learned: Learned) -> Argument:
 def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop: Stop) -> list[Learned]:
     """Return the curves that explain most, best first, those in front with the knots they ask for."""
 
-    def one(argument: Argument, pieces: int = FIRST_PIECES, steps: int = _ALL_STEPS) -> Learned | None:
+    def one(argument: Argument) -> Learned | None:
         if stop():
             raise Cancelled
         tell(f"trying a force of the {argument.name}", 0.8)
         try:
-            return screen(start, argument, pieces, stop, steps=steps)
+            return screen(start, argument, FIRST_PIECES, stop, steps=_FIRST_STEPS)
         except (Infeasible, ValueError, np.linalg.LinAlgError):
             return None
 
@@ -145,13 +159,16 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
         pieces = FIRST_PIECES
         while 2 * pieces <= MOST_PIECES:
             pieces *= 2
-            trial = one(_argument(learned), pieces)
-            if trial is None or trial.bic > learned.bic - FINER_PAYS:
+            try:
+                trial = refine(learned, pieces, stop, steps=_FINER_STEPS)
+            except (Infeasible, ValueError, np.linalg.LinAlgError):
+                break
+            if trial.bic > learned.bic - FINER_PAYS:
                 break
             learned = trial
         return learned
 
-    rough = side_by_side(lambda argument: one(argument, steps=_FIRST_STEPS), arguments)
+    rough = side_by_side(one, arguments)
     first = sorted((curve for curve in rough if curve is not None), key=lambda curve: curve.bic)
     found = sorted(side_by_side(further, first[:_GO_ON]), key=lambda curve: curve.bic)
     ahead = [curve for curve in found[:FOLLOWED] if curve.bic < start.bic - CRITERIA.law_fall]
@@ -176,6 +193,10 @@ def _refined(start: Fitted, learned: Learned, forms: Sequence[Fitting], stop: St
             return None
 
     return [found for found in side_by_side(one, forms) if found is not None]
+
+
+def _led_on(one: FormFit, stop: Stop) -> FormFit:
+    return replace(one, fitted=lead_on(one.fitted, cancelled=stop))
 
 
 def _span(learned: Learned) -> float:

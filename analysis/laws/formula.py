@@ -6,6 +6,7 @@ place.  From the tree a kernel is written, or an array computed; the text itself
 """
 
 import ast
+import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from analysis.laws.functions import FUNCTIONS, multiplied, raised, raised_arrays
-from analysis.model.effects.kernel import Q_RATE, SIGN_V, TOUCHING, XI, XI_RATE, Kernel, Q, U, V, X, Y
+from analysis.model.effects.kernel import Q_RATE, SIGN_V, TOUCHING, WRITTEN, XI, XI_RATE, Kernel, Q, U, V, X, Y
 
 LONGEST = 400  # characters: a law that one can read
 _DEEPEST = 40
@@ -78,17 +79,19 @@ def read(text: str, parameters: Sequence[str]) -> Formula:
 def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> Kernel:
     """Return the formula as a mechanical effect that adds to the output ``adds_to`` (see ``effects.kernel``).
 
-    ``while_touching``: only in contact.  Written once a formula; compiled where it is first used, in half a second.
+    ``while_touching``: only in contact.  Written once a formula; compiled where it is first used ever, in half a
+    second, and kept under a name that is a digest of what was written: it can never be another's.
     """
     force = _written(_tree(formula.text), formula.parameters)
     condition = f"if s[{TOUCHING}].real > 0.5: " if while_touching else ""
     clock = f"    out[{Q_RATE}] += 1.0\n" if formula.timed else ""
-    source = f"def law(s, p, out):\n{clock}    {condition}out[{adds_to}] += {force}\n"
-    names: dict[str, Any] = {f.kernel.__name__: f.kernel for f in FUNCTIONS.values()}
+    body = f"(s, p, out):\n{clock}    {condition}out[{adds_to}] += {force}\n"
+    name = f"law_{hashlib.sha256(body.encode()).hexdigest()[:24]}"
+    names: dict[str, Any] = {f.kernel.__name__: f.kernel for f in FUNCTIONS.values()} | {"__name__": __name__}
     names |= {raised.__name__: raised, multiplied.__name__: multiplied}
     # What is run here was written above, node by node from the whitelist.
-    exec(compile(source, f"<law {formula.text}>", "exec"), names)
-    law: Kernel = names["law"]
+    exec(compile(f"def {name}{body}", WRITTEN, "exec"), names)
+    law: Kernel = names[name]
     return law
 
 

@@ -30,6 +30,7 @@ _PLACES = {
 _PLACE_NAMES = ("x", "y", "d")
 _H = 1e-30
 _DRAWN = 400
+_DRAW = np.random.default_rng(1).uniform(-1.0, 1.0, (6, _DRAWN))
 
 
 class LawError(ValueError):
@@ -211,7 +212,7 @@ def _states(collision: Collision) -> dict[str, Floats]:
     inverse = 1 / c.block_mass_kg + 1 / c.plate_mass_kg
     overlap = speed / math.sqrt(c.contact_stiffness_n_per_m * inverse)
     deepest = speed * c.contact_time_estimate_s / math.pi
-    u = np.random.default_rng(1).uniform(-1.0, 1.0, (6, _DRAWN))
+    u = _DRAW
     bend = 0.5 * deepest * (u[2] - 1.0)
     return {
         "x": 1.2 * bend + overlap * u[0], "v": speed * u[1], "y": bend, "u": 2 * speed * u[3],

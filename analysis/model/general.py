@@ -225,9 +225,9 @@ def _limits(rates: Swings, effects: Sequence[Active], stride: float) -> Floats:
 
     safe = [longest(rates.contact, rates.every), longest(rates.plate, rates.every)]
     safe += [longest(0.0, rates.inside), _LONGEST_S]
-    # A law that is not smooth where the overlap begins is stepped away from, and up to, in short strides.
+    # A law that is not smooth where the overlap begins is stepped away from, and up to, in short strides; its slope may
+    # be without bound there, and what a step makes of that goes as its length.
     rough = any(active.effect.rough for active in effects)
-    return np.array(
-        [*safe, *swinging, longest(0.0, rates.every), *((1.35, 0.4) if rough else (3.0, 0.0))]
-        + [_RIGHT_M * stride**_ORDER]
-    )
+    growth, nearing, shortest = (1.6, 0.4, 1e-8) if rough else (3.0, 0.0, 1e-4)
+    right = _RIGHT_M * stride**_ORDER
+    return np.array([*safe, *swinging, longest(0.0, rates.every), growth, nearing, right, shortest])

@@ -34,7 +34,7 @@ from analysis.model.system import (
 )
 
 Places = NDArray[np.int64]
-_SHRINK, _SMALLEST = 0.25, 1e-4
+_SHRINK = 0.25
 _SLOWLY = 6  # steps taken without growing after one was refused
 # Of the memory: the next step, the longest that is safe in this mode, the longest of all, steps to be taken as long as
 # the last, and what is known of the motion's sixth derivative over 720 (below zero: nothing yet).
@@ -53,7 +53,8 @@ _REFUSED = 30.0  # times the error that is allowed: taken once more in a safe st
 class RungeKutta(NamedTuple):
     """``limits``: safe step in s in contact, apart, left to itself, and before the touch, and the fastest swing then in
     rad/s; the longest step that the effects allow; the factor by which steps grow; the share of the way to the next
-    touch or release that a step may go (0: all of it); and the error in m that a step longer than safe may make.
+    touch or release that a step may go (0: all of it); the error in m that a step longer than safe may make; and the
+    share of a safe step within which an event is met.
 
     The stages' weights times the step, their rates (the first are those of ``here``), and a stage's state.
     """
@@ -140,7 +141,7 @@ def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-de
     mode_at = _mode_at(mode, forward)
     longest, swing = limits[mode_at], limits[4 + mode_at]
     memory[EVER] = max(longest, min(_RADIANS / swing, limits[8]) if swing > 0.0 else longest)
-    memory[LONGEST], memory[STEP], memory[HELD], memory[SIXTH] = longest, longest * _SMALLEST, 0.0, -1.0
+    memory[LONGEST], memory[STEP], memory[HELD], memory[SIXTH] = longest, longest * limits[12], 0.0, -1.0
     return True
 
 
@@ -219,6 +220,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     here, there, signs, memory = motion.here, motion.there, motion.signs, stepper.memory
     rows, i, times, cleared = system.which.size + 1, ahead.i, record.times, ahead.cleared
     growth, nearing, longest = stepper.limits[9], stepper.limits[10], memory[LONGEST]
+    shortest = longest * stepper.limits[12]
     swing = stepper.limits[4 + _mode_at(motion.mode, ahead.forward)]
     omega, way = math.sqrt(system.p[0] / system.p[1]), 1.0 if ahead.forward else -1.0
     while (i <= ahead.last) if ahead.forward else (i >= ahead.last):
@@ -231,15 +233,15 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
             remaining = longest
         h = min(memory[STEP], _next(stepper, swing))
         if (nearing > 0.0 or h > longest) and here.told[0, 1] * signs[0] < 0.0 < here.told[0, 0] * signs[0]:
-            least = longest * _SMALLEST if nearing > 0.0 else longest  # a touch or release is met in safe steps
+            least = shortest if nearing > 0.0 else longest  # a touch or release is met in safe steps
             h = min(h, max((nearing or _NEARING) * abs(here.told[0, 0] / here.told[0, 1]), least))
         h = min(h, remaining)
         signed = way * h
         _step(stepper, system, here, there, motion.mode, signed, rows)
         if not cleared and _crossed(motion, system, signed):
-            if h <= longest * _SMALLEST * 1.000001:
+            if h <= 1.000001 * shortest:
                 return i, signed, AT_A_GUARD
-            memory[STEP], memory[HELD] = max(h * _SHRINK, longest * _SMALLEST), _SLOWLY
+            memory[STEP], memory[HELD] = max(h * _SHRINK, shortest), _SLOWLY
             continue
         cleared = False
         if not math.isfinite(there.z[0, 0] + there.z[0, 1] + there.z[0, 3]):

@@ -38,6 +38,8 @@ Q_RATE, W_RATE = 3, 4  # d/dt of the hidden state
 MASS = 5  # added to the block's inertia in kg
 OUTPUTS = 6
 
+WRITTEN = "law"  # the file, so to say, of functions that the program wrote and named by their own text
+
 Kernel = Callable[[Any, Any, Any], None]
 
 
@@ -53,8 +55,9 @@ def _compiled(function: Kernel, number: Any) -> Any:
 @cache
 def _compiled_once(function: Kernel, number: Any) -> Any:
     pointer = types.CPointer(number)  # type: ignore[no-untyped-call]
-    # A law that a person wrote has no file whose age could tell whether a kept kernel is still right.
-    options: Any = {"cache": Path(function.__code__.co_filename).is_file(), "error_model": "numpy"}
+    # What is defined at a prompt has neither a file nor a name of its own by which a kept kernel could be told.
+    source = function.__code__.co_filename
+    options: Any = {"cache": source == WRITTEN or Path(source).is_file(), "error_model": "numpy"}
     return cfunc(types.void(pointer, pointer, pointer), **options)(function)
 
 

@@ -1,6 +1,7 @@
 """A law that a person wrote: it moves the block as the catalogue's row of the same equation does."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -184,3 +185,16 @@ def test_a_law_that_cannot_be_used_is_refused_in_one_line(changes: dict[str, Any
     with pytest.raises(LawError, match=why) as refused:
         from_mapping(table(**changes))
     assert "\n" not in str(refused.value)
+
+
+def test_derivatives_past_a_slope_without_bound_do_not_depend_on_where_the_steps_come_to_lie() -> None:
+    """A damping that goes as the root of the overlap has no bounded slope where the two bodies part."""
+    own = law("contact", "(a*abs(d)**n)*d_rate", a=21.2, n=0.5).effect
+    by = [0, 1, 2, 3, general.direction(0, 0), general.direction(0, 1)]
+    near = []
+    for change in (0.0, 1e-7, 3e-7):
+        collision = replace(PAPER, contact_stiffness_n_per_m=9e3 * (1 + change))
+        run = general.solve(collision, [general.Active(own, (21.2, 0.5))], TIMES_S, directions=by, stride=2.0)
+        near.append(run.displacement_derivatives / np.max(np.abs(run.displacement_derivatives), axis=0))
+    assert np.max(np.abs(near[1] - near[0])) < 2e-4
+    assert np.max(np.abs(near[2] - near[0])) < 2e-4

@@ -152,13 +152,15 @@ def _bumps(shot: Samples) -> Floats:
 def describe(fitted: Fitted) -> str:
     """Return in words where the remainder is large, how it goes with the speed, and its strongest line.
 
-    Sizes are what stands above the sensor's white noise: of a camera the whole is mostly that.
+    Sizes are what stands above the sensor's white noise, of a camera the whole is mostly that, and beside what the
+    site has most likely done.
     """
     shots = fitted.hypothesis.data.shots
     noise_m = fitted.floor.white_m
     square: dict[str, list[float]] = {}
     above, speeds = [], []
-    for shot, residual in zip(shots, fitted.residual_m, strict=True):
+    for shot, left_m in zip(shots, fitted.residual_m, strict=True):
+        residual = shot.beside_the_site(fitted.floor, left_m)
         white = (noise_m * shot.weight) ** 2
         above.append(float(np.mean(residual[shot.valid] ** 2)) - white)
         speeds.append(abs(shot.course.velocity_in_m_per_s))

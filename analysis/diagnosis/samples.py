@@ -62,6 +62,14 @@ class Samples:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
         return general.averaged(columns, self.factor)
 
+    def beside_the_site(self, floor: "Floor", left_m: Floats) -> Floats:
+        """Return a remainder, shape (n,), without what the site has most likely done of it."""
+        if self.sway is None or not floor.site:
+            return left_m
+        out = left_m.copy()
+        out[self.valid] -= self.sway.likely(left_m[self.valid], floor.white_m * self.weight, floor.site)
+        return out
+
     @property
     def for_model(self) -> ShotData:
         """Get the shot as the model takes it; it is whitened here."""

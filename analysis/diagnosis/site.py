@@ -18,13 +18,14 @@ from analysis.diagnosis.samples import Samples
 from analysis.disturbance import Shaking
 from analysis.model.general import averaged
 from analysis.model.response import PLATE_START, Base, Model, respond
-from analysis.model.sway import BELOW_HZ, plate_swing_std, responses
+from analysis.model.sway import BELOW_HZ, plate_swing_std, responses, speed_stds
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 _APART = 0.45  # of one over a shot's length: sines that stand for what shakes at random
 _SAME_LINE = 0.3  # of the same
 _IN_AN_OCTAVE = 3  # bands
+_REMEMBERED = 4  # floors
 _SEEN = 1e-3  # of the noise's variance: a direction that shakes less is noise
 
 
@@ -50,12 +51,14 @@ class Sway:
     """What a site may do to one shot, at its valid averaged samples.
 
     ``basis``, shape (n, r), are orthonormal directions; ``factors``, shape (r, m), what independent unit normal numbers
-    do along them, in m; ``band``, shape (m,), says which strength each of these follows.
+    do along them, in m; ``band``, shape (m,), says which strength each of these follows.  ``speeds_m_per_s`` are the
+    stds by which speeds against the frame differ from those in space, at the touch and after the release.
     """
 
     basis: Floats
     factors: Floats
     band: NDArray[np.int64]
+    speeds_m_per_s: tuple[float, float] = (0.0, 0.0)
     _roots: dict[tuple[float, tuple[float, ...]], Floats] = field(default_factory=dict, repr=False)
 
     def root(self, white_m: float, strengths: tuple[float, ...]) -> Floats:
@@ -70,16 +73,28 @@ class Sway:
 
         Cost: 4 n r multiply-adds a column.
         """
+        less = self._less(white_m, strengths)
+        return np.asarray(rows + self.basis @ (less @ (self.basis.T @ rows)))
+
+    def likely(self, left_m: Floats, white_m: float, strengths: tuple[float, ...]) -> Floats:
+        """Return what of a remainder, shape (n,), the site has most likely done."""
+        along = self.basis.T @ left_m
+        less = self._less(white_m, strengths)
+        white = along + less @ along
+        return np.asarray(self.basis @ (along - white - less.T @ white))
+
+    def _less(self, white_m: float, strengths: tuple[float, ...]) -> Floats:
+        """Return what turns white noise with the sway to white noise along the basis, less one, shape (r, r)."""
         key = (white_m, strengths)
         less = self._roots.get(key)
         if less is None:
             root = self.root(white_m, strengths)
             less = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
             less[np.diag_indices_from(less)] -= 1.0
-            while len(self._roots) >= 4:
+            while len(self._roots) >= _REMEMBERED:
                 self._roots.pop(next(iter(self._roots)), None)
             self._roots[key] = less
-        return np.asarray(rows + self.basis @ (less @ (self.basis.T @ rows)))
+        return less
 
 
 def site_of(shakings: Sequence[Shaking | None], length_s: float) -> Site | None:
@@ -117,7 +132,7 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
     """
     collision = base.collision(shared, float(own[0]), shot.moving_mass_kg, shot.plate)
     omega = 2 * np.pi * site.shaking.frequency_hz
-    moved, _ = responses(collision, shot.time_s - own[1], omega)
+    moved, after = responses(collision, shot.time_s - own[1], omega)
     size = np.sqrt(site.shaking.power_m2)
     model = Model(replace(base, swings=True))
     start = np.concatenate([own[:3], np.zeros(len(PLATE_START))])
@@ -134,7 +149,7 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
     band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(PLATE_START))])
     level, turn = np.linalg.eigh(columns.T @ columns)
     basis, _ = np.linalg.qr(columns @ turn[:, level > _SEEN * shot.white_m**2])
-    return Sway(basis, basis.T @ columns, band)
+    return Sway(basis, basis.T @ columns, band, speed_stds(site.shaking, after))
 
 
 def on_site(

@@ -84,8 +84,7 @@ class Swayed:
         omega = 2 * np.pi * shaking.frequency_hz
         moved, left = responses(collision, grid.knots_s - touch_time_s, omega)
         sines = _spline(grid.knots_s, np.hstack([moved.real, moved.imag])).c * np.sqrt(np.tile(shaking.power_m2, 2))
-        before, after = (float(np.sqrt(np.sum(shaking.power_m2 * side**2))) for side in (omega, np.abs(left)))
-        return cls(beat, grid, sines, _shrink(grid, sines), (before, after))
+        return cls(beat, grid, sines, _shrink(grid, sines), speed_stds(shaking, left))
 
     def of_first(self, samples: int) -> "Swayed":
         """Return the noise where only the first valid samples are looked at."""
@@ -106,6 +105,16 @@ class Swayed:
         """Filter ``columns``, shape (n,) or (n, k), to unit white noise where their noise is this one."""
         white = self.beat.whiten(columns, valid)
         return np.asarray(white - self.grid.columns @ (self.shrink @ (self.grid.columns.T @ white)))
+
+
+def speed_stds(shaking: Shaking, left: Complex) -> tuple[float, float]:
+    """Return the stds by which speeds against the frame differ from those in space: at the touch, after the release.
+
+    ``left`` is what ``responses`` says of unit sways, shape (f,).
+    """
+    sides = (2 * np.pi * shaking.frequency_hz, np.abs(left))
+    before, after = (float(np.sqrt(np.sum(shaking.power_m2 * side**2))) for side in sides)
+    return before, after
 
 
 def plate_swing_std(shaking: Shaking, collision: Collision) -> tuple[float, float]:

@@ -45,6 +45,14 @@ def test_whitening_undoes_noise_and_sway(white_m: float, strengths: tuple[float,
     np.testing.assert_allclose(white @ white.T, np.eye(60), atol=1e-8)
 
 
+def test_what_the_site_likely_did_is_the_conditional_mean() -> None:
+    sway = a_sway(np.random.default_rng(2))
+    moved = sway.basis @ sway.factors
+    left = np.random.default_rng(3).standard_normal(60)
+    expected = moved @ moved.T @ np.linalg.solve(moved @ moved.T + 0.09 * np.eye(60), left)
+    np.testing.assert_allclose(sway.likely(left, 0.3, (0.0, 0.0)), expected, atol=1e-10)
+
+
 def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shaking:
     frequency = np.arange(2.0, 400.0, 4.0)
     at, size = (np.array(column) for column in zip(*lines, strict=True)) if lines else (np.zeros(0), np.zeros(0))
@@ -130,6 +138,8 @@ def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
 def test_a_clean_set_in_an_ordinary_building_is_adequate() -> None:
     diagnosis = diagnose(shots_at("VC-D", 31))
     assert diagnosis.verdict is Verdict.ADEQUATE
+    for shot in diagnosis.fit_after.shots:  # a speed in space is known no better than the frame's
+        assert shot.velocity_in_m_per_s.std > 2e-6
     assert "frame_vibration" not in {candidate.name for candidate in diagnosis.candidates}  # it is the site
 
 

@@ -82,13 +82,12 @@ def fit_shots(
         else:
             begins = first_guesses(base, shots, stop, max((one.rms_m for one in known if one), default=0.0))
         tell("fitting", 0.4)
-        bare = problem = Problem.of(Model(base), on_frames(shots, known, base, begins[0], own))
-        found = _base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
-        before = begins[0]
-        if any(known) and found.square.chi2 > _STRONG * found.square.samples:
-            before, trial, there = _by_way_of_rest(base, motions, shots, known, stop)
-            if there.square.chi2 < found.square.chi2:
-                bare, problem, found = trial, trial, there
+        if any(known):
+            before, bare, found = _base_on_frames(base, motions, shots, known, begins, stop)
+        else:
+            before, bare = begins[0], Problem.of(Model(base), shots)
+            found = _base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
+        problem = bare
         for _ in range(_FRAME_TURNS):
             here = found.parameters
             if not elsewhere(shots, known, before, here[: bare.shared]):
@@ -208,6 +207,26 @@ def _base_minimum(bare: Problem, begins: Sequence[Floats], stop: Stop) -> Minimu
             if best.square.chi2 < _STRONG * best.square.samples:
                 break
     return best
+
+
+def _base_on_frames(
+    base: Base,
+    motions: Sequence[Motion],
+    shots: Sequence[ShotData],
+    known: Sequence[Shaking | None],
+    begins: Sequence[Floats],
+    stop: Stop,
+) -> tuple[Floats, Problem, Minimum]:
+    """Return where the frames' noise was computed, the problem on frames and its minimum."""
+    own = [own_start(shot, Model(base)) for shot in shots]
+    found: list[tuple[Floats, Problem, Minimum]] = []
+    with contextlib.suppress(Infeasible):
+        problem = Problem.of(Model(base), on_frames(shots, known, base, begins[0], own))
+        least = _base_minimum(problem, [np.concatenate([shared, *own]) for shared in begins], stop)
+        found.append((begins[0], problem, least))
+    if not found or least.square.chi2 > _STRONG * least.square.samples:
+        found.append(_by_way_of_rest(base, motions, shots, known, stop))
+    return min(found, key=lambda one: one[2].square.chi2)
 
 
 def _by_way_of_rest(

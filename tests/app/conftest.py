@@ -9,10 +9,13 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 @pytest.fixture(scope="session")
 def warm_kernels():
-    """Compile, or load from the cache, what the first shot needs."""
-    from app.session.warm import Kernels
+    """Compile, or load from the cache, what the first shot needs; windows opened later in this process have it."""
+    from app.session import warm
 
-    Kernels().work(lambda what, share: None, lambda: False)
+    warm.Kernels().work(lambda what, share: None, lambda: False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(warm, "run_once", lambda: None)  # each window would take a shot of its own to load them
+        yield
 
 
 @pytest.fixture

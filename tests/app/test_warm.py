@@ -136,12 +136,12 @@ def test_a_shot_taken_while_kernels_compile_waits_for_them_and_is_listed(tmp_pat
             if given_up():
                 raise Cancelled
 
-    rig = Rig(options, AnalysisSettings, wait, deadlines=Deadlines(analysing_s=0.4), open_digitizer=rigs.quick_bench)
+    rig = Rig(options, AnalysisSettings, wait, deadlines=Deadlines(analysing_s=2.0), open_digitizer=rigs.quick_bench)
     try:
         _until(lambda: rig.latest().state is State.IDLE and rig.channels != ())
         rig.arm()
         _until(lambda: rig.latest().state is State.ANALYSING)
-        end = time.monotonic() + 1.5
+        end = time.monotonic() + 2.5
         while time.monotonic() < end:
             assert rig.latest().state is State.ANALYSING, rig.latest().message
             time.sleep(0.01)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis import words
+from analysis.diagnosis import contact_family, words
 from analysis.diagnosis.acceptance import accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
 from analysis.diagnosis.base_fit import accept, base_fit, explored, pays_along
@@ -132,7 +132,9 @@ def diagnose(
     after_fit = as_fit(after, motions, model, 0.0)
     diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=words.verdict(verdict, effects, left, fall, learned, certain=certain) + words.taken_along(after_fit),
+        sentence=words.verdict(verdict, effects, left, fall, learned, certain=certain)
+        + contact_family.told(effects, learned)
+        + words.taken_along(after_fit),
         effects=tuple(effects),
         candidates=_candidates(best, trail),
         error_before=error_before,

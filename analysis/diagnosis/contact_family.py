@@ -1,0 +1,79 @@
+"""Which contact of the literature the exponents of a found one meet: k d^p + c d^q d' of the overlap d.
+
+Members are points of that family; one is named where a fit's exponents lie on it within what they are known to.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from analysis.diagnosis.result import FoundEffect, LearnedLaw
+from analysis.quantity import Quantity
+
+_WITHIN = 3.0  # standard deviations
+_KNOWN = 0.05  # an exponent that is known no better meets everything
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A contact of the literature: exponents of force and damping (None: any), and what it is called."""
+
+    force: float | None
+    damping: float | None
+    words: str
+
+
+# Hertz, J. reine angew. Math. 92 (1881) 156; Kuwabara and Kono, Jpn. J. Appl. Phys. 26 (1987) 1230; Tsuji, Tanaka and
+# Ishida, Powder Technol. 71 (1992) 239; Hunt and Crossley, J. Appl. Mech. 42 (1975) 440.
+MEMBERS = (
+    Member(1.5, 0.5, "Kuwabara's and Kono's contact of viscoelastic spheres (3/2 and 1/2)"),
+    Member(1.5, 0.25, "Tsuji's contact, whose restitution does not depend on the speed (3/2 and 1/4)"),
+    Member(1.5, 1.5, "Hunt's and Crossley's contact on Hertz's (3/2 and 3/2)"),
+    Member(1.0, 1.0, "Hunt's and Crossley's contact on a linear spring (1 and 1)"),
+    Member(1.5, None, "Hertz's contact (3/2)"),
+)
+
+
+def member(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Member | None:
+    """Return the contact whose exponents were found, or None."""
+    force, damping = _force(effects, laws), _damping(effects, laws)
+    if force is None and damping is None:
+        return None
+    for one in MEMBERS:
+        meets_damping = damping is None if one.damping is None else _meets(damping, one.damping)
+        if meets_damping and _meets(force or Quantity(1.0, 0.0, "the base model's"), one.force or 0.0):
+            return one
+    return None
+
+
+def told(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> str:
+    """Return the contact that was met as a further sentence, or nothing."""
+    met = member(effects, laws)
+    return "" if met is None else f" Its exponents are those of {met.words}."
+
+
+def _meets(found: Quantity | None, exponent: float) -> bool:
+    return found is not None and found.std < _KNOWN and abs(found.value - exponent) <= max(_WITHIN * found.std, 1e-9)
+
+
+def _force(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Quantity | None:
+    for effect in effects:
+        if effect.name == "contact_exponent":
+            delta = effect.parameters["delta"]
+            return Quantity(1.0 + delta.value, delta.std, delta.how)
+    return _power(laws, "overlap")
+
+
+def _damping(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Quantity | None:
+    if any(effect.name == "nonlinear_contact_damping" for effect in effects):
+        return Quantity(1.0, 0.0, "the row of the catalogue")
+    return _power(laws, "overlap times rate")
+
+
+def _power(laws: Sequence[LearnedLaw], argument: str) -> Quantity | None:
+    for law in laws:
+        if law.where == "contact" and law.argument == argument:
+            if law.form == "linear":
+                return Quantity(1.0, 0.0, "the form")
+            if law.form in ("power", "power, odd"):
+                return law.parameters["n"][0]
+    return None

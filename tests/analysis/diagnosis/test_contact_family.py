@@ -1,0 +1,50 @@
+"""Exponents that meet a contact of the literature are told with its name, and no others are."""
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.contact_family import told
+from analysis.diagnosis.result import FoundEffect, LearnedLaw
+from analysis.quantity import Quantity
+
+
+def _exponent(delta: float, std: float = 1e-3) -> FoundEffect:
+    return FoundEffect("contact_exponent", {"delta": Quantity(delta, std)}, {})
+
+
+def _damping(n: float, std: float = 4e-3, form: str = "power") -> LearnedLaw:
+    return LearnedLaw(
+        name="law", where="contact", argument="overlap times rate", form=form, formula="", nearest_form=form,
+        parameters={"a": (Quantity(20.0, 1.0), "N"), "n": (Quantity(n, std), "")}, other_forms=(), same_by_gauge=(),
+        curve_argument=np.zeros(1), curve_unit="m", curve_force_n=np.zeros(1), curve_std_n=np.zeros(1),
+        visited=(0.0, 1.0), not_observable=(), evidence={}, form_force_n=np.zeros(1),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("effects", "laws", "name"),
+    [
+        ([_exponent(0.5)], [], "Hertz"),
+        ([_exponent(0.5)], [_damping(0.502)], "Kuwabara"),
+        ([_exponent(0.5)], [_damping(0.251)], "Tsuji"),
+        ([], [_damping(1.0, form="linear")], "Hunt"),
+        ([FoundEffect("nonlinear_contact_damping", {}, {})], [], "Hunt"),
+    ],
+)
+def test_a_contact_of_the_literature_is_named(effects: list[FoundEffect], laws: list[LearnedLaw], name: str) -> None:
+    assert name in told(effects, laws)
+
+
+@pytest.mark.parametrize(
+    ("effects", "laws"),
+    [
+        ([], []),
+        ([_exponent(0.2)], []),
+        ([_exponent(0.5, 0.2)], []),
+        ([_exponent(0.5)], [_damping(0.7)]),
+        ([_exponent(0.2)], [_damping(0.5)]),
+        ([FoundEffect("coulomb_friction", {}, {})], []),
+    ],
+)
+def test_nothing_is_said_of_others(effects: list[FoundEffect], laws: list[LearnedLaw]) -> None:
+    assert told(effects, laws) == ""

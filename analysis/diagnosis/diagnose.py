@@ -28,9 +28,10 @@ from analysis.diagnosis.profile import with_profile_std
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.site import OF_THE_SITE
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
-from analysis.model.effects import findings, named
+from analysis.model.effects import findings
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.quantity import Quantity
@@ -71,7 +72,7 @@ def diagnose(
     shakings = shakings_of(motions, model, shakings)
     site = site_under(motions, shakings)
     if site is not None:  # what shakes the frame is the site, and no finding
-        catalogue = [kind for kind in catalogue if named(kind.name).wave is None or kind.name in accepted]
+        catalogue = [kind for kind in catalogue if kind.name not in OF_THE_SITE or kind.name in accepted]
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
     data = joint_data(motions, fit_before, site)
 

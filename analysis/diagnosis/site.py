@@ -22,6 +22,7 @@ from analysis.model.sway import BELOW_HZ, plate_swing_std, responses, speed_stds
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
+OF_THE_SITE = ("frame_vibration", "plate_motion")  # what a frame that sways does, too
 _APART = 0.45  # of one over a shot's length: sines that stand for what shakes at random
 _SAME_LINE = 0.3  # of the same
 _IN_AN_OCTAVE = 3  # bands

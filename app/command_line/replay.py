@@ -166,7 +166,9 @@ def _write(
             if outputs.hdf5:
                 export_hdf5(shots, outputs.export)
         if outputs.report is not None:
-            write_text_beside(outputs.report, report_of(shots, diagnosis, foretold=told, tried=tried), sync=True)
+            planned = ahead.words if ahead is not None else ""
+            page = report_of(shots, diagnosis, foretold=told, tried=tried, next_shots=planned)
+            write_text_beside(outputs.report, page, sync=True)
         if outputs.json and outputs.json != "-":
             write_text_beside(Path(outputs.json), text, sync=True)
     except (RecordingError, OSError) as error:

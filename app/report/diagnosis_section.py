@@ -34,8 +34,8 @@ ERRORS = (
 MOST_DRAWN = 8  # shots whose residuals are drawn
 
 
-def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
-    """Return the whole section; ``shots`` are those of the report, in their order."""
+def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: str = "") -> Markup:
+    """Return the whole section; ``shots`` are those of the report, in their order, ``next_shots`` what was planned."""
     masses_kg = [shot.motion.moving_mass_kg for shot in shots if shot.motion is not None and shot.fit is not None]
     count, weights = len(masses_kg), weights_words(masses_kg)
     parts = [
@@ -54,8 +54,8 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
         parts += [tag("h3", "Every effect that was tried, best first"), _candidates(diagnosis)]
     if diagnosis.blind_spots:
         parts += [tag("h3", "What these data could not show"), tag("ul", [tag("li", b) for b in diagnosis.blind_spots])]
-    if diagnosis.separating_shot:
-        parts += [tag("h3", "Which shot would tell more"), tag("p", diagnosis.separating_shot)]
+    if further := next_shots or diagnosis.separating_shot:
+        parts += [tag("h3", "Which shot would tell more"), tag("p", further)]
     parts += [tag("h3", "Model of all shots, before"), fitted(diagnosis.fit_before)]
     if diagnosis.fit_after is not diagnosis.fit_before:
         parts += [tag("h3", "Model of all shots, after"), fitted(diagnosis.fit_after)]

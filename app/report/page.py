@@ -33,12 +33,14 @@ def report_of(
     made_at: datetime | None = None,
     foretold: Foretold | None = None,
     tried: Collection[str] = (),
+    next_shots: str = "",
 ) -> str:
     """Return the report as HTML.
 
     One shot gives its own report; several give a session's, with overlay and trends before the shots themselves.
     ``instrument`` is the type B part of the budgets (as stated by the rig's owner), ``made_at`` defaults to now.
-    ``tried`` are effects in the model that a person put in and no diagnosis named.
+    ``tried`` are effects in the model that a person put in and no diagnosis named; ``next_shots`` the plan of the shots
+    to take next, in words.
     Every figure is inline SVG, the style sheet is inside, nothing is loaded and nothing runs.
     """
     made = (made_at or datetime.now(UTC)).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
@@ -58,7 +60,7 @@ def report_of(
     if len(shots) > 1:
         body.append(session_section(shots))
     if diagnosis is not None:
-        body.append(diagnosis_section(diagnosis, shots))
+        body.append(diagnosis_section(diagnosis, shots, next_shots))
     if foretold is not None:
         body.append(foretold_section(foretold))
     drawn = len(shots) <= MOST_DRAWN

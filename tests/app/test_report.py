@@ -98,6 +98,15 @@ def test_the_diagnosis_is_in_it(whole: str) -> None:
     assert "Diagnosis" not in Elements(report_of([shot()], None, made_at=MADE)).text
 
 
+def test_planned_shots_stand_in_the_place_of_a_general_hint() -> None:
+    one = shot()
+    found = replace(diagnosis(one), separating_shot="a shot, some time")
+    assert "a shot, some time" in Elements(report_of([one], found, made_at=MADE)).text
+    text = Elements(report_of([one], found, made_at=MADE, next_shots="Two shots at 0.45 m/s would tell")).text
+    assert "Two shots at 0.45 m/s would tell" in text
+    assert "a shot, some time" not in text
+
+
 def test_an_effect_that_no_diagnosis_named_is_told(tmp_path: Path) -> None:
     one = shot(count=8000)
     assert one.fit is not None

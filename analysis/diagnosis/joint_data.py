@@ -19,6 +19,7 @@ from analysis.motion import Motion
 from analysis.reading.read import shaking_in
 
 Floats = NDArray[np.float64]
+_TRUSTED = 1.5  # chi^2 a sample, up to which a fit's plates are the site's doing
 
 
 def shakings_of(
@@ -41,7 +42,8 @@ def site_under(motions: Sequence[Motion], shakings: Sequence[Shaking | None]) ->
 def joint_data(motions: Sequence[Motion], given: Fit, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
     """Return the shots as a diagnosis judges them; ``given`` is a fit of ``motions``, at whose motion the site acts.
 
-    A plate that a building swings far is no small matter: what the fit says of it is where the site's part begins.
+    A plate that a building swings far is no small matter: what the fit says of it is where the site's part begins,
+    unless something is missing, which plates would then have taken up.
     """
     base = base_named(given.model)
     plain = together(motions, rate_hz)
@@ -60,6 +62,8 @@ def with_plates(shots: Sequence[Samples], plates: Sequence[tuple[float, float]])
 
 
 def _plates(given: Fit) -> list[tuple[float, float]]:
+    if not given.reduced_chi2 < _TRUSTED:
+        return []
     own = [shot.own_parameters for shot in given.shots]
     return [(of[x].value, of[v].value) for of in own for x, v in (PLATE_START,) if x in of]
 

@@ -9,7 +9,6 @@ import numpy as np
 from analysis.diagnosis import contact_family, words
 from analysis.diagnosis.acceptance import accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
-from analysis.diagnosis.base_fit import accept, base_fit, explored, pays_along
 from analysis.diagnosis.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.competing_models import apart
 from analysis.diagnosis.criteria import CRITERIA
@@ -22,13 +21,12 @@ from analysis.diagnosis.full_rate import seen_finely, swayed_from_there
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
-from analysis.diagnosis.joint_data import joint_data, shakings_of, site_under
-from analysis.diagnosis.own_flights import own_flights
+from analysis.diagnosis.joint_data import shakings_of, site_under
 from analysis.diagnosis.profile import with_profile_std
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
-from analysis.diagnosis.site import OF_THE_SITE
+from analysis.diagnosis.search import Search
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model.effects import findings
@@ -71,22 +69,9 @@ def diagnose(
     tell("fitting the base model", 0.0)
     shakings = shakings_of(motions, model, shakings)
     site = site_under(motions, shakings)
-    if site is not None:  # what shakes the frame is the site, and no finding
-        catalogue = [kind for kind in catalogue if kind.name not in OF_THE_SITE or kind.name in accepted]
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
-    data = joint_data(motions, fit_before, site)
-
-    def search(along: Sequence[str]) -> tuple[Fitted, Trail]:
-        start = accept(base_fit(data, fit_before, stop, along), catalogue, accepted, stop)
-        tell("scoring the catalogue", 0.15)
-        return explored(start, fit_before, motions, catalogue, stop)
-
-    along = own_flights(data.shots)
-    best, trail = search(along)
-    if along:  # bends of each shot's own take up what one law of all does, at the price of a number each
-        plain, plain_trail = search(())
-        if plain.bic <= best.bic or not pays_along(best, along, stop):
-            best, trail = plain, plain_trail
+    search = Search(motions, fit_before, catalogue, accepted, tell, stop)
+    best, trail, catalogue = search.likelier_of((None,) if site is None else (site, None))
     best, trail = swayed_from_there(*(seen_finely(best, trail, motions) or (best, trail)))
     before, data = trail.start, trail.start.hypothesis.data
     held = choose(data, in_turn=best is not before) if hold_out is None else (hold_out,)

@@ -1,0 +1,62 @@
+"""The search through the catalogue, under each noise that the shots may have: the likelier is taken.
+
+A path that wanders and a building that sways look alike in flight; in contact they do not.  A law that the model lacks
+bends flights, too, and may pass for either.  So where the readings tell of a site, the shots are searched with it and
+without it, and what makes all of them likelier decides.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from analysis.diagnosis.base_fit import accept, base_fit, explored, pays_along
+from analysis.diagnosis.forward_selection import Trail
+from analysis.diagnosis.free_parameters import TrialEffect
+from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.joint_data import joint_data
+from analysis.diagnosis.own_flights import own_flights
+from analysis.diagnosis.site import OF_THE_SITE, Site
+from analysis.fit import Fit
+from analysis.motion import Motion
+from analysis.shot import Progress, Stop
+
+Found = tuple[Fitted, Trail, Sequence[TrialEffect]]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What is searched: ``given`` is a base fit of ``motions``, ``accepted`` effects are part of the model."""
+
+    motions: Sequence[Motion]
+    given: Fit
+    catalogue: Sequence[TrialEffect]
+    accepted: Sequence[str]
+    tell: Progress
+    stop: Stop
+
+    def likelier_of(self, sites: Sequence[Site | None]) -> Found:
+        """Return the best fit, its trail and the catalogue that was asked, under the likeliest of ``sites``."""
+        found = [self._under(site) for site in sites]
+        return min(found, key=lambda one: one[0].bic)
+
+    def _under(self, site: Site | None) -> Found:
+        """Search under one noise; what shakes the frame is the site then, and no finding."""
+        data = joint_data(self.motions, self.given, site)
+        catalogue = [
+            kind
+            for kind in self.catalogue
+            if site is None or kind.name not in OF_THE_SITE or kind.name in self.accepted
+        ]
+
+        def along_with(along: Sequence[str]) -> tuple[Fitted, Trail]:
+            base = base_fit(data, self.given, self.stop, along)
+            start = accept(base, self.catalogue, self.accepted, self.stop)
+            self.tell("scoring the catalogue", 0.15)
+            return explored(start, self.given, self.motions, catalogue, self.stop)
+
+        along = own_flights(data.shots)
+        best, trail = along_with(along)
+        if along:  # bends of each shot's own take up what one law of all does, at the price of a number each
+            plain, plain_trail = along_with(())
+            if plain.bic <= best.bic or not pays_along(best, along, self.stop):
+                best, trail = plain, plain_trail
+        return best, trail, catalogue

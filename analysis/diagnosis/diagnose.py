@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from analysis.diagnosis.profile import with_profile_std
 from analysis.diagnosis.projector import Projector, projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
-from analysis.diagnosis.search import Search
+from analysis.diagnosis.search import Search, Searched
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model.effects import findings
@@ -71,7 +71,51 @@ def diagnose(
     site = site_under(motions, shakings)
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
     search = Search(motions, fit_before, catalogue, accepted, tell, stop)
-    best, trail, catalogue = search.likelier_of((None,) if site is None else (site, None))
+    asked = _Asked(motions, fit, model, hold_out, tell, stop, began)
+    wandering = search.under(None)
+    under_site = search.under(site) if site is not None else wandering
+    if wandering.best.bic <= under_site.best.bic:
+        return _judged(asked, wandering).diagnosis
+    told = _judged(asked, under_site, laws=False)
+    if told.explained:
+        return told.diagnosis
+    # A law that bends flights may pass for a building, and a building with a name or two come nearer than no law.
+    without_site = _judged(asked, wandering)
+    if without_site.explained and without_site.bic < told.bic:
+        return without_site.diagnosis
+    return _judged(asked, under_site).diagnosis
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What a diagnosis was asked; ``began`` when."""
+
+    motions: Sequence[Motion]
+    fit: Fit | None
+    model: str
+    hold_out: int | None
+    tell: Progress
+    stop: Stop
+    began: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """A diagnosis under one noise, and how likely what it ends with makes the shots."""
+
+    diagnosis: Diagnosis
+    bic: float
+
+    @property
+    def explained(self) -> bool:
+        """Get whether nothing is left to explain."""
+        return self.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
+
+
+def _judged(asked: _Asked, searched: Searched, *, laws: bool = True) -> _Judged:
+    """Judge what a search found, learn ``laws`` where it leaves something, and tell it."""
+    motions, tell, stop, hold_out = asked.motions, asked.tell, asked.stop, asked.hold_out
+    best, trail = searched.best, searched.trail
     best, trail = swayed_from_there(*(seen_finely(best, trail, motions) or (best, trail)))
     before, data = trail.start, trail.start.hypothesis.data
     held = choose(data, in_turn=best is not before) if hold_out is None else (hold_out,)
@@ -99,7 +143,7 @@ def diagnose(
     left = rest.text if effects or verdict is Verdict.ADEQUATE else _unnamed(best, trail, rest)
     learned: tuple[LearnedLaw, ...] = ()
     certain = bool(effects)
-    if verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
+    if laws and verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
         in_turn = choose(data) if hold_out is None else held
         beyond = (
             beside(best, effects, before, in_turn, tell, stop)
@@ -115,7 +159,7 @@ def diagnose(
     tell("errors before and after", 0.9)
     error_before, error_after = (_errors(motions, f, after.floor) for f in (before, after))
     fall = error_after.displacement_rms_m / error_before.displacement_rms_m
-    after_fit = as_fit(after, motions, model, 0.0)
+    after_fit = as_fit(after, motions, asked.model, 0.0)
     diagnosis = Diagnosis(
         verdict=verdict,
         sentence=words.verdict(verdict, effects, left, fall, learned, certain=certain)
@@ -127,16 +171,16 @@ def diagnose(
         error_after=error_after,
         error_held_out_before=_held(motions, data, held, told[0] if told else None, after.floor),
         error_held_out_after=_held(motions, data, held, told[1] if told else None, after.floor),
-        fit_before=fit if fit is not None and not before.names else as_fit(before, motions, model, 0.0),
-        fit_after=replace(after_fit, seconds=time.perf_counter() - began),
+        fit_before=asked.fit if asked.fit and not before.names else as_fit(before, motions, asked.model, 0.0),
+        fit_after=replace(after_fit, seconds=time.perf_counter() - asked.began),
         remainder=left,
-        blind_spots=_blind(at, catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
+        blind_spots=_blind(at, searched.catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
         separating_shot=_separating(effects, data),
-        seconds=time.perf_counter() - began,
+        seconds=time.perf_counter() - asked.began,
         laws=learned,
     )
     tell("diagnosed", 1.0)
-    return diagnosis
+    return _Judged(diagnosis, after.bic)
 
 
 def _found(

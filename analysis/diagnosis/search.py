@@ -1,8 +1,7 @@
-"""The search through the catalogue, under each noise that the shots may have: the likelier is taken.
+"""The search through the catalogue, under a noise that the shots may have: a path that wanders, or a building.
 
-A path that wanders and a building that sways look alike in flight; in contact they do not.  A law that the model lacks
-bends flights, too, and may pass for either.  So where the readings tell of a site, the shots are searched with it and
-without it, and what makes all of them likelier decides.
+The two look alike in flight; in contact they do not.  A law that the model lacks bends flights, too, and may pass for
+either.  So where the readings tell of a site, the shots are searched with it and without it.
 """
 
 from collections.abc import Sequence
@@ -19,7 +18,14 @@ from analysis.fit import Fit
 from analysis.motion import Motion
 from analysis.shot import Progress, Stop
 
-Found = tuple[Fitted, Trail, Sequence[TrialEffect]]
+
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """The best fit under one noise, how it was come to, and the catalogue that was asked."""
+
+    best: Fitted
+    trail: Trail
+    catalogue: Sequence[TrialEffect]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +39,7 @@ class Search:
     tell: Progress
     stop: Stop
 
-    def likelier_of(self, sites: Sequence[Site | None]) -> Found:
-        """Return the best fit, its trail and the catalogue that was asked, under the likeliest of ``sites``."""
-        found = [self._under(site) for site in sites]
-        return min(found, key=lambda one: one[0].bic)
-
-    def _under(self, site: Site | None) -> Found:
+    def under(self, site: Site | None) -> Searched:
         """Search under one noise; what shakes the frame is the site then, and no finding."""
         data = joint_data(self.motions, self.given, site)
         catalogue = [
@@ -59,4 +60,4 @@ class Search:
             plain, plain_trail = along_with(())
             if plain.bic <= best.bic or not pays_along(best, along, self.stop):
                 best, trail = plain, plain_trail
-        return best, trail, catalogue
+        return Searched(best, trail, catalogue)

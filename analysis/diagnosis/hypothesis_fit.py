@@ -198,4 +198,14 @@ def lead_on(fitted: Fitted, *, cancelled: Stop | None = None) -> Fitted:
         fitted = further if further.log_likelihood >= fitted.log_likelihood else fitted
         if found.converged:
             break
-    return fitted
+    return _without_wander(fitted, cancelled)
+
+
+def _without_wander(fitted: Fitted, cancelled: Stop | None) -> Fitted:
+    """Return a fit that leaves no wander, where that is likelier: one that allows for some never misses it."""
+    floor = fitted.floor
+    if floor.site or max(floor.rms_m) < floor.white_m:
+        return fitted
+    calm = Floor(floor.white_m, (0.0, 0.0), floor.tau_s, floor.spacing_s)
+    still = fit(fitted.hypothesis, fitted.z, calm, evaluations=_A_ROUND, cancelled=cancelled)
+    return still if still.log_likelihood > fitted.log_likelihood else fitted

@@ -1,0 +1,34 @@
+"""An effect added in the window and a model file on the command line: the same shot, the same numbers."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from analysis.report import result
+from analysis.shot import AnalysisSettings
+from app.session.load import load_and_analyse
+from app.session.shot_work import refit_shot
+
+
+def _told(shot: object) -> str:
+    """Return all that a result file would hold of a shot, but for how long it took."""
+    told = result([shot], None)  # type: ignore[list-item]
+
+    def bare(value: object) -> object:
+        if isinstance(value, dict):
+            return {key: bare(inner) for key, inner in value.items() if "seconds" not in key}
+        return [bare(inner) for inner in value] if isinstance(value, list) else value
+
+    return json.dumps(bare(told), indent=1, sort_keys=True)
+
+
+@pytest.mark.parametrize("effects", [("viscous_drag",), ("cubic_stiffness", "coulomb_friction")])
+def test_what_is_added_in_the_window_is_what_a_model_file_gives(recordings: Path, effects: tuple[str, ...]) -> None:
+    path = recordings / ("undeclared-1" if len(effects) == 1 else "undeclared-4") / "shot-1.sigmf-meta"
+    opened = load_and_analyse(path)
+    added = refit_shot(opened, effects, progress=lambda _what, _share: None, cancelled=lambda: False)
+    replayed = load_and_analyse(path, "paper", settings=AnalysisSettings(effects=effects))
+    assert added.fit is not None and set(effects) <= {name.split(".")[0] for name in added.fit.parameters}
+    assert _told(added) == _told(replayed)
+    assert _told(added) != _told(opened)

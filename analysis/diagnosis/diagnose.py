@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.diagnosis import contact_family, words
+from analysis.diagnosis import contact_words, words
 from analysis.diagnosis.acceptance import accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
 from analysis.diagnosis.beyond_catalogue import beside, beyond_catalogue
@@ -163,7 +163,7 @@ def _judged(asked: _Asked, searched: Searched, *, laws: bool = True) -> _Judged:
     diagnosis = Diagnosis(
         verdict=verdict,
         sentence=words.verdict(verdict, effects, left, fall, learned, certain=certain)
-        + contact_family.told(effects, learned)
+        + contact_words.told(effects, learned)
         + words.taken_along(after_fit),
         effects=tuple(effects),
         candidates=_candidates(best, trail),

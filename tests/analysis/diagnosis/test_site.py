@@ -62,18 +62,19 @@ def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shakin
 
 
 def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
-    one, other = flat(1e-18, ((100.0, 4e-18),)), flat(3e-18, ((101.0, 2e-18), (296.0, 1e-18)))
+    one, other = flat(1e-16, ((100.0, 4e-18),)), flat(3e-16, ((101.0, 2e-18), (296.0, 1e-18)))
     site = site_of((one, other), 0.06)
     assert isinstance(site, Site)
     lines = site.shaking.frequency_hz[~site.shaking.random]
     assert list(lines) == [100.0, 101.0, 296.0]
     assert list(site.band[~site.shaking.random] - site.random_bands) == [0, 0, 1]
     assert site.shaking.power_m2[~site.shaking.random] == pytest.approx([2e-18, 1e-18, 0.5e-18])
-    assert site.shaking.density_m2_per_hz(200.0) == pytest.approx(2e-18 / 4.0, rel=0.02)
+    assert site.shaking.density_m2_per_hz(200.0) == pytest.approx(2e-16 / 4.0, rel=0.02)
 
 
 def test_a_quiet_table_is_no_site() -> None:
     assert site_of((None, None), 0.06) is None
+    assert site_of((flat(1e-18), flat(2e-18)), 0.06) is None  # 12 nm: a path that wanders by itself
     assert site_of((flat(1e-22, ((100.0, 1e-15),)),), 0.06) is None  # of a line alone the diagnosis tells
 
 

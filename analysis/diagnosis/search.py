@@ -13,8 +13,9 @@ from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.joint_data import joint_data
 from analysis.diagnosis.own_flights import own_flights
-from analysis.diagnosis.site import OF_THE_SITE, Site
+from analysis.diagnosis.site import Site, may_be_of_a_site
 from analysis.fit import Fit
+from analysis.model.effects import named
 from analysis.motion import Motion
 from analysis.shot import Progress, Stop
 
@@ -45,7 +46,7 @@ class Search:
         catalogue = [
             kind
             for kind in self.catalogue
-            if site is None or kind.name not in OF_THE_SITE or kind.name in self.accepted
+            if site is None or kind.name in self.accepted or not may_be_of_a_site(named(kind.name))
         ]
 
         def along_with(along: Sequence[str]) -> tuple[Fitted, Trail]:

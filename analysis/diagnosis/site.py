@@ -16,13 +16,13 @@ from scipy.linalg import solve_triangular
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.samples import Samples
 from analysis.disturbance import Shaking
+from analysis.model.effects.row import Acts, Effect
 from analysis.model.general import averaged
 from analysis.model.response import PLATE_START, Base, Model, respond
 from analysis.model.sway import BELOW_HZ, plate_swing_std, responses, speed_stds
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
-OF_THE_SITE = ("frame_vibration", "plate_motion")  # what a frame that sways does, too
 _APART = 0.45  # of one over a shot's length: sines that stand for what shakes at random
 _SAME_LINE = 0.3  # of the same
 _IN_AN_OCTAVE = 3  # bands
@@ -96,6 +96,11 @@ class Sway:
                 self._roots.pop(next(iter(self._roots)), None)
             self._roots[key] = less
         return less
+
+
+def may_be_of_a_site(row: Effect) -> bool:
+    """Return whether an effect is what a frame that sways does, too: a sine everywhere, a plate that swings at first."""
+    return row.wave is not None or row.acts is Acts.AT_START
 
 
 def site_of(shakings: Sequence[Shaking | None], length_s: float) -> Site | None:

@@ -99,7 +99,7 @@ class Sway:
 
 
 def may_be_of_a_site(row: Effect) -> bool:
-    """Return whether an effect is what a frame that sways does, too: a sine everywhere, a plate that swings at first."""
+    """Return whether an effect is what a swaying frame does, too: a sine everywhere, a plate that swings first."""
     return row.wave is not None or row.acts is Acts.AT_START
 
 

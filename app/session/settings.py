@@ -230,13 +230,6 @@ FIELDS: tuple[Field, ...] = (
     Field("rest", "Analysis", "Rest beat", "choice", choices=(
         ("smoothed", "smoothed PD0"), ("instantaneous", "instantaneous PD0")),
           hover="How PD0 is subtracted from PD1"),
-    Field("speeds_m_per_s", "The next shot", "Speeds", "numbers", "m/s", 1.0, 1e-3, 10.0,
-          "Speeds at which you can let the block strike; a planned shot is one of them. Blanks part them"),
-    Field("weights_kg", "The next shot", "Weights", "numbers", "g", 1e3, 1e-4, 100.0,
-          "What can be put on the block, each as a whole; a planned shot has one of them or none. Empty: none at hand",
-          optional=True),
-    Field("run_up_m", "The next shot", "Run-up", "number", "mm", 1e3, 1e-4, 10.0,
-          "Free flight before the plate: so much of it can be recorded"),
     Field("site", "Simulated bench", "stands at", "choice", choices=SITES,
           hover="How much the floor under the simulated bench moves: the vibration criteria of the field, "
           "as the rms velocity in a third-octave"),
@@ -248,6 +241,13 @@ FIELDS: tuple[Field, ...] = (
           hover="The system's own sound when the light switch fires"),
     Field("flash", "At the trigger", "a flash of the banner", "flag",
           hover="The banner flashes once when the light switch fires"),
+    Field("speeds_m_per_s", "The next shot", "Speeds", "numbers", "m/s", 1.0, 1e-3, 10.0,
+          "Speeds at which you can let the block strike; a planned shot is one of them. Blanks part them"),
+    Field("weights_kg", "The next shot", "Weights", "numbers", "g", 1e3, 1e-4, 100.0,
+          "What can be put on the block, each as a whole; a planned shot has one of them or none. Empty: none at hand",
+          optional=True),
+    Field("run_up_m", "The next shot", "Run-up", "number", "mm", 1e3, 1e-4, 10.0,
+          "Free flight before the plate: so much of it can be recorded"),
 )  # fmt: skip
 
 

@@ -81,16 +81,17 @@ def test_an_axis_left_wide_by_hand_is_close_again_after_a_reset(panel):
 
 
 @pytest.mark.parametrize(("height", "seen"), [(1000, True), (420, False)])
-def test_raw_signals_are_whole_or_not_there(panel, height, seen):
+def test_raw_signals_are_whole_or_not_there(qtbot, panel, height, seen):
     channels = tuple(Channel(role, 1e-3) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
     time_s = np.arange(200) / RATE_HZ
     view = replace(views(1, range(0), 0.0)[0], raw_time_s=time_s, raw_v=np.zeros((200, 3), np.float32))
     panel.resize(1000, height)
-    QTest.qWait(20)
-    for _ in range(2):
+
+    def shown_as_it_should() -> bool:  # the new height arrives when the machine finds time for it
         panel.show_raw(view, channels)
-        QTest.qWait(20)
-    assert panel.raw.isVisible() is seen
+        return panel.raw.isVisible() is seen
+
+    qtbot.waitUntil(shown_as_it_should, timeout=5000)
     panel.resize(1000, 1000)
     QTest.qWait(20)
     panel.show_raw(view, channels)

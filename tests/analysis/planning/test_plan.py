@@ -92,7 +92,7 @@ def test_a_dashpot_is_an_arm_that_relaxes_at_once_and_no_shot_tells_them_apart()
 
 def test_a_plan_says_what_to_set_and_can_be_stopped(friction):
     _, open_class, wanted = friction
-    assert "m/s" in told(wanted) and "coulomb friction or sensor drift" in told(wanted)
+    assert "m/s" in told(wanted) and "coulomb friction and sensor drift" in told(wanted)
     fractions: list[float] = []
     with pytest.raises(Cancelled):
         plan(open_class, REACH, progress=lambda _, f: fractions.append(f), stop=lambda: len(fractions) > 2)

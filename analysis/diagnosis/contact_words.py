@@ -15,9 +15,9 @@ _KNOWN = 0.05  # an exponent that is known no better meets everything
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A contact of the literature: exponents of force and damping (None: any), and what it is called."""
+    """A contact of the literature: exponents of force and damping (None: none was found), and what it is called."""
 
-    force: float | None
+    force: float
     damping: float | None
     words: str
 
@@ -40,7 +40,7 @@ def member(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Member
         return None
     for one in MEMBERS:
         meets_damping = damping is None if one.damping is None else _meets(damping, one.damping)
-        if meets_damping and _meets(force or Quantity(1.0, 0.0, "the base model's"), one.force or 0.0):
+        if meets_damping and _meets(force or Quantity(1.0, 0.0, "the base model's"), one.force):
             return one
     return None
 

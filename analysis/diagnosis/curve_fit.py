@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.derivatives import linearised_shot
 from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.floor import Floor, white_floor
 from analysis.diagnosis.hypothesis import Hypothesis
 from analysis.diagnosis.hypothesis_fit import Fitted, learn_floor
 from analysis.laws.arguments import Argument
@@ -25,7 +25,7 @@ from analysis.model.effects import named
 from analysis.model.effects.kernel import TOUCHING
 from analysis.model.effects.row import Effect
 from analysis.model.first_order import along
-from analysis.model.least_squares import Infeasible
+from analysis.model.least_squares import Infeasible, damped_step
 from analysis.model.linear_path import LinearPath, linear_path
 from analysis.model.parameters import Collision
 from analysis.shot import Cancelled, Stop
@@ -108,7 +108,7 @@ def screen(start: Fitted, argument: Argument, pieces: int, stop: Stop, *, steps:
     term = Term(argument, basis, np.zeros(basis.count))
     left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, start.hypothesis.data.shots, strict=True)])
     rms = float(np.sqrt(np.mean(left**2)))
-    rough = Floor(rms, (0.0, 0.0), (1e-2, 1e-2), start.floor.spacing_s)
+    rough = white_floor(rms, start.floor.spacing_s)
     return fit_terms(start.hypothesis, start.z, (term,), rough, stop, steps=steps)
 
 
@@ -137,6 +137,8 @@ def fit_terms(
         chi2 = _penalised(rows[:, 0], terms, penalty)
         for trial_damping in (d for d in _DAMPINGS if d >= damping):
             by = moves if trial_damping == 0.0 else _damped_step(rows, terms, penalty, trial_damping)
+            if by is None:
+                continue
             new_z, new_terms = z + by[: z.size], _moved(terms, by[z.size :])
             try:
                 trial = _linearised(hypothesis, new_z, new_terms)
@@ -213,20 +215,15 @@ def _penalised_step(rows: Floats, base: int, terms: Sequence[Term]) -> tuple[Flo
     return np.concatenate([own, solution - now]), penalty, freedom
 
 
-def _damped_step(rows: Floats, terms: Sequence[Term], penalty: Floats, damping: float) -> Floats:
-    """Return the step of all numbers with the directions held back that the shots hardly see (Levenberg, Marquardt).
-
-    They are where the valleys bend: a full step along them leads out.
-    """
+def _damped_step(rows: Floats, terms: Sequence[Term], penalty: Floats, damping: float) -> Floats | None:
+    """Return the step of all numbers with the directions held back that the shots hardly see, or None."""
     left, jacobian = rows[:, 0], rows[:, 1:]
     coefficients = np.concatenate([term.coefficients for term in terms])
-    curvature, gradient = jacobian.T @ jacobian, jacobian.T @ left
-    base = gradient.size - coefficients.size
+    curvature, pull = jacobian.T @ jacobian, jacobian.T @ left
+    base = pull.size - coefficients.size
     curvature[base:, base:] += penalty
-    gradient[base:] -= penalty @ coefficients
-    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    scaled = curvature / np.outer(scale, scale) + damping * np.eye(scale.size)
-    return np.asarray(np.linalg.solve(scaled, gradient / scale) / scale)
+    pull[base:] -= penalty @ coefficients
+    return damped_step(curvature, pull, damping)
 
 
 def _smoothing(a: Floats, b: Floats, s: float, free_samples: int, terms: Sequence[Term]) -> tuple[Floats, Floats]:

@@ -167,6 +167,11 @@ class Floor:
         return total
 
 
+def white_floor(white_m: float, spacing_s: float) -> Floor:
+    """Return the floor of white noise alone, ``white_m`` a sample."""
+    return Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), spacing_s)
+
+
 def learn(
     series: Sequence[Floats],
     valid: Sequence[Mask],

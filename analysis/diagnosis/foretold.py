@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.cross_validation import shared_places
 from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.floor import white_floor
 from analysis.diagnosis.free_parameters import TrialEffect, trials_named
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.hypothesis_fit import learn_floor, residuals, square_of
@@ -172,7 +172,7 @@ def _own_fitted(hypothesis: Hypothesis, known: Parameters, start: Floats) -> tup
     held = shared_places(hypothesis)
     low[held] = high[held] = z[held]
     shot = hypothesis.data.shots[0]
-    floor = Floor(shot.white_m, (0.0, 0.0), (1e-2, 1e-2), shot.spacing_s)
+    floor = white_floor(shot.white_m, shot.spacing_s)
     found = minimise(
         lambda at: square_of(hypothesis, floor, at), z, lower=low, upper=high, evaluations=25, tolerance=1e-3
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis import site_strengths
 from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.floor import Floor, learn
+from analysis.diagnosis.floor import Floor, learn, white_floor
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.model.least_squares import Infeasible, Minimum, Square, covariance, minimise
 from analysis.shot import Stop
@@ -125,8 +125,9 @@ def learn_floor(data: JointData, left: Sequence[Floats], start: Floor | None = N
 
 def first_floor(hypothesis: Hypothesis, z: Floats, white_m: float) -> Floor:
     """Return the floor under which a search from ``z`` begins: white noise, and what a building does there."""
-    floor = Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), hypothesis.data.shots[0].spacing_s)
-    return learn_floor(hypothesis.data, residuals(hypothesis, z))[0] if hypothesis.data.site is not None else floor
+    if hypothesis.data.site is not None:
+        return learn_floor(hypothesis.data, residuals(hypothesis, z))[0]
+    return white_floor(white_m, hypothesis.data.shots[0].spacing_s)
 
 
 def search(
@@ -206,6 +207,5 @@ def _without_wander(fitted: Fitted, cancelled: Stop | None) -> Fitted:
     floor = fitted.floor
     if floor.site or max(floor.rms_m) < floor.white_m:
         return fitted
-    calm = Floor(floor.white_m, (0.0, 0.0), floor.tau_s, floor.spacing_s)
-    still = fit(fitted.hypothesis, fitted.z, calm, evaluations=_A_ROUND, cancelled=cancelled)
+    still = fit(fitted.hypothesis, fitted.z, floor.still, evaluations=_A_ROUND, cancelled=cancelled)
     return still if still.log_likelihood > fitted.log_likelihood else fitted

@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 from scipy.special import chdtri
 
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.floor import Floor, learn
+from analysis.diagnosis.floor import learn, white_floor
 from analysis.diagnosis.samples import Samples
 from analysis.model.effects import TAKEN_ALONG
 
@@ -88,7 +88,7 @@ def _log_likelihood(
     series = [f.displacement_m for f in flights]
     valid, weights = [f.valid for f in flights], [f.weight for f in flights]
     least = np.concatenate([np.full(2 * count, -np.inf), np.where(one_way, 0.0, -np.inf)])
-    floor, value, acting = Floor(1.0, (0.0, 0.0), (1e-2, 1e-2), spacing_s), -np.inf, 0
+    floor, value, acting = white_floor(1.0, spacing_s), -np.inf, 0
     blocks = []
     for index, flight in enumerate(flights):
         lines = np.zeros((flight.displacement_m.size, 2 * count))

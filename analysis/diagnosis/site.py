@@ -62,12 +62,9 @@ class Sway:
     speeds_m_per_s: tuple[float, float] = (0.0, 0.0)
     _roots: dict[tuple[float, tuple[float, ...]], Floats] = field(default_factory=dict, repr=False)
 
-    def root(self, white_m: float, strengths: tuple[float, ...]) -> Floats:
-        """Return the Cholesky factor of the covariance along the basis over the white variance, shape (r, r)."""
-        scaled = self.factors * (np.exp(0.5 * np.asarray(strengths))[self.band] / white_m)
-        covariance = scaled @ scaled.T
-        covariance[np.diag_indices_from(covariance)] += 1.0
-        return np.asarray(np.linalg.cholesky(covariance))
+    def scaled(self, white_m: float, strengths: Sequence[float] | Floats) -> Floats:
+        """Return ``factors`` at these strengths over the white noise, shape (r, m)."""
+        return np.asarray(self.factors * (np.exp(0.5 * np.asarray(strengths))[self.band] / white_m))
 
     def whiten(self, rows: Floats, white_m: float, strengths: tuple[float, ...]) -> Floats:
         """Return ``rows``, shape (n, k), that white noise of ``white_m`` has whitened, with the sway whitened, too.
@@ -89,13 +86,20 @@ class Sway:
         key = (white_m, strengths)
         less = self._roots.get(key)
         if less is None:
-            root = self.root(white_m, strengths)
+            root = root_of(self.scaled(white_m, strengths))
             less = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
             less[np.diag_indices_from(less)] -= 1.0
             while len(self._roots) >= _REMEMBERED:
                 self._roots.pop(next(iter(self._roots)), None)
             self._roots[key] = less
         return less
+
+
+def root_of(scaled: Floats) -> Floats:
+    """Return the Cholesky factor of the covariance along a basis over the white variance, shape (r, r)."""
+    covariance = scaled @ scaled.T
+    covariance[np.diag_indices_from(covariance)] += 1.0
+    return np.asarray(np.linalg.cholesky(covariance))
 
 
 def may_be_of_a_site(row: Effect) -> bool:

@@ -7,15 +7,15 @@ a line is about as strong as it was read.  Fisher scoring, all shots at once.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from analysis.diagnosis.floor import Floor
+from analysis.diagnosis.floor import Floor, white_floor
 from analysis.diagnosis.samples import Samples
-from analysis.diagnosis.site import Site, Sway
+from analysis.diagnosis.site import Site, Sway, root_of
 
 Floats = NDArray[np.float64]
 _NEIGHBOURS = 1.0  # std of the logarithm of a strength beside its neighbour's
@@ -76,7 +76,7 @@ def learn(
         if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature is another one here
             curve = _curvature(waves, parts, precision)
     white_m = math.exp(0.5 * at[0])
-    return Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), spacing_s, tuple(float(a) for a in at[1:])), value
+    return replace(white_floor(white_m, spacing_s), site=tuple(float(a) for a in at[1:])), value
 
 
 def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> tuple[float, Floats, list[Floats]]:
@@ -87,12 +87,10 @@ def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> tuple[
     every = []
     for shot in shots:
         variance = math.exp(at[0]) * shot.weight**2
-        band = shot.sway.band
-        scaled = shot.sway.factors * (np.exp(0.5 * at[1:])[band] / math.sqrt(variance))
-        covariance = scaled @ scaled.T
-        covariance[np.diag_indices_from(covariance)] += 1.0
-        root = np.linalg.cholesky(covariance)
-        both = np.column_stack([shot.along / math.sqrt(variance), scaled])
+        white_m, band = math.sqrt(variance), shot.sway.band
+        scaled = shot.sway.scaled(white_m, at[1:])
+        root = root_of(scaled)
+        both = np.column_stack([shot.along / white_m, scaled])
         both = solve_triangular(root, both, lower=True, check_finite=False)
         white, waves = both[:, 0], both[:, 1:]
         square = float(white @ white) + shot.beside / variance

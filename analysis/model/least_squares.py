@@ -166,20 +166,27 @@ def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | N
     """Return the damped Gauss-Newton step (zero where not ``free``), or None where it is not determined."""
     gradient = square.gradient if gradient is None else gradient
     index = np.flatnonzero(free)
-    curvature = square.curvature[np.ix_(index, index)]
-    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    scaled = curvature / np.outer(scale, scale) + damping * np.eye(index.size)
-    try:
-        factor = np.linalg.cholesky(scaled)
-    except np.linalg.LinAlgError:
-        return None
-    right = -gradient[index] / scale
-    solution = np.linalg.solve(factor.T, np.linalg.solve(factor, right)) / scale
-    if not np.all(np.isfinite(solution)):
+    solution = damped_step(square.curvature[np.ix_(index, index)], -gradient[index], damping)
+    if solution is None:
         return None
     out = np.zeros(free.size)
     out[index] = solution
     return out
+
+
+def damped_step(curvature: Floats, pull: Floats, damping: float) -> Floats | None:
+    """Return the step s with (curvature + damping of each number's own) s = pull, or None where it is not determined.
+
+    Directions that the data hardly see are held back by it (Levenberg, Marquardt): there the valleys bend.
+    """
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    scaled = curvature / np.outer(scale, scale) + damping * np.eye(scale.size)
+    try:
+        factor = np.linalg.cholesky(scaled)
+    except np.linalg.LinAlgError:
+        return None
+    solution = np.linalg.solve(factor.T, np.linalg.solve(factor, pull / scale)) / scale
+    return solution if np.all(np.isfinite(solution)) else None
 
 
 def covariance(square: Square, free: np.ndarray | None = None) -> Floats | None:

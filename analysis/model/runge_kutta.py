@@ -40,6 +40,8 @@ _SLOWLY = 6  # steps taken without growing after one was refused
 # the last, and what is known of the motion's sixth derivative over 720 (below zero: nothing yet).
 STEP, LONGEST, EVER, HELD, SIXTH = 0, 1, 2, 3, 4
 _MEMORY = 5
+# Of the limits: the first of the safe steps and of the swings, one a mode (see ``_mode_at``), and what follows them.
+SAFE, SWINGS, EFFECTS, GROWTH, NEARING, RIGHT, SHORTEST = 0, 4, 8, 9, 10, 11, 12
 _RADIANS = 2.0  # of the fastest swing a step may take once that is still: the method is stable to three
 _MIDWAY = 1.0 / 64.0  # of the sixth derivative over 720, times h^6: how far a quintic is off between two states
 _PLATE = 0.02  # of an error of the plate's: what it is worth beside the block's
@@ -139,9 +141,9 @@ def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-de
     here, mode, memory, limits = motion.here, motion.mode, stepper.memory, stepper.limits
     rates(here, system.which.size + 1, system.which, system, mode)
     mode_at = _mode_at(mode, forward)
-    longest, swing = limits[mode_at], limits[4 + mode_at]
-    memory[EVER] = max(longest, min(_RADIANS / swing, limits[8]) if swing > 0.0 else longest)
-    memory[LONGEST], memory[STEP], memory[HELD], memory[SIXTH] = longest, longest * limits[12], 0.0, -1.0
+    longest, swing = limits[SAFE + mode_at], limits[SWINGS + mode_at]
+    memory[EVER] = max(longest, min(_RADIANS / swing, limits[EFFECTS]) if swing > 0.0 else longest)
+    memory[LONGEST], memory[STEP], memory[HELD], memory[SIXTH] = longest, longest * limits[SHORTEST], 0.0, -1.0
     return True
 
 
@@ -169,7 +171,7 @@ def _still_enough(stepper, system, here, there, swing, h):  # type: ignore[no-un
     What swings at ``swing`` bends the quintic by its sixth derivative and is followed by the method to its ninth; a
     step that is no longer than safe is always right.  Derivatives by parameters count as a change of a thousandth.
     """
-    memory, allowed = stepper.memory, stepper.limits[11]
+    memory, allowed = stepper.memory, stepper.limits[RIGHT]
     longest, ever = memory[LONGEST], memory[EVER]
     if h < 0.5 * longest or ever <= longest:  # too short to tell, or nothing to be gained
         return True
@@ -193,7 +195,7 @@ def _next(stepper, swing):  # type: ignore[no-untyped-def]
         return longest
     long = memory[EVER]
     if sixth > 0.0:
-        long = (stepper.limits[11] / (_MIDWAY * sixth)) ** (1.0 / 6.0)
+        long = (stepper.limits[RIGHT] / (_MIDWAY * sixth)) ** (1.0 / 6.0)
         if long * swing > 1.0:  # there the ninth power of the step counts
             long = (swing * long) ** (2.0 / 3.0) / swing
     return max(longest, min(long, memory[EVER]))
@@ -219,9 +221,9 @@ def _crossed(motion, system, h):  # type: ignore[no-untyped-def]
 def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     here, there, signs, memory = motion.here, motion.there, motion.signs, stepper.memory
     rows, i, times, cleared = system.which.size + 1, ahead.i, record.times, ahead.cleared
-    growth, nearing, longest = stepper.limits[9], stepper.limits[10], memory[LONGEST]
-    shortest = longest * stepper.limits[12]
-    swing = stepper.limits[4 + _mode_at(motion.mode, ahead.forward)]
+    growth, nearing, longest = stepper.limits[GROWTH], stepper.limits[NEARING], memory[LONGEST]
+    shortest = longest * stepper.limits[SHORTEST]
+    swing = stepper.limits[SWINGS + _mode_at(motion.mode, ahead.forward)]
     omega, way = math.sqrt(system.p[0] / system.p[1]), 1.0 if ahead.forward else -1.0
     while (i <= ahead.last) if ahead.forward else (i >= ahead.last):
         far = ahead.forward and may_be_gone(here.z[0, 0], here.z[0, 2], motion.mode)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the settings need what a rig can do, not the diagnosis
     from analysis.diagnosis.samples import Samples
+    from analysis.motion import Motion
 
 SPEEDS_M_PER_S = (0.05, 0.10, 0.20, 0.35, 0.60)
 ADDED_KG = (0.0, 0.05)
@@ -58,7 +59,7 @@ class Reach:
         return 0.95 * self.run_up_m / speed_m_per_s
 
 
-def as_found_kg(shots: Sequence[Samples]) -> float:
+def as_found_kg(shots: Sequence[Samples] | Sequence[Motion]) -> float:
     """Return the mass of the block without weights: the least of the shots'."""
     return min(shot.moving_mass_kg for shot in shots)
 

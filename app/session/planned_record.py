@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from analysis.diagnosis.samples import together
-from analysis.planning.next_shot import NextShot, contact_s
+from analysis.planning.next_shot import NextShot, as_found_kg, contact_s
 from analysis.recording import Setup
 from analysis.shot import Shot
 from instrument.digitizer import CaptureSettings
@@ -31,8 +31,8 @@ def planned_setup(setup: Setup, shot: NextShot, shots: Sequence[Shot]) -> Setup:
     One rule for the window and ``--resolve``: what the settings state at that moment does not count, so that weights
     put on as the plan says and typed into the settings as well are not counted twice.
     """
-    as_found_kg = min(one.motion.moving_mass_kg for one in shots if one.motion is not None)
-    return replace(setup, moving_mass_kg=as_found_kg + shot.added_mass_kg)
+    motions = [one.motion for one in shots if one.motion is not None]
+    return replace(setup, moving_mass_kg=as_found_kg(motions) + shot.added_mass_kg)
 
 
 def _switch_m(shots: Sequence[Shot]) -> float:

@@ -37,18 +37,24 @@ WAIT_MS = 30_000
 CHANNELS = (Channel(Role.MEASUREMENT, 1e-3),)
 
 
+def _sheet(qtbot: QtBot) -> tuple[SettingsSheet, list[dict[str, object]]]:
+    """Return the settings as they come, and the list into which it lays what is applied."""
+    sheet = SettingsSheet(LIGHT)
+    qtbot.addWidget(sheet)
+    sheet.offer(FIELDS)
+    sheet.show_values(Settings().values())
+    taken: list[dict[str, object]] = []
+    sheet.applied.connect(taken.append)
+    return sheet, taken
+
+
 @pytest.mark.parametrize("locale", ["de_DE", "en_US", "fr_FR", "C"])
 @pytest.mark.parametrize("typed", ["17.85", "17,85"])
 def test_a_typed_mass_is_the_same_in_every_country(qtbot: QtBot, locale: str, typed: str) -> None:
     before = QLocale()
     QLocale.setDefault(QLocale(locale))
     try:
-        sheet = SettingsSheet(LIGHT)
-        qtbot.addWidget(sheet)
-        sheet.offer(FIELDS)
-        sheet.show_values(Settings().values())
-        taken: list[dict[str, object]] = []
-        sheet.applied.connect(taken.append)
+        sheet, taken = _sheet(qtbot)
         editor = sheet._editors["moving_mass_kg"]
         assert isinstance(editor, QLineEdit)
         editor.clear()
@@ -61,12 +67,7 @@ def test_a_typed_mass_is_the_same_in_every_country(qtbot: QtBot, locale: str, ty
 
 @pytest.mark.parametrize("typed", ["20.5 100", "20,5; 100", "20.5, 100", "  20,5   100 ;"])
 def test_weights_are_typed_as_a_list_in_grams_and_come_back(qtbot: QtBot, typed: str) -> None:
-    sheet = SettingsSheet(LIGHT)
-    qtbot.addWidget(sheet)
-    sheet.offer(FIELDS)
-    sheet.show_values(Settings().values())
-    taken: list[dict[str, object]] = []
-    sheet.applied.connect(taken.append)
+    sheet, taken = _sheet(qtbot)
     sheet.set_value("weights_kg", typed)
     sheet.apply()
     assert taken and taken[0]["weights_kg"] == "0.0205 0.1" and taken[0]["speeds_m_per_s"] == "0.05 0.1 0.2 0.35 0.6"

@@ -70,12 +70,21 @@ def _ratio_of_times(sources: ShotSources, reading: Quantity, first_s: float, sec
 
 
 def _force(impact: Impact, sources: ShotSources) -> Iterator[Result]:
-    """F = m_b a: the acceleration scales with the length and the inverse square of time."""
+    """F = m_b a: the acceleration scales with the length and the inverse square of time; times scale with the clock."""
     peak = sources.noisy(impact.force_peak_n, "beat noise, force", "N", without_mass=True)
     if peak is not None:
         scale = sources.mass_scale * sources.length_scale / sources.timebase**2
         number = peak * scale * sources.band_scale(impact.contact_time_s)
         yield Result("force_peak_n", "peak force", "N", number, False)
+    # Both instants of a width are read on slopes that the band limit shifts alike.
+    for key, words, unit, reading, scale in (
+        ("force_fwhm_s", "pulse width", "s", impact.force_fwhm_s, sources.timebase),
+        ("contact_time_s", "contact time", "s", impact.contact_time_s, sources.timebase),
+        ("deflection_max_m", "deflection", "m", impact.deflection_max_m, sources.length_scale),
+    ):
+        seen = sources.noisy(reading, f"beat noise, {words}", unit)
+        if seen is not None:
+            yield Result(key, words, unit, seen * scale, False)
 
 
 def _stiffness(shot: Shot, sources: ShotSources) -> Iterator[Result]:
@@ -90,6 +99,15 @@ def _stiffness(shot: Shot, sources: ShotSources) -> Iterator[Result]:
     if fitted is not None:
         fitted = fitted * per_time * sources.length_scale / sources.length_scale
         yield Result("plate_stiffness_n_per_m", "k_p, fitted", "N/m", fitted, True)
+    for key, words, unit, scale in (
+        ("plate_mass_kg", "m_p*, fitted", "kg", sources.mass_scale),
+        ("contact_stiffness_n_per_m", "k_N, fitted", "N/m", per_time),
+        ("contact_damping_n_s_per_m", "gamma_N, fitted", "N s/m", sources.mass_scale / sources.timebase),
+    ):
+        reading = fit.parameters.get(key) if fit is not None else None
+        number = sources.noisy(reading, "beat noise, through the fit", unit)
+        if number is not None:
+            yield Result(key, words, unit, number * scale, True)
     slope_reading: Reading | None = shot.impact.stiffness_slope_n_per_m if shot.impact is not None else None
     slope = sources.noisy(slope_reading, "beat noise and ripple, slope", "N/m", without_mass=True)
     if slope is not None:

@@ -30,6 +30,7 @@ KEYS: Mapping[str, tuple[str, str]] = {  # the result file's name: (words, unit)
     "contact_time_s": ("contact time", "s"),
     "deflection_max_m": ("deflection", "m"),
 }
+VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s")
 FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 ONE_SPEED = 0.02  # speeds that differ by less than this share of their mean show no trend
 COLUMNS = (
@@ -104,8 +105,8 @@ class Series:
 
 
 def read(shot: Shot, key: str) -> Reading:
-    """Return a shot's number by its name in ``KEYS``; KeyError for another name."""
-    if key not in KEYS:
+    """Return a shot's number by its name in ``KEYS``, or one of its velocities; KeyError for another name."""
+    if key not in KEYS and key not in VELOCITIES:
         raise KeyError(key)
     if key in FITTED:
         if shot.fit is None or not shot.fit.converged:

@@ -2,9 +2,10 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from analysis.combined import combined_of, stated
 from analysis.diagnosis.diagnose import diagnose as diagnose_motions
 from analysis.diagnosis.foretold import Foretold
 from analysis.diagnosis.foretold import foretell as foretell_motions
@@ -12,8 +13,9 @@ from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
 from analysis.fitted_shot import fit_again, shaking_of
-from analysis.quantity import Quantity, Reading
+from analysis.quantity import Quantity
 from analysis.report import result
+from analysis.series import read
 from analysis.shot import AnalysisError, AnalysisSettings, Shot
 from app.command_line.model_choice import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
@@ -190,36 +192,40 @@ def _write(
 
 
 def summary(shot: Shot) -> str:
-    """Return one shot's numbers for a terminal."""
-    lines = [f"{shot.path or shot.name}"]
+    """Return one shot's numbers for a terminal, with their combined uncertainties where they have a budget."""
+    lines, combined = [f"{shot.path or shot.name}"], combined_of(shot)
     if shot.problem:
         lines.append(f"  not analysed: {shot.problem}")
     impact = shot.impact
     if impact is not None:
-        rows: list[tuple[str, Reading, float, str]] = [
-            ("v in", impact.velocity_in_m_per_s, 1.0, "m/s"),
-            ("v out", impact.velocity_out_m_per_s, 1.0, "m/s"),
-            ("COR quasi-static", impact.cor_quasi_static, 1.0, ""),
-            ("COR impulse ratio", impact.cor_impulse, 1.0, ""),
-            ("COR kinetic (force peaks)", impact.cor_kinetic.force_peaks, 1.0, ""),
-            ("peak force", impact.force_peak_n, 1.0, "N"),
-            ("pulse width (FWHM)", impact.force_fwhm_s, 1e3, "ms"),
-            ("contact", impact.contact_time_s, 1e3, "ms"),
-            ("deflection", impact.deflection_max_m, 1e3, "mm"),
-            ("slope F/deflection", impact.stiffness_slope_n_per_m, 1.0, "N/m"),
+        rows: list[tuple[str, str, float, str]] = [
+            ("v in", "velocity_in_m_per_s", 1.0, "m/s"),
+            ("v out", "velocity_out_m_per_s", 1.0, "m/s"),
+            ("COR quasi-static", "cor_quasi_static", 1.0, ""),
+            ("COR impulse ratio", "cor_impulse", 1.0, ""),
+            ("COR kinetic (force peaks)", "cor_kinetic.force_peaks", 1.0, ""),
+            ("peak force", "force_peak_n", 1.0, "N"),
+            ("pulse width (FWHM)", "force_fwhm_s", 1e3, "ms"),
+            ("contact", "contact_time_s", 1e3, "ms"),
+            ("deflection", "deflection_max_m", 1e3, "mm"),
+            ("slope F/deflection", "stiffness_slope_n_per_m", 1.0, "N/m"),
         ]
-        for label, reading, factor, unit in rows:
+        for label, key, factor, unit in rows:
+            reading = stated(read(shot, key), key, combined)
             shown = reading.scaled(factor) if isinstance(reading, Quantity) else f"– ({reading.reason})"
             lines.append(f"  {label:<27}{shown} {unit}".rstrip())
     if shot.fit is not None and shot.fit.converged:
-        lines += fit_lines(shot.fit)
+        lines += fit_lines(shot.fit, combined)
     if shot.flags:
         lines += [f"  {flag}: {flag_words(flag)}" for flag in by_weight(shot.flags)]
     return "\n".join(lines)
 
 
-def fit_lines(fit: Fit) -> list[str]:
-    """Return a fitted model's numbers for a terminal."""
+def fit_lines(fit: Fit, combined: Mapping[str, float]) -> list[str]:
+    """Return a fitted model's numbers for a terminal; those without a combined uncertainty say so."""
     effects = "".join(f" + {name}" for name in fit.effects)
     lines = [f"  fit of model {fit.model}{effects}, reduced chi2 {fit.reduced_chi2:.3g}"]
-    return [*lines, *(f"    {name:<32} {quantity}" for name, quantity in fit.parameters.items())]
+    for name, quantity in fit.parameters.items():
+        alone = "" if name in combined else "  (± from noise alone)"
+        lines.append(f"    {name:<32} {stated(quantity, name, combined)}{alone}")
+    return lines

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
+from analysis.fitted_shot import shaking_of
+from analysis.noise_band import noise_band
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from analysis.weights import weights_words
@@ -123,19 +125,21 @@ def error_rows(columns: Sequence[tuple[str, Errors]]) -> list[list[str]]:
 def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
     """Return what the model left over of each shot, before and after; nothing where one fit served for both."""
     before, after = diagnosis.fit_before.shots, diagnosis.fit_after.shots
-    taken = [shot.name for shot in shots if shot.motion is not None and shot.fit is not None]
+    taken = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if diagnosis.fit_after is diagnosis.fit_before or not before or len(before) != len(after):
         return Markup()
     plots = []
     for number, (one, other) in enumerate(zip(before[:MOST_DRAWN], after[:MOST_DRAWN], strict=True)):
-        name = taken[number] if len(taken) == len(before) else f"shot {number + 1}"
+        shot = taken[number] if len(taken) == len(before) else None
+        name = shot.name if shot is not None else f"shot {number + 1}"
         lines = []
         for part, kind in ((one, "simulated"), (other, "residual")):
             at = 1e3 * (part.overlay.time_s - part.touch_time_s.value)
             lines.append(Line(at, 1e9 * part.residual_m, kind))
-        band = Band(lines[1].x, np.full(lines[1].x.size, 2e9 * diagnosis.fit_after.noise_std_m))
+        noise = noise_band(shot.motion, shaking_of(shot)) if shot is not None and shot.motion is not None else None
+        bands = (Band(lines[1].x, 2e9 * noise.displacement_m),) if noise is not None else ()
         label = f"{one_line(name, 18)} (nm)"
-        plots.append(Plot("time from first touch (ms)", label, tuple(lines), (band,), zero_line=True))
+        plots.append(Plot("time from first touch (ms)", label, tuple(lines), bands, zero_line=True))
     legend = [("simulated", "before"), ("residual", "after"), NOISE]
     return figure("Residual of displacement, before and after.", "", plots, legend, 165)
 

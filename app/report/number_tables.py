@@ -7,7 +7,7 @@ from analysis.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
 from analysis.fit import Fit
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.readings_model import ReadingsModel
-from analysis.series import read
+from analysis.series import FITTED, read
 from analysis.shot import Shot
 from app.report.markup import Markup, joined, table, tag
 from app.words.physics_words import effect_words, parameter_parts
@@ -35,11 +35,11 @@ def numbers(shot: Shot, of: Budget | None) -> Markup:
     """Return the table of everything read from the motion; what was not seen says why."""
     rows = []
     for key, words, unit in NUMBERS:
-        reading = _reading(shot, key)
+        reading = read(shot, key)
         entry = of.of(key) if of is not None else None
         rows.append([_named(words, unit), *_cells(reading, entry, unit)])
     for entry in of.quantities if of is not None else ():
-        if all(entry.key != key for key, _, _ in NUMBERS) and entry.key != "plate_stiffness_n_per_m":
+        if all(entry.key != key for key, _, _ in NUMBERS) and entry.key not in FITTED:
             rows.append([_named(entry.words, entry.unit), *_cells(entry.quantity, entry, entry.unit)])
     header = ["", "value ± standard uncertainty", "of it type A", "type B", f"expanded, k = {COVERAGE_FACTOR:g}", "how"]
     return table(header, rows, "numbers")
@@ -54,10 +54,11 @@ def rests_on(model: ReadingsModel | None) -> Markup:
     return tag("p", f"From the fitted model {model.base}{effects}: {named}. All else is read from the motion alone.")
 
 
-def fitted(fit: Fit | None, tried: Collection[str] = ()) -> Markup:
+def fitted(fit: Fit | None, tried: Collection[str] = (), of: Budget | None = None) -> Markup:
     """Return the fitted model's parameters with their uncertainties and correlations, or why there are none.
 
-    ``tried`` are effects that no diagnosis named: where one is in the model, that is said.
+    ``tried`` are effects that no diagnosis named: where one is in the model, that is said.  ``of`` is the shot's
+    budget; without one, as for several shots together, ± is what the noise of the samples leaves.
     """
     if fit is None:
         return tag("p", "No model was fitted.")
@@ -68,8 +69,11 @@ def fitted(fit: Fit | None, tried: Collection[str] = ()) -> Markup:
     for index, (name, value) in enumerate(fit.parameters.items()):
         words, unit = parameter_parts(name)
         correlations = [_correlation(fit, index, other) for other in range(len(names))]
-        rows.append([_with_unit(words, unit), str(value), *correlations])
-    header = ["", "value ± standard uncertainty", *(parameter_parts(name)[0] for name in names)]
+        entry = of.of(name) if of is not None else None
+        noise = f"{value.std:.2g}" if entry is not None else "all of it"
+        stated = entry.quantity if entry is not None else value
+        rows.append([_with_unit(words, unit), str(stated), noise, *correlations])
+    header = ["", "value ± standard uncertainty", "of it type A", *(parameter_parts(name)[0] for name in names)]
     effects = f" with {', '.join(map(effect_words, fit.effects))}" if fit.effects else ""
     said = (
         f"Model {fit.model}{effects}: reduced χ² {fit.reduced_chi2:.4g}, "
@@ -128,13 +132,6 @@ def _source(row: BudgetRow, factor: float) -> list[str]:
     std = "not known" if row.std is None else f"{row.std:.3g}{unit}"
     contribution = "" if row.std is None else f"{factor * row.contribution:.3g}"
     return [row.source, row.kind, std, f"{factor * row.sensitivity:.4g}", contribution, row.how]
-
-
-def _reading(shot: Shot, key: str) -> Reading:
-    if key.startswith("velocity"):
-        reading: Reading = getattr(shot.impact, key) if shot.impact else NotSeen(shot.problem or "no impact")
-        return reading
-    return read(shot, key)
 
 
 def _correlation(fit: Fit, one: int, other: int) -> str:

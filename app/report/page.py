@@ -92,7 +92,7 @@ def _shot(
         if shot.impact.disturbance is not None:
             parts += [tag("h3", "What shook the path"), disturbance_section(shot.impact.disturbance)]
     if shot.motion is not None:
-        parts += [tag("h3", "Model"), fitted(shot.fit, tried)]
+        parts += [tag("h3", "Model"), fitted(shot.fit, tried, of)]
     if drawn and shot.motion is not None:
         parts += [tag("h3", "Figures"), *figures(shot)]
     if drawn and of is not None:

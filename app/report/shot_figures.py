@@ -17,7 +17,7 @@ from app.report.svg_plot import WIDTH, Band, Line, Plot, draw
 
 Floats = NDArray[np.float64]
 MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # class in the style sheet, words
-RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise, \u00b12 standard deviations")
+RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and building, \u00b12 standard deviations")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,16 +1,12 @@
-"""The combined standard uncertainties of a shot's numbers, all sources of its budget together; made once a shot."""
+"""What ± says on the screen, and the combined standard uncertainties of the shots listed, made once a shot."""
 
 from collections.abc import Iterable, Mapping
 
-from analysis.budget import budget
+from analysis.combined import combined_of
 from analysis.shot import Shot
 
 COMBINED = "± is the combined standard uncertainty, all sources of the budget together."
-
-
-def combined_of(shot: Shot) -> dict[str, float]:
-    """Return the combined standard uncertainty of each number that has a budget, by its key; some ms."""
-    return {q.key: q.std for q in budget(shot).quantities} if shot.impact is not None else {}
+NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
 
 
 class CombinedOnce:

@@ -2,10 +2,13 @@
 
 import math
 
+from analysis.combined import combined_of, stated
+from analysis.quantity import Quantity
 from analysis.recording import DEFAULT_WAVELENGTH_AIR_M, Role
+from app.session.session import Entry
 from app.window.panels.signal_line import Sign
 from app.window.theme import Tone
-from app.words.wording import local, number, room
+from app.words.wording import local, number, room, value_text
 from instrument.acquisition import State
 from instrument.snapshot import KEPT_IN_MEMORY, ChannelSignal, SignalLine, Snapshot
 from instrument.trigger import Level
@@ -35,6 +38,18 @@ def banner(snapshot: Snapshot, last_shot: str, arming: bool = False) -> tuple[st
         return "FAULT", fault_words(snapshot), Tone.BAD
     hint = last_shot or "Press ARM (space), then push the block."
     return "READY", _sentences(snapshot.message, snapshot.remedy) or hint, Tone.NEUTRAL
+
+
+def shot_saved(entry: Entry) -> str:
+    """Return what a shot gave, in the banner's one sentence."""
+    shot = entry.shot
+    if shot is None or shot.problem or shot.impact is None:
+        why = shot.problem if shot is not None else None
+        return f"Shot {entry.number} is saved, but: {why or 'no impact was found'}."
+    key = "cor_quasi_static"
+    cor = stated(shot.impact.cor_quasi_static, key, combined_of(shot))
+    words = f"restitution {value_text(cor)}" if isinstance(cor, Quantity) else "no restitution was seen"
+    return f"Shot {entry.number} is saved: {words}."
 
 
 def fault_words(snapshot: Snapshot) -> str:

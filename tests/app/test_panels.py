@@ -11,6 +11,8 @@ from PySide6.QtWidgets import QLabel, QPushButton
 
 from analysis.budget import budget
 from analysis.diagnosis.result import Candidate, Errors, Verdict
+from analysis.disturbance import Disturbance, Shaking
+from analysis.drive.curves import drive_curves
 from analysis.quantity import NotSeen, Quantity
 from app.session.session import Session
 from app.window.panels.candidates import CandidateBars
@@ -22,6 +24,7 @@ from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_model import FLAGS
 from app.window.panels.session_table import NOTE, SessionTable
 from app.window.panels.shot import ShotPanel
+from app.window.panels.shot_motion import RESIDUALS
 from app.window.plots import save
 from app.window.theme import DARK, LIGHT, MARKS, Tone
 from app.words.wording import value_text
@@ -367,7 +370,7 @@ def test_large_numbers_fill_the_page_and_are_never_cut(qtbot, shot):
         for label in panel.findChildren(QLabel):
             assert label.fontMetrics().horizontalAdvance(label.text()) <= label.width(), (size, label.text())
     assert panel.findChildren(QLabel)[1].font().pixelSize() > 60
-    assert panel.text("COR") == "0.987556" and panel.text("contact") == "28.71" and panel.text("v in") == "-0.265000"
+    assert panel.text("COR") == "0.987556" and panel.text("contact") == "28.71" and panel.text("v in") == "-0.26500"
     assert MARKS[Tone.WARNING] in panel._title.text()
     tiny = replace(shot.impact, force_peak_n=Quantity(1.2e-6, 1e-8))
     panel.show_shot(replace(shot, impact=tiny), "")
@@ -433,3 +436,32 @@ def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_w
     words = [label.text() for label in bars.widget().findChildren(QLabel)]
     names = [text for text in words if "adhesion" in text or "tilt" in text]
     assert "adhesion" in names[0] and MARKS[Tone.GOOD] in names[0] and MARKS[Tone.GOOD] not in names[1]
+
+
+def test_the_band_of_the_residual_is_the_same_on_shot_and_on_diagnosis(qtbot, shot):
+    line = Shaking(np.array([100.0]), np.array([(5e-9) ** 2]), np.array([False]))
+    shaken = replace(shot, impact=replace(shot.impact, disturbance=Disturbance((), 5e-9, 3e-6, shaking=line)))
+    shot_panel, diagnosis = ShotPanel(LIGHT), DiagnosisPanel(LIGHT)
+    for panel in (shot_panel, diagnosis):
+        qtbot.addWidget(panel)
+    shot_panel.show_shot(shaken)
+    shot_panel.motion.kind.setCurrentIndex([kind for kind, _, _ in RESIDUALS].index("displacement"))
+    diagnosis.show_diagnosis(synthetic.diagnosis(shaken), [shaken])
+    after = diagnosis.residuals
+    assert after._bands[1].typical == pytest.approx(shot_panel.motion._band.typical, rel=1e-9)
+    assert "noise and building" in after._heading.text()
+
+
+@pytest.mark.parametrize("height", [200, 700])
+def test_an_empty_drive_says_why_on_a_page_of_any_height(qtbot, height):
+    panel = ShotPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.resize(700, height)
+    panel.show()
+    driven = synthetic.driven_shot()
+    panel.show_shot(driven)
+    assert panel.drive.say.isVisible() and "modelling" in panel.drive.say.text()
+    panel.show_drive(driven, drive_curves(driven.motion, driven.fit))
+    assert panel.drive.say.isVisible() == (height > 400)
+    panel.show_shot(replace(driven, fit=None, fit_problem="the record is too short"))
+    assert panel.drive.say.isVisible() and "the record is too short" in panel.drive.say.text()

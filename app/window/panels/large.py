@@ -4,6 +4,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
+from analysis.combined import combined_of, stated
 from analysis.doubts import CONCERNS
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
@@ -52,10 +53,11 @@ class LargePanel(QWidget):
         self.show_shot(None, "")
 
     def show_shot(self, shot: Shot | None, title: str) -> None:
-        """Show a shot's numbers, rounded to their uncertainty; its doubts as a mark at the title."""
+        """Show a shot's numbers, rounded to their combined uncertainty; its doubts as a mark at the title."""
         self._rows = DRIVEN if shot is not None and shot.settings.model == "driven" else COLLISION
         self._doubtful = shot is not None and any(self._casts_doubt(flag) for flag in shot.flags)
         self._title.setText((f"{MARKS[Tone.WARNING]} " if self._doubtful else "") + (title or "No shot yet"))
+        combined = combined_of(shot) if shot is not None else {}
         for line, (name, value, unit) in enumerate(self._cells):
             there = line < len(self._rows)
             for cell in (name, value, unit):
@@ -65,7 +67,8 @@ class LargePanel(QWidget):
                 name.setText(SHORT.get(row.name, row.name))
                 unit.setText(row.unit)
                 value.setAccessibleName(f"{name.text()} {row.unit}".strip())
-                value.setText(plain_digits(row.find(shot) if shot is not None else None, row.scale))
+                reading = stated(row.find(shot), row.key, combined) if shot is not None else None
+                value.setText(plain_digits(reading, row.scale))
         self.dress(self._colours)
         self._fit()
 

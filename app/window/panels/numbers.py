@@ -1,7 +1,6 @@
 """The numbers of a shot: value ± standard uncertainty and unit; on hover, how each was read."""
 
 import math
-from dataclasses import replace
 from html import escape
 
 from PySide6.QtCore import Qt, Signal, Slot
@@ -18,10 +17,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from analysis.combined import combined_of, stated
 from analysis.doubts import concerning
 from analysis.quantity import Quantity, Reading
 from analysis.shot import Shot
-from app.window.combined import COMBINED, combined_of
+from app.window.combined import COMBINED, NOISE_ONLY
 from app.window.flag_tone import flag_line, flag_tone
 from app.window.panels.number_rows import DRIVE, GROUPS, Row
 from app.window.theme import MARKS, Colours, Tone, sized
@@ -34,8 +34,6 @@ from app.words.wording import (
     parameter_words,
     value_text,
 )
-
-NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
 
 
 def _effect_lines(shot: Shot | None) -> list[str]:
@@ -107,6 +105,7 @@ class NumbersPanel(QScrollArea):
                 line += 1
         self.effects = QLabel("", inner)  # what the effects in the model came to
         self.effects.setWordWrap(True)
+        self.effects.setToolTip(NOISE_ONLY)
         self.effects.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.flags = QLabel("", inner)
         self.flags.setWordWrap(True)
@@ -147,10 +146,7 @@ class NumbersPanel(QScrollArea):
 
     def _reading(self, row: Row) -> Reading | None:
         """Return a number with the uncertainty that is asked for."""
-        reading = row.find(self._shot) if self._shot is not None else None
-        if isinstance(reading, Quantity) and row.key in self._combined:
-            return replace(reading, std=self._combined[row.key])
-        return reading
+        return stated(row.find(self._shot), row.key, self._combined) if self._shot is not None else None
 
     @Slot()
     def _budget(self) -> None:
@@ -242,7 +238,7 @@ class NumbersPanel(QScrollArea):
             words = "both agree" if tone is Tone.GOOD else f"they differ by {apart:.0f} uncertainties"
             self.agreement.setText(f"{MARKS[tone]} {words}")
             self.agreement.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
-            self.agreement.setToolTip("Quasi-static and impulse ratio, against their combined standard uncertainty")
+            self.agreement.setToolTip("Quasi-static and impulse ratio, against what this shot's noise leaves of both")
 
     def _show_flags(self, shot: Shot | None) -> None:
         """Say what is wrong, what is in doubt, and in quiet letters what is only to be known."""

@@ -7,8 +7,10 @@ import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves
+from analysis.fitted_shot import shaking_of
+from analysis.noise_band import noise_band
 from analysis.shot import Shot
 from app.report.shot_times import time_zero
 from app.window.pens import thin
@@ -23,7 +25,7 @@ CELL = "<td align='right' style='padding: 0 6px'>"
 
 
 class Residuals(QWidget):
-    """Two linked plots with the band of noise, and the table of errors."""
+    """Two linked plots with the band that noise and the building leave, and the table of errors."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -101,12 +103,8 @@ class Residuals(QWidget):
         self.stack.tell((shot,), shot.name)
         zero, words = time_zero(shot)
         self.stack.label_time(words)
-        self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: noise, ±2 σ)")
-        # What stays unexplained is not noise, though a floor that wanders may take it for some.
-        known = diagnosis.verdict not in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
-        noise_m = (
-            np.full_like(motion.displacement_m, diagnosis.fit_after.noise_std_m) if known else motion.displacement_std_m
-        )
+        self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: noise and building, ±2 σ)")
+        noise_m = noise_band(motion, shaking_of(shot)).displacement_m
         start, step = 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz
         fits = (diagnosis.fit_before, diagnosis.fit_after)
         for fit, plot, curve, band in zip(fits, self._plots, self._curves, self._bands, strict=True):

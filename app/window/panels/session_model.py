@@ -1,14 +1,14 @@
 """The session as Qt's tables want it: a line a shot, a hover for every number, the note editable."""
 
-from dataclasses import replace
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QFont
 
+from analysis.combined import stated
 from analysis.quantity import NotSeen, Quantity, Reading
 from app.session.session import Entry
-from app.window.combined import COMBINED, CombinedOnce
+from app.window.combined import COMBINED, NOISE_ONLY, CombinedOnce
 from app.window.flag_tone import flag_line
 from app.window.panels.session_order import Order, ordered
 from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
@@ -136,9 +136,7 @@ class SessionModel(QAbstractTableModel):
 
     def _stated(self, entry: Entry, column: int) -> Reading | None:
         """Return a number with its combined standard uncertainty."""
-        reading, shot = _reading(entry, column), entry.shot
-        std = self._combined.of(shot).get(KEYS[column]) if shot is not None else None
-        return replace(reading, std=std) if isinstance(reading, Quantity) and std is not None else reading
+        return stated(_reading(entry, column), KEYS[column], self._combined.of(entry.shot)) if entry.shot else None
 
     def _searched(self, entry: Entry) -> str:
         flags = (
@@ -210,8 +208,9 @@ class SessionModel(QAbstractTableModel):
 
     def _hover(self, entry: Entry, column: int) -> str | None:
         if 3 <= column <= 8:
-            reading = self._stated(entry, column)
-            return how_text(COLUMNS[column][0], reading, value_text(reading), COMBINED)
+            reading, shot = self._stated(entry, column), entry.shot
+            which = COMBINED if shot is not None and KEYS[column] in self._combined.of(shot) else NOISE_ONLY
+            return how_text(COLUMNS[column][0], reading, value_text(reading), which)
         if column == FLAGS and entry.shot is not None:
             return "\n".join(map(flag_line, by_weight(entry.shot.flags))) or None
         if column == 2:

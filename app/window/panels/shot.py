@@ -160,18 +160,22 @@ class ShotPanel(QWidget):
         if self._driven:
             entries = self.drive.legend(c)
         elif self._view == "raw":
-            reading = self.raw.has_samples and self.raw.wanted is not None
-            entries = [("reading the samples …" if reading else "every sample, extremes kept", thin(c.measured))]
+            entries = [("reading the samples …" if self._reading else "every sample, extremes kept", thin(c.measured))]
         elif self._view == "deflection":
             entries.append(("slope", thin(c.residual, Qt.PenStyle.DashLine)))
         elif self._view != "gap":
             entries[1] = ("simulated (fitted to this shot)", under(c.simulated))
             entries.append(("measured − simulated", thin(c.residual)))
-            entries.append(("noise, ±2 standard deviations", (c.band, c.band_edge)))
+            entries.append(("noise and building, ±2 σ", (c.band, c.band_edge)))
         self._legend.show_entries(entries)
         for plot in self._plots:
             plot.legend = entries
         self._show_words()
+
+    @property
+    def _reading(self) -> bool:
+        """Get whether the raw view waits for its samples."""
+        return self._view == "raw" and self.raw.has_samples and self.raw.wanted is not None
 
     def show_shot(self, shot: Shot | None, recording: Recording | None = None, words: str = "") -> None:
         """Show this shot, called so in ``words``; None shows what to do to get one."""
@@ -225,11 +229,14 @@ class ShotPanel(QWidget):
         self._show_words()
 
     def _show_words(self) -> None:
-        """Show legend and summary; on a low screen the plots need their room, and the words come on hovering."""
+        """Show legend and summary; on a low screen the plots need their room, and the words come on hovering.
+
+        An empty plot has room, and says why it is empty.
+        """
         low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
         shown = self._pages.currentWidget() is not self._empty
-        self._legend.setVisible(shown and not low)
-        self.drive.say.setVisible(shown and self._driven and not low)
+        self._legend.setVisible(shown and (not low or self._reading))
+        self.drive.say.setVisible(shown and self._driven and (not low or self.drive.empty))
         entries = "<br>".join(f"{words}" for words, _ in self._legend.entries)
         said = f"{entries}<br>{self.drive.say.text()}" if self._driven else entries
         for plot in self._plots:
@@ -244,8 +251,9 @@ class ShotPanel(QWidget):
             return
         self._undrawn.discard(what)
         if what == "drive":
-            self.drive.say.setText("modelling the force …")
-            self.drive_wanted.emit(self._shot)
+            self.drive.say.setText("modelling the force …" if self._shot.fit is not None else _no_force(self._shot))
+            if self._shot.fit is not None:
+                self.drive_wanted.emit(self._shot)
             return
         views: dict[str, MotionView | DeflectionView | GapView]
         views = {"motion": self.motion, "deflection": self.deflection, "gap": self.gap}
@@ -311,6 +319,10 @@ class ShotPanel(QWidget):
         plot = self.plot_in_front()
         if plot is not None:
             plot.open_menu()
+
+
+def _no_force(shot: Shot) -> str:
+    return f"the force was not modelled: {shot.fit_problem or shot.problem or 'no model was fitted'}"
 
 
 def _why_not(shot: Shot) -> str:

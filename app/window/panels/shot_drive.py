@@ -46,6 +46,11 @@ class DriveView(QObject):
         self.say.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
 
     @property
+    def empty(self) -> bool:
+        """Get whether nothing is drawn."""
+        return self._curves is None
+
+    @property
     def plots(self) -> tuple[PlotView, ...]:
         """Get every plot."""
         return self.stack, *self.speed.plots, *self.place.plots

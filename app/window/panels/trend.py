@@ -64,7 +64,10 @@ def trend_reading(shot: Shot, name: str) -> Reading | None:
 
 
 class TrendPlot(PlainPlot):
-    """A number of each shot against its impact speed, with standard uncertainties."""
+    """A number of each shot against its impact speed, with what each shot's own noise leaves of it.
+
+    What all shots share (mass, wavelength, clock) scatters nothing: bars that held it would hide a spread.
+    """
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__("Trend against impact velocity", ("", ""), "impact speed |v in| (m/s)", SPEED, parent)
@@ -100,7 +103,7 @@ class TrendPlot(PlainPlot):
         self._bars.setData(x=xs, y=ys, height=2 * halves, pen=straight(self._colours.marker))
         self._told.show_points(xs, ys)
         self.label_value(trend.words, trend.unit)
-        self.columns = {"impact speed (m/s)": xs, trend.label: ys, "standard uncertainty": halves}
+        self.columns = {"impact speed (m/s)": xs, trend.label: ys, "standard uncertainty, noise alone": halves}
         if not x:
             return "No selected shot has this number."
         reach_x = 0.08 * max(np.ptp(xs), 0.02 * xs.max(), 1e-6)
@@ -113,5 +116,6 @@ class TrendPlot(PlainPlot):
         unit = f" {trend.unit}" if trend.unit else ""
         return (
             f"{len(y)} shots: mean {number(mean, 6)}{unit}, spread {number(spread, 3)} "
-            f"({local(f'{100 * spread / abs(mean):.2g}')} %), mean stated uncertainty {number(float(halves.mean()), 2)}"
+            f"({local(f'{100 * spread / abs(mean):.2g}')} %); bars: ± from each shot's noise alone, "
+            f"{number(float(halves.mean()), 2)} in the mean"
         )

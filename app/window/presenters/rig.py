@@ -6,7 +6,6 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QApplication
 
-from analysis.quantity import Quantity
 from app.session.choices import Choices
 from app.session.rig import Rig
 from app.session.session import Entry
@@ -16,7 +15,7 @@ from app.window import state_words
 from app.window.file_question import Want, ask
 from app.window.layout import Layout
 from app.window.theme import Tone
-from app.words.wording import duration, value_text
+from app.words.wording import duration
 from instrument.acquisition import State
 from instrument.snapshot import Snapshot
 from instrument.sources import is_bench
@@ -91,14 +90,7 @@ class RigPresenter(QObject):
 
     def remember(self, entry: Entry) -> None:
         """Let the banner say what the last shot gave."""
-        shot = entry.shot
-        if shot is None or shot.problem or shot.impact is None:
-            why = shot.problem if shot is not None else None
-            self._last_shot = f"Shot {entry.number} is saved, but: {why or 'no impact was found'}."
-            return
-        cor = shot.impact.cor_quasi_static
-        words = f"restitution {value_text(cor)}" if isinstance(cor, Quantity) else "no restitution was seen"
-        self._last_shot = f"Shot {entry.number} is saved: {words}."
+        self._last_shot = state_words.shot_saved(entry)
 
     @Slot()
     def arm(self) -> None:

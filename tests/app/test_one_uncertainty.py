@@ -1,0 +1,87 @@
+"""One rule of ±: a number is shown with its combined uncertainty wherever it stands, or a word says that it is not."""
+
+from dataclasses import replace
+
+import pytest
+
+from analysis.budget import budget
+from app.command_line.replay import summary
+from app.report.page import report_of
+from app.session.session import Session
+from app.window.panels.compare import ComparePanel
+from app.window.panels.large import LargePanel
+from app.window.panels.number_rows import DRIVE, GROUPS
+from app.window.panels.numbers import NumbersPanel
+from app.window.panels.session_table import SessionTable
+from app.window.state_words import shot_saved
+from app.window.theme import LIGHT
+from app.words.wording import concise_text, value_text
+from tests.app import synthetic
+
+
+@pytest.fixture(scope="module")
+def entry():
+    """A shot whose clock and mass leave more of some numbers in doubt than its noise does."""
+    session = Session()
+    return session.add(synthetic.shot())
+
+
+@pytest.fixture(scope="module")
+def combined(entry):
+    return {q.key: q.quantity for q in budget(entry.shot).quantities}
+
+
+def test_every_number_of_the_panel_that_was_read_has_a_budget(entry, combined):
+    rows = [row for heading, rows in GROUPS if heading != DRIVE for row in rows]
+    read = {row.key for row in rows if value_text(row.find(entry.shot)) != "–"}
+    assert read and read <= set(combined)
+
+
+def test_banner_panel_list_and_terminal_state_the_same_uncertainty(qtbot, entry, combined):
+    panel, table = NumbersPanel(LIGHT), SessionTable()
+    for widget in (panel, table):
+        qtbot.addWidget(widget)
+    panel.resize(900, 700)
+    panel.show()
+    panel.show_shot(entry.shot)
+    cor = value_text(combined["cor_quasi_static"])
+    assert panel.text("quasi-static") in (cor, concise_text(combined["cor_quasi_static"]))
+    assert cor in shot_saved(entry)
+    told = summary(entry.shot)
+    assert f"COR quasi-static           {cor}" in told
+    assert str(combined["velocity_in_m_per_s"]) in told and str(combined["plate_stiffness_n_per_m"]) in told
+    assert str(entry.shot.fit.parameters["plate_stiffness_n_per_m"]) not in told
+
+
+def test_a_parameter_without_a_budget_says_that_its_uncertainty_is_noise_alone(entry):
+    fit = entry.shot.fit
+    name = "quadratic_drag.coefficient_n_s2_per_m2"
+    shot = replace(entry.shot, fit=replace(fit, parameters={**fit.parameters, name: fit.parameters["plate_mass_kg"]}))
+    line = next(line for line in summary(shot).splitlines() if name in line)
+    assert line.endswith("(± from noise alone)")
+
+
+def test_large_letters_are_rounded_to_the_combined_uncertainty(qtbot, entry, combined):
+    panel = LargePanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show_shot(entry.shot, "Shot 1")
+    whole = str(combined["velocity_in_m_per_s"]).partition(" ±")[0]
+    assert whole.startswith(panel.text("v in")) and len(panel.text("v in")) <= len(whole)
+
+
+def test_a_trend_says_which_uncertainty_its_bars_are(qtbot):
+    session = Session()
+    for index, speed in enumerate((0.2, 0.25, 0.3), 1):
+        session.add(synthetic.shot(f"shot-{index}", speed, index))
+    panel = ComparePanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show_entries(list(session.entries))
+    panel.choose_trend("plate_stiffness_n_per_m")
+    assert "bars: ± from each shot's noise alone" in panel.repeatability  # what all share scatters nothing
+    assert "standard uncertainty, noise alone" in panel.trend.columns
+
+
+def test_the_report_parts_noise_from_the_whole_of_a_fitted_number(entry, combined):
+    page = report_of([entry.shot])
+    assert str(combined["plate_stiffness_n_per_m"]) in page
+    assert str(entry.shot.fit.parameters["plate_stiffness_n_per_m"]) not in page

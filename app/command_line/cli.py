@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from app.command_line.model_choice import MODELS, is_model_file
+from app.command_line.reach_options import add_reach, check_reach, reach_of
 from app.words.plain import PlainStream
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
@@ -125,6 +126,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             laws=options.law or (),
             checked=not options.unchecked,
             plan=options.plan,
+            reach=reach_of(options) if options.plan is not None else None,
         )
     if options.acquire is not None:
         from app.command_line.acquire import acquire
@@ -134,7 +136,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             from app.command_line.resolve import Taking, resolve
 
             taking = Taking(source, options.out, options.rate, options.samples, options.timeout)
-            return partial(resolve, options.acquire, options.resolve, taking, options.json)
+            return partial(resolve, options.acquire, options.resolve, taking, options.json, reach_of(options))
         return partial(
             acquire,
             options.acquire,
@@ -255,6 +257,7 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument(
         "--resolve", type=_positive_int, metavar="M", help="diagnose, and take up to M shots that decide (--json FILE)"
     )
+    add_reach(parser)
     group = parser.add_argument_group("with --map (and --rate)")
     group.add_argument("--channel", action="append", metavar="ROLE=NAME", help="measurement, reference or switch")
     group.add_argument("--volts", action="append", metavar="ROLE=VOLTS", help="volts of one stored unit")
@@ -293,6 +296,7 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         given -= {"json"}
         if options.acquire is None:
             parser.error("--resolve goes with --acquire")
+    check_reach(parser, options)
     if given and options.replay is None:
         parser.error(f"--{sorted(given)[0]} goes with --replay")
     if options.hdf5 and options.export is None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.planning.contest import again
+from analysis.planning.next_shot import Reach
 from analysis.planning.precision import sharpen
 from analysis.planning.steps import stand
 from analysis.planning.words import shots as shots_words
@@ -24,9 +25,12 @@ class Ahead:
     result: dict[str, Any] | None
 
 
-def plan_ahead(shots: Sequence[Shot], diagnosis: Diagnosis | None, parameter: str) -> Ahead | None:
+def plan_ahead(
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, parameter: str, reach: Reach | None = None
+) -> Ahead | None:
     """Return the shots that decide what a diagnosis left open, or that make ``parameter`` ("": none) twice as sure.
 
+    ``reach`` is what the rig can do; None: what the planning takes for usual.
     None, and one line on standard error, where there is nothing to plan from.
     """
     motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
@@ -38,10 +42,10 @@ def plan_ahead(shots: Sequence[Shot], diagnosis: Diagnosis | None, parameter: st
         return None
     try:
         if parameter:
-            sharper = sharpen(again(diagnosis.fit_after, motions, lambda: False), parameter)
+            sharper = sharpen(again(diagnosis.fit_after, motions, lambda: False), parameter, reach=reach)
             words = f"{shots_words(sharper.shots)} would make {sharper.words}."
             return Ahead(words, {**sharper.to_json(), "words": words})
-        further = stand(motions, diagnosis).plan
+        further = stand(motions, diagnosis, reach=reach).plan
     except AnalysisError as error:
         print(f"levimass: nothing planned: {error}", file=sys.stderr)
         return None

@@ -13,6 +13,7 @@ from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
 from analysis.fitted_shot import fit_again, shaking_of
+from analysis.planning.next_shot import Reach
 from analysis.quantity import Quantity
 from analysis.report import result
 from analysis.series import read
@@ -46,13 +47,15 @@ def replay(
     laws: Sequence[Path] = (),
     checked: bool = True,
     plan: str | None = None,
+    reach: Reach | None = None,
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
     ``model`` is a base model's name or the path of a model file, whose effects are then part of the model;
     ``foretell`` puts the file's model to the test, as it is.
     ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue; ``checked`` compares the
-    data with their hash.  ``plan`` asks for the next shots: those that decide (""), or that make a parameter surer.
+    data with their hash.  ``plan`` asks for the next shots: those that decide (""), or that make a parameter surer;
+    ``reach`` is what the rig can do.
     """
     shots: list[Shot] = []
     try:
@@ -73,7 +76,7 @@ def replay(
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     told = _foretold(shots, known) if foretell and known is not None else None
     tried = known.tried if known is not None else ()
-    ahead = plan_ahead(shots, diagnosis, plan) if plan is not None else None
+    ahead = plan_ahead(shots, diagnosis, plan, reach) if plan is not None else None
     ok = _write(shots, diagnosis, told, outputs, tried, ahead) and (told is not None or not foretell)
     ok = ok and (ahead is not None or plan is None)
     if known is not None and diagnosis is not None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Diagnosis
 from analysis.fitted_shot import shaking_of
-from analysis.planning.next_shot import NextShot
+from analysis.planning.next_shot import NextShot, Reach
 from analysis.planning.steps import Standing, Step, next_step, stand
 from analysis.planning.words import told, with_words
 from analysis.report import result
@@ -37,8 +37,8 @@ class Taking:
     timeout_s: float
 
 
-def resolve(first: int, most: int, taking: Taking, json_to: str | None) -> int:
-    """Take ``first`` shots, then at most ``most`` planned ones; return the exit status.
+def resolve(first: int, most: int, taking: Taking, json_to: str | None, reach: Reach | None = None) -> int:
+    """Take ``first`` shots, then at most ``most`` planned ones within ``reach``; return the exit status.
 
     On the simulated bench the program sets speed and weights itself; at any other source it says what to set and waits
     for the light switch.
@@ -46,13 +46,13 @@ def resolve(first: int, most: int, taking: Taking, json_to: str | None) -> int:
     try:
         check_outputs(json_to, None)
         shots = _analysed(_first(first, taking))
-        diagnosis, standing = _standing(shots, (), most)
+        diagnosis, standing = _standing(shots, (), most, reach)
         for number in range(most):
             if standing.settled:
                 break
             step = next_step(standing)
             shots += _analysed([_planned(step.shot, shots, taking, number + first)])
-            diagnosis, standing = _standing(shots, (*standing.steps, step), most - number - 1)
+            diagnosis, standing = _standing(shots, (*standing.steps, step), most - number - 1, reach)
     except AcquireError as error:
         print(f"levimass: {error}", file=sys.stderr)
         return 1
@@ -91,14 +91,16 @@ def _analysed(paths: Sequence[Path]) -> list[Shot]:
     return shots
 
 
-def _standing(shots: Sequence[Shot], steps: Sequence[Step], left: int) -> tuple[Diagnosis, Standing]:
+def _standing(
+    shots: Sequence[Shot], steps: Sequence[Step], left: int, reach: Reach | None
+) -> tuple[Diagnosis, Standing]:
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     motions = [shot.motion for shot in fitted if shot.motion is not None]
     if not motions:
         raise AnalysisError("no shot could be analysed, so there is nothing to diagnose")
     diagnosis = diagnose(motions, shakings=[shaking_of(shot) for shot in fitted])
     _say(f"after {len(motions)} shots: {diagnosis.sentence}")
-    standing = stand(motions, diagnosis, steps, left=left)
+    standing = stand(motions, diagnosis, steps, left=left, reach=reach)
     if standing.steps:
         last = standing.steps[-1]
         reached = "not told" if last.reached is None else f"{last.reached:.2g}"

@@ -1,0 +1,55 @@
+"""What the rig can do, as the command line says it to the planning."""
+
+import pytest
+
+from analysis.planning.next_shot import Reach
+from app.command_line import cli, plan_ahead, resolve
+from app.session.settings import Settings
+from tests.app import synthetic
+
+
+def asked(*more: str) -> Reach:
+    options = cli._parser().parse_args(["--replay", "x", "--plan", *more])
+    cli._check(cli._parser(), options)
+    return cli.reach_of(options)
+
+
+def test_where_nothing_is_said_the_command_line_plans_as_the_window_does():
+    assert asked() == Reach() == Settings().reach
+
+
+def test_speeds_weights_and_run_up_are_taken_as_said():
+    found = asked("--speeds", "0.4,0.1", "--weights", "0.02,0.05", "--run-up", "0.02")
+    assert found.speeds_m_per_s == (0.1, 0.4) and found.added_kg == (0.0, 0.02, 0.05) and found.run_up_m == 0.02
+    assert asked("--weights", "0").added_kg == (0.0,)
+
+
+class Told(Exception):
+    """What a plan was asked with."""
+
+
+@pytest.fixture
+def told(monkeypatch):
+    def stand(*_, reach, **__):
+        raise Told(reach)
+
+    for module in (plan_ahead, resolve):
+        monkeypatch.setattr(module, "stand", stand)
+    monkeypatch.setattr(plan_ahead, "again", lambda *_: None)
+    monkeypatch.setattr(plan_ahead, "sharpen", lambda *_, reach: stand(reach=reach))
+    monkeypatch.setattr(resolve, "diagnose", lambda *_, **__: synthetic.diagnosis(synthetic.shot()))
+
+
+@pytest.mark.parametrize("parameter", ["", "plate_stiffness_n_per_m"])
+def test_a_plan_reaches_as_far_as_the_rig_does(told, parameter):
+    shot, reach = synthetic.shot(), Reach((0.1,), (0.0,), 0.02)
+    with pytest.raises(Told) as found:
+        plan_ahead.plan_ahead([shot], synthetic.diagnosis(shot), parameter, reach)
+    assert found.value.args == (reach,)
+
+
+def test_shots_that_decide_are_planned_within_the_same_reach(told):
+    reach = Reach((0.1,), (0.0,), 0.02)
+    with pytest.raises(Told) as found:
+        resolve._standing([synthetic.shot()], (), 2, reach)
+    assert found.value.args == (reach,)

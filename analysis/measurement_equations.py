@@ -102,7 +102,7 @@ def _stiffness(shot: Shot, sources: ShotSources) -> Iterator[Result]:
     for key, words, unit, scale in (
         ("plate_mass_kg", "m_p*, fitted", "kg", sources.mass_scale),
         ("contact_stiffness_n_per_m", "k_N, fitted", "N/m", per_time),
-        ("contact_damping_n_s_per_m", "gamma_N, fitted", "N s/m", sources.mass_scale / sources.timebase),
+        ("contact_damping_n_s_per_m", "γ_N, fitted", "N s/m", sources.mass_scale / sources.timebase),
     ):
         reading = fit.parameters.get(key) if fit is not None else None
         number = sources.noisy(reading, "beat noise, through the fit", unit)

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.disturbance import Shaking
 from analysis.motion import Motion
 from analysis.signal.filters import derivative_filters, derivative_gains
 
 Floats = NDArray[np.float64]
+WANDERS = 1.1  # times the white noise: a fit's noise beyond it has a floor that it learned
 _POINTS = 256  # over a record: enough for what is slow, and what is not keeps its power anyway
 
 
@@ -44,6 +46,20 @@ def noise_band(motion: Motion, shaking: Shaking | None) -> NoiseBand:
         np.hypot(white_m * gains[0], _rms(shaking, first**2 * _left(shaking, span_s, 1))),
         motion.moving_mass_kg * np.hypot(white_m * gains[1], _rms(shaking, second**2)),
     )
+
+
+def diagnosed_band(diagnosis: Diagnosis, motion: Motion, shaking: Shaking | None) -> tuple[Floats, str]:
+    """Return what stays of a diagnosed shot's displacement where nothing is missing, in m, and what it is in words.
+
+    A diagnosis that explains its shots learns from the whole of all of them how far the path wanders: that is sharper
+    than what some milliseconds of flight show.  Where it took the building's spectrum instead, or left something over
+    that a wandering path might pass for, the flights' own word holds, as for a single shot.
+    """
+    learned_m, white_m = diagnosis.fit_after.noise_std_m, float(np.nanmedian(motion.displacement_std_m))
+    explained = diagnosis.verdict not in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
+    if explained and learned_m > WANDERS * white_m:
+        return np.full_like(motion.displacement_m, learned_m), "noise as all shots show it"
+    return noise_band(motion, shaking).displacement_m, "noise and building"
 
 
 def _rms(shaking: Shaking, gain: Floats) -> float:

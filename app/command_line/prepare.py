@@ -28,7 +28,7 @@ def progress_lines() -> Report:
 
     def report(words: str, share: float) -> None:
         nonlocal last
-        line = f"{100 * share:3.0f} %  {words.removesuffix(', at the first start only')}"
+        line = f"{100 * share:3.0f} %  {words}"
         if line != last:
             print(line, file=sys.stderr)
         last = line

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.fitted_shot import shaking_of
-from analysis.noise_band import noise_band
+from analysis.noise_band import diagnosed_band
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from analysis.weights import weights_words
@@ -136,8 +136,10 @@ def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
         for part, kind in ((one, "simulated"), (other, "residual")):
             at = 1e3 * (part.overlay.time_s - part.touch_time_s.value)
             lines.append(Line(at, 1e9 * part.residual_m, kind))
-        noise = noise_band(shot.motion, shaking_of(shot)) if shot is not None and shot.motion is not None else None
-        bands = (Band(lines[1].x, 2e9 * noise.displacement_m),) if noise is not None else ()
+        bands: tuple[Band, ...] = ()
+        if shot is not None and shot.motion is not None:
+            noise_m, _ = diagnosed_band(diagnosis, shot.motion, shaking_of(shot))
+            bands = (Band(lines[1].x, 2e9 * noise_m),)
         label = f"{one_line(name, 18)} (nm)"
         plots.append(Plot("time from first touch (ms)", label, tuple(lines), bands, zero_line=True))
     legend = [("simulated", "before"), ("residual", "after"), NOISE]

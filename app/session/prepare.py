@@ -169,7 +169,7 @@ def _compiled(
                 told = True
                 first_are_ready()
             if left:
-                report(f"compiling {left[0].name}, at the first start only", 1.0 - len(left) / len(pieces))
+                report(f"compiling {left[0].name}", 1.0 - len(left) / len(pieces))
                 if cancelled():
                     raise Cancelled
                 time.sleep(_LOOK_S)

@@ -295,7 +295,7 @@ class Rig:
 
     def _analyse(self, recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
         def given_up() -> bool:
-            progress("compiling, at the first start only", 0.0)  # time and again: who waits long is not stuck
+            progress("first start: compiling", 0.0)  # time and again: who waits long is not stuck
             return cancelled()
 
         self._kernels(given_up)

@@ -126,7 +126,7 @@ class MainWindow(QMainWindow):
             self.say(workbench.session.problem, Tone.WARNING)
         for words in choices.warnings:
             self.say(words, Tone.WARNING)
-        workbench.jobs.submit("preparing the analysis", kernels.work, "warm")
+        workbench.jobs.submit("first start", kernels.work, "warm")
         workbench.read_unread()
         workbench.look_for_cut_off(choices.settings.data_folder)
         self.session_presenter.refresh()

@@ -438,18 +438,27 @@ def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_w
     assert "adhesion" in names[0] and MARKS[Tone.GOOD] in names[0] and MARKS[Tone.GOOD] not in names[1]
 
 
-def test_the_band_of_the_residual_is_the_same_on_shot_and_on_diagnosis(qtbot, shot):
+def test_the_band_of_a_diagnosed_residual_says_what_it_is(qtbot, shot):
     line = Shaking(np.array([100.0]), np.array([(5e-9) ** 2]), np.array([False]))
     shaken = replace(shot, impact=replace(shot.impact, disturbance=Disturbance((), 5e-9, 3e-6, shaking=line)))
-    shot_panel, diagnosis = ShotPanel(LIGHT), DiagnosisPanel(LIGHT)
-    for panel in (shot_panel, diagnosis):
+    panels = ShotPanel(LIGHT), DiagnosisPanel(LIGHT)
+    for panel in panels:
         qtbot.addWidget(panel)
-    shot_panel.show_shot(shaken)
-    shot_panel.motion.kind.setCurrentIndex([kind for kind, _, _ in RESIDUALS].index("displacement"))
-    diagnosis.show_diagnosis(synthetic.diagnosis(shaken), [shaken])
-    after = diagnosis.residuals
-    assert after._bands[1].typical == pytest.approx(shot_panel.motion._band.typical, rel=1e-9)
-    assert "noise and building" in after._heading.text()
+    of_shot, of_diagnosis = panels[0].motion, panels[1].residuals
+    panels[0].show_shot(shaken)
+    of_shot.kind.setCurrentIndex([kind for kind, _, _ in RESIDUALS].index("displacement"))
+    white_m = float(np.nanmedian(shaken.motion.displacement_std_m))
+    for noise_m, verdict, building in (
+        (white_m, Verdict.EFFECT_FOUND, True),  # the fit weighed the building's spectrum beside white noise
+        (40 * white_m, Verdict.UNEXPLAINED, True),  # what is not explained may pass for a path that wanders
+        (40 * white_m, Verdict.EFFECT_FOUND, False),
+    ):
+        found = synthetic.diagnosis(shaken)
+        found = replace(found, verdict=verdict, fit_after=replace(found.fit_after, noise_std_m=noise_m))
+        panels[1].show_diagnosis(found, [shaken])
+        same = of_diagnosis._bands[1].typical == pytest.approx(of_shot._band.typical, rel=1e-9)
+        assert same == building
+        assert ("noise and building" if building else "noise as all shots show it") in of_diagnosis._heading.text()
 
 
 @pytest.mark.parametrize("height", [200, 700])

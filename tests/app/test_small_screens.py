@@ -25,6 +25,7 @@ from analysis.diagnosis.result import Candidate, Verdict
 from analysis.drive.curves import drive_curves
 from analysis.signal.quality import MEANINGS
 from app.session.jobs import Jobs
+from app.session.prepare import PIECES
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
@@ -242,8 +243,23 @@ def test_all_keys_are_read_without_moving_the_sheet_aside(window):
         sheet.hide()
 
 
+def test_what_is_compiled_at_the_first_start_is_told_whole(window):
+    line, jobs = window.panels.work, Jobs()
+    for piece in PIECES:
+        words = f"first start: compiling {piece.name} (+1)"
+        for _ in range(2):
+            line.show_work(jobs, words, 0.5)
+            QTest.qWait(20)
+        assert line.progress.format() == words
+    line.show_work(jobs, None, None)
+    assert jobs.close()
+
+
 def test_what_is_being_done_is_never_cut_in_mid_word(window):
-    line, long = window.panels.work, "preparing the analysis: compiling the diagnosis, at the first start only (+12)"
+    line, long = (
+        window.panels.work,
+        "joint fit of many shots with the new model: finding a start for each of them (+12)",
+    )
     jobs = Jobs()
     line.show_work(jobs, long, 0.5)
     QTest.qWait(20)

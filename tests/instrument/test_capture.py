@@ -223,7 +223,7 @@ def test_an_analysis_that_goes_on_is_waited_for_and_one_that_hangs_is_not(tmp_pa
 
     def slow(recording: Recording, progress: Callable[[str, float], None], cancelled: Callable[[], bool]) -> Shot:
         for _ in range(20):
-            progress("compiling, at the first start only", 0.0)
+            progress("first start: compiling", 0.0)
             if hang.wait(0.05):
                 break
         while hang.is_set() and not cancelled():

@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 from analysis.budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from analysis.instrument_uncertainty import InstrumentUncertainty
 from analysis.shot import Shot
+from app.report.number_tables import SCALES
 from app.window.panels.tree_table import Line, TreeTable
 from app.words.wording import DASH, number, value_text
 
@@ -19,6 +20,7 @@ COLUMNS = (
     "combined / part",
     "expanded / share",
 )
+STATED = "combined standard uncertainty"
 
 
 class BudgetPanel(QWidget):
@@ -48,24 +50,19 @@ class BudgetPanel(QWidget):
         self._say.setText(
             f"Standard uncertainties; expanded with k = {number(COVERAGE_FACTOR)} (about 95 %). Type A from this "
             "measurement's own scatter, type B stated. Expand a result to see its sources."
+            + (" Repeatability is that of the selected shots." if others else "")
         )
         self.table.show_lines([_line(quantity) for quantity in found.quantities])
 
 
 def _line(q: QuantityBudget) -> Line:
-    cells = (
-        q.words,
-        value_text(q.quantity),
-        "" if q.unit == "1" else q.unit,
-        number(q.std_a, 2),
-        number(q.std_b, 2),
-        number(q.std, 2),
-        number(q.expanded, 2),
-    )
-    return Line(cells, f"{q.words}: combined standard uncertainty", tuple(_part(row, q) for row in q.rows), True)
+    factor, unit = SCALES.get(q.unit, (1.0, q.unit))
+    parts = (number(factor * part, 2) for part in (q.std_a, q.std_b, q.std, q.expanded))
+    below = tuple(_part(row, q, factor) for row in q.rows)
+    return Line((q.words, value_text(q.quantity, factor), unit, *parts), f"{q.words}: {STATED}", below, True)
 
 
-def _part(row: BudgetRow, q: QuantityBudget) -> Line:
+def _part(row: BudgetRow, q: QuantityBudget, factor: float) -> Line:
     share = (row.contribution / q.std) ** 2 if q.std > 0.0 else 0.0
     known = row.std is not None
     cells = (
@@ -73,8 +70,8 @@ def _part(row: BudgetRow, q: QuantityBudget) -> Line:
         number(row.std, 3),
         "" if row.unit == "1" else row.unit,
         row.kind,
-        number(row.sensitivity, 3),
-        number(row.contribution, 2) if known else DASH,
+        number(factor * row.sensitivity, 3),
+        number(factor * row.contribution, 2) if known else DASH,
         f"{number(100.0 * share, 2)} %" if known and share >= 1e-4 else "0 %" if known else DASH,
     )
     return Line(cells, row.how)

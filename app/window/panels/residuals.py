@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves
 from analysis.fitted_shot import shaking_of
-from analysis.noise_band import noise_band
+from analysis.noise_band import diagnosed_band
 from analysis.shot import Shot
 from app.report.shot_times import time_zero
 from app.window.pens import thin
@@ -103,8 +103,8 @@ class Residuals(QWidget):
         self.stack.tell((shot,), shot.name)
         zero, words = time_zero(shot)
         self.stack.label_time(words)
-        self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: noise and building, ±2 σ)")
-        noise_m = noise_band(motion, shaking_of(shot)).displacement_m
+        noise_m, what = diagnosed_band(diagnosis, motion, shaking_of(shot))
+        self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: {what}, ±2 σ)")
         start, step = 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz
         fits = (diagnosis.fit_before, diagnosis.fit_after)
         for fit, plot, curve, band in zip(fits, self._plots, self._curves, self._bands, strict=True):

@@ -24,7 +24,7 @@ class WorkLine(QWidget):
         self.progress = QProgressBar(self)
         self.progress.setRange(0, 1000)
         self.progress.setMaximumWidth(
-            self.fontMetrics().horizontalAdvance("fit with the new model: finding a start (+12)")
+            self.fontMetrics().horizontalAdvance("M first start: compiling the simulated bench (+12)")
         )
         self.progress.setAccessibleName("Work under way")
         self._cancel = QPushButton("Cancel", self)

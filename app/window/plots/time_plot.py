@@ -78,6 +78,9 @@ class QuietView(pg.ViewBox):
             self.placed.emit()
 
 
+LEAST_NAMED_LINES = 4  # of text: in a plot lower than these the name of a level lies over the curves
+
+
 class TimePlot(pg.PlotItem):
     """A plot of sampled curves over a shared time axis."""
 
@@ -94,6 +97,7 @@ class TimePlot(pg.PlotItem):
         self.sampled: list[SampledCurve] = []
         self.bands: list[Band] = []
         self.marks: list[pg.InfiniteLine] = []
+        self._levels: list[pg.InfiniteLine] = []
         self.minimum_span = 0.0
         self.steady = False  # for curves that run: the value axis moves only when it has to
         self._y_by_hand = False
@@ -162,6 +166,7 @@ class TimePlot(pg.PlotItem):
         line.setPen(straight("#888888", Qt.PenStyle.DotLine))
         line.setZValue(-5)
         self.addItem(line, ignoreBounds=True)
+        self._levels.append(line)
 
     @property
     def state(self) -> ViewState:
@@ -213,6 +218,8 @@ class TimePlot(pg.PlotItem):
     def _resized(self) -> None:
         for curve in self.sampled:
             curve.redraw()
+        for line in self._levels:  # a low plot has no room for a name beside its curves
+            line.label.setVisible(self.view.height() > LEAST_NAMED_LINES * line.label.boundingRect().height())
 
     def fit_y(self, *, anew: bool = False) -> None:
         """Fit the value axis to what is in view, unless a person set it; ``anew``: a steady one moves too."""

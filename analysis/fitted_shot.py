@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from analysis.awaited_fit import TO_FOLLOW, can_be_fitted
 from analysis.disturbance import Shaking
 from analysis.doubts import FIT_DOUBTS, doubts_of_fit
 from analysis.drive.fit import fit_driven
@@ -17,13 +18,18 @@ from analysis.shot import AnalysisError, Shot
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
 
 
+def unfitted(shot: Shot, why: str) -> Shot:
+    """Return a shot that awaits a fit which will not come, and why."""
+    return replace(with_fit(shot, None), fit_problem=why)
+
+
 def with_fit(shot: Shot, fit: Fit | None) -> Shot:
     """Return ``shot`` with this fit in place of the one it had; None says that a fit was tried and failed.
 
     The fit's flags, the contact's COR and the effects in the settings are the new fit's; nothing of the old one stays.
     """
     read = (*(shot.motion.flags if shot.motion else ()), *(shot.impact.flags if shot.impact else ()))
-    gone = {FAILED, *FIT_DOUBTS, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
+    gone = {FAILED, TO_FOLLOW, *FIT_DOUBTS, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
     kept = (flag for flag in shot.flags if flag not in gone)
     doubts = doubts_of_fit(shot.impact, fit) if fit and shot.impact else ()
     flags = tuple(dict.fromkeys((*kept, *(flags_of(fit) if fit else (FAILED,)), *doubts)))
@@ -42,9 +48,9 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
     Where the data do not carry the model the shot comes back without a fit and flagged, as from a first analysis.
     Raises Cancelled.
     """
-    driven = shot.settings.model == "driven"  # a slider under a known force strikes nothing
-    if shot.motion is None or not shot.settings.fit or (shot.impact is None and not driven):
+    if not can_be_fitted(shot):
         return shot
+    driven = shot.settings.model == "driven"
     shot = replace(shot, settings=replace(shot.settings, effects=effects))
     assert shot.motion is not None
     try:
@@ -52,10 +58,10 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
         fitted = with_fit(shot, fit)
         return replace(fitted, problem=None) if driven else _read_again(replace(fitted, fit_problem=None))
     except AnalysisError as error:
-        unfitted = with_fit(shot, None)
+        failed = unfitted(shot, str(error))
         if driven:  # the fit is all there is
-            return replace(unfitted, problem=shot.problem or str(error))
-        return replace(unfitted, fit_problem=str(error))
+            return replace(failed, problem=shot.problem or str(error), fit_problem=shot.fit_problem)
+        return failed
 
 
 def _read_again(shot: Shot) -> Shot:

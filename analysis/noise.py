@@ -103,7 +103,7 @@ class Noise:
         flat = np.ascontiguousarray(columns, dtype=np.float64).reshape(columns.shape[0], -1)
         between = np.empty_like(flat)
         white, floor = self.white_std_m**2, self.floor_std_m**2
-        _innovations(flat, valid, white, floor, self._memory, np.empty(flat.shape[1]), between)
+        _innovations(flat, np.ascontiguousarray(valid), white, floor, self._memory, np.empty(flat.shape[1]), between)
         index = np.flatnonzero(self.whole(valid))
         if self.order == 0:
             out = np.asarray(between[index] * self.colour[0])

@@ -1,12 +1,15 @@
-"""Run one shot through the whole road: demodulate, read, fit; stop where it breaks and say why."""
+"""Run one shot through the whole road: demodulate, read, fit; stop where it breaks and say why.
+
+The readings need no model and are there long before it at a first start: ``read`` ends with them, ``fitted`` goes on.
+"""
 
 import time
 from dataclasses import replace
 
 from numpy.linalg import LinAlgError
 
+from analysis.awaited_fit import with_fit_to_follow
 from analysis.corrected import FLAG, corrected
-from analysis.fitted_shot import fit_again
 from analysis.motion import Motion
 from analysis.reading.read import NoImpact, read_impact
 from analysis.reading.sense import check_collision
@@ -24,6 +27,22 @@ def analyse(
     cancelled: Stop | None = None,
 ) -> Shot:
     """Analyse a raw recording.  Raises Cancelled; every other failure is the shot's ``problem``."""
+    shot = read(recording, settings, load_seconds=load_seconds, progress=progress, cancelled=cancelled)
+    return fitted(shot, progress=progress, cancelled=cancelled)
+
+
+def read(
+    recording: Recording,
+    settings: AnalysisSettings | None = None,
+    *,
+    load_seconds: float = 0.0,
+    progress: Progress | None = None,
+    cancelled: Stop | None = None,
+) -> Shot:
+    """Analyse a raw recording up to its readings; where a fit is due the shot is flagged to await it.
+
+    Raises Cancelled; every other failure is the shot's ``problem``.
+    """
     settings = settings or AnalysisSettings()
     if settings.corrections:
         setup = corrected(recording.setup, dict(settings.corrections))
@@ -54,7 +73,7 @@ def analyse(
         note=recording.note,
         seconds=seconds,
     )
-    return shot if motion is None else complete(shot, progress=progress, cancelled=cancelled)
+    return _impact_read(shot, progress, cancelled)
 
 
 def analyse_motion(
@@ -83,13 +102,25 @@ def analyse_motion(
         flags=motion.flags,
         seconds={"load": load_seconds, "demodulate": 0.0},
     )
-    return complete(shot, progress=progress, cancelled=cancelled)
+    return fitted(_impact_read(shot, progress, cancelled), progress=progress, cancelled=cancelled)
 
 
-def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | None = None) -> Shot:
-    """Return the shot with impact and fit read from its motion."""
-    assert shot.motion is not None
-    seconds = dict(shot.seconds)
+def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | None = None) -> Shot:
+    """Return a shot that was read with its fit; as it is where none is due.  Raises Cancelled."""
+    if shot.motion is None:
+        return shot
+    from analysis.fitted_shot import fit_again  # with model and diagnosis: readings do not wait for them
+
+    _tell(progress, cancelled, "fitting the model", 0.6)
+    started = time.perf_counter()
+    shot = fit_again(shot, shot.settings.effects, cancelled)
+    _tell(progress, cancelled, "done", 1.0)
+    return replace(shot, seconds={**shot.seconds, "fit": time.perf_counter() - started})
+
+
+def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) -> Shot:
+    if shot.motion is None:
+        return shot
     _tell(progress, cancelled, "reading the impact", 0.5)
     started = time.perf_counter()
     if shot.settings.model != "driven":  # a slider under a known force strikes nothing
@@ -101,13 +132,8 @@ def complete(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | 
             shot = replace(shot, problem=str(error))
         except LinAlgError:
             shot = replace(shot, problem="the motion is in too many pieces to be read")
-    seconds["impact"] = time.perf_counter() - started
-    _tell(progress, cancelled, "fitting the model", 0.6)
-    started = time.perf_counter()
-    shot = fit_again(shot, shot.settings.effects, cancelled)
-    seconds["fit"] = time.perf_counter() - started
-    _tell(progress, cancelled, "done", 1.0)
-    return replace(shot, seconds=seconds)
+    shot = replace(shot, seconds={**shot.seconds, "impact": time.perf_counter() - started})
+    return with_fit_to_follow(shot)
 
 
 def _tell(progress: Progress | None, cancelled: Stop | None, what: str, fraction: float) -> None:

@@ -1,21 +1,41 @@
-"""The thread that analyses shots, behind a bounded queue: however slow, it never holds up a capture."""
+"""The thread that analyses shots, behind a bounded queue: however slow, it never holds up a capture.
+
+A shot's readings are told as soon as they are there, its fit after them.
+"""
 
 import queue
 import threading
 from collections.abc import Callable
+from functools import partial
 
+from analysis.awaited_fit import awaits_fit
 from analysis.recording import Recording
 from analysis.shot import AnalysisError, Cancelled, Progress, Shot
 from instrument.recording_error import one_line
 
-Analyse = Callable[[Recording, Progress, Callable[[], bool]], Shot]  # (recording, progress, cancelled?) -> shot
+Stop = Callable[[], bool]
+Analyse = Callable[[Recording, Progress, Stop], Shot]  # (recording, progress, cancelled?) -> shot
+Fit = Callable[[Shot, Progress, Stop], Shot]
+
+
+def fit_here(shot: Shot, progress: Progress, cancelled: Stop) -> Shot:
+    """Return a shot that was read with its fit, made in this process."""
+    from analysis.pipeline import fitted  # brings the model, which a recording without analysis never needs
+
+    return fitted(shot, progress=progress, cancelled=cancelled)
 
 
 class Analyst:
-    """Analyses one recording after another; ``done(key, shot, problem)`` is called in this thread."""
+    """Analyses one recording after another; ``done(key, shot, problem)`` is called in this thread.
 
-    def __init__(self, analyse: Analyse, done: Callable[[int, Shot | None, str | None], None], longest: int) -> None:
-        self._analyse = analyse
+    Where ``analyse`` leaves a shot to await its fit, ``done`` is called twice: with the readings, and with what ``fit``
+    made of them, be it only the reason why there is none.
+    """
+
+    def __init__(
+        self, analyse: Analyse, done: Callable[[int, Shot | None, str | None], None], longest: int, fit: Fit
+    ) -> None:
+        self._analyse, self._fit = analyse, fit
         self._done = done
         self._waiting: queue.Queue[tuple[int, Recording] | None] = queue.Queue(longest)
         self._cancelled = threading.Event()
@@ -68,12 +88,23 @@ class Analyst:
             key, recording = item
             self.doing = ("analysing", 0.0)
             self._cancelled.clear()
-            shot, problem = self._one(recording)
-            self.doing = None
+            shot, problem = self._one(partial(self._analyse, recording))
             del recording, item  # a recording that nobody looks at closes its file
+            if shot is not None and awaits_fit(shot):
+                self._done(key, shot, problem)
+                shot = self._fitted(shot)
+            self.doing = None
             self._done(key, shot, problem)
 
-    def _one(self, recording: Recording) -> tuple[Shot | None, str | None]:
+    def _fitted(self, shot: Shot) -> Shot:
+        fitted, why = self._one(partial(self._fit, shot))
+        if fitted is not None:
+            return fitted
+        from analysis.fitted_shot import unfitted  # likewise
+
+        return unfitted(shot, why or "the fit failed")
+
+    def _one(self, step: Callable[[Progress, Stop], Shot]) -> tuple[Shot | None, str | None]:
         def progress(what: str, share: float) -> None:
             self.doing = (what, share)
             self.steps += 1
@@ -82,7 +113,7 @@ class Analyst:
             return self._closing or self._cancelled.is_set()
 
         try:
-            return self._analyse(recording, progress, cancelled), None
+            return step(progress, cancelled), None
         except Cancelled:
             return None, "the analysis was stopped"
         except AnalysisError as error:

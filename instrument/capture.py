@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from instrument.acquisition import Deadlines, State
-from instrument.analyst import Analyse
+from instrument.analyst import Analyse, Fit, fit_here
 from instrument.capture_options import CaptureOptions
 from instrument.capture_thread import CaptureThread
 from instrument.digitizer import Digitizer
@@ -38,6 +38,8 @@ class Capture:
 
     All methods may be called from any thread and return at once, except ``close`` and ``save_pending``.  ``analyse``
     is called as ``analyse(recording, progress, cancelled)`` in the analysis thread; without it shots are only saved.
+    A shot that awaits its fit is told at once, and again with what ``fit(shot, progress, cancelled)`` makes of it.
+    ``warm(given up?)`` returns when the kernels that a stream needs are there.
     ``say`` gets one line for every fault (default: standard error).
     """
 
@@ -47,6 +49,8 @@ class Capture:
         options: CaptureOptions,
         *,
         analyse: Analyse | None = None,
+        fit: Fit = fit_here,
+        warm: Callable[[Callable[[], bool]], None] = lambda given_up: warm(),
         live: bool = True,
         deadlines: Deadlines | None = None,
         queue_length: int = 32,
@@ -58,7 +62,7 @@ class Capture:
         orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
         self._orders = orders  # what is told of a shot holds these, not self: a circle would keep the ring for long
         self._recorder = Recorder(lambda recorded: orders.put(("recorded", recorded)))
-        self._finished = FinishedShots(analyse, lambda *made: orders.put(("analysed", made)), queue_length)
+        self._finished = FinishedShots(analyse, lambda *made: orders.put(("analysed", made)), queue_length, fit)
         self._capture = CaptureThread(
             digitizer, options, self._recorder, self._finished, self._orders, deadlines or Deadlines(), clock, say, warm
         )

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.awaited_fit import awaits_fit
 from analysis.recording import Gap
 from instrument.acquisition import Acquisition, Action, Deadlines, Event, State, Transition
 from instrument.capture_options import CaptureOptions
@@ -40,7 +41,7 @@ class CaptureThread:
         deadlines: Deadlines,
         clock: Callable[[], float],
         say: Callable[[str], None],
-        warm: Callable[[], None],
+        warm: Callable[[Callable[[], bool]], None],
     ) -> None:
         self.machine = Acquisition(clock, deadlines)
         self.run = SourceRun(digitizer, clock)
@@ -81,12 +82,12 @@ class CaptureThread:
             self._lock = None
 
     def _main(self) -> None:
-        self._guarded(self._warm)
         self.touched = True  # before closing is looked at: whoever closes looks the other way round
         if self.closing:
             return
         self._guarded(self._digitizer.prepare)
         self.prepared = True
+        self._guarded(lambda: self._warm(lambda: self.closing))
         if not self.closing and self._orders.empty():  # an order that waits starts the stream, or says why not, itself
             self._guarded(self._watch)
         while not self.closing:
@@ -153,7 +154,7 @@ class CaptureThread:
         elif kind == "analysed":
             number, shot, problem = what
             self._finished.analysed(number, shot, problem)
-            if number == self._awaited:
+            if number == self._awaited and not (shot is not None and awaits_fit(shot)):
                 self._do(self.machine.handle(Event.ANALYSED))
 
     def _do(self, transition: Transition | None) -> None:

@@ -2,10 +2,12 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+from analysis.awaited_fit import awaits_fit
 from analysis.shot import Shot
-from instrument.analyst import Analyse, Analyst
+from instrument.analyst import Analyse, Analyst, Fit
 from instrument.digitizer import CaptureSettings
 from instrument.recorder import Recorded, save_elsewhere
 from instrument.recording_error import PartlySaved, RecordingError
@@ -21,13 +23,18 @@ class FinishedShots:
     """The shots of this session after their capture.  ``recorded`` and ``analysed`` belong to the capture thread."""
 
     def __init__(
-        self, analyse: Analyse | None, analysed: Callable[[int, Shot | None, str | None], None], queue_length: int
+        self,
+        analyse: Analyse | None,
+        analysed: Callable[[int, Shot | None, str | None], None],
+        queue_length: int,
+        fit: Fit,
     ) -> None:
-        self.analyst = None if analyse is None else Analyst(analyse, analysed, queue_length)
+        self.analyst = None if analyse is None else Analyst(analyse, analysed, queue_length, fit)
         self.newest: tuple[FinishedShot, ...] = ()
         self.taken = 0
         self._settled = 0
         self._waiting: dict[int, Waiting] = {}
+        self._read: dict[int, int] = {}  # by the numbers of shots that await their fit, the indices they are told by
         self._unsaved: dict[str, Recorded] = {}
         self._saving = threading.Lock()
 
@@ -60,10 +67,16 @@ class FinishedShots:
         return self.taken
 
     def analysed(self, number: int, shot: Shot | None, problem: str | None) -> None:
-        """Take what the analysis made of shot ``number``."""
+        """Take what the analysis made of shot ``number``: its readings, then its fit, or both at once."""
         waiting = self._waiting.pop(number, None)
         if waiting is not None:
             self._settle(waiting, shot, problem)
+            if shot is not None and awaits_fit(shot):
+                self._read[number] = self._settled
+        elif (index := self._read.pop(number, None)) is not None:
+            self.newest = tuple(
+                replace(done, shot=shot, fitted_later=True) if done.index == index else done for done in self.newest
+            )
 
     def save_pending(self, folder: Path) -> list[Path]:
         """Save the shots that are only in memory; PartlySaved at the first that cannot be saved."""

@@ -78,7 +78,10 @@ def empty_view() -> LiveView:
 
 @dataclass(frozen=True, slots=True)
 class FinishedShot:
-    """One captured shot, with the settings it was taken with; ``shot`` is None until it is analysed, or not at all."""
+    """One captured shot, with the settings it was taken with; ``shot`` is None until it is read, or not at all.
+
+    It may come awaiting its fit first, and later, under the same index, with it.
+    """
 
     index: int  # rises by one a shot, from 1
     name: str
@@ -86,6 +89,7 @@ class FinishedShot:
     settings: CaptureSettings
     shot: Shot | None
     problem: str | None = None  # why it was not saved or not analysed
+    fitted_later: bool = False  # whether the shot was there before, awaiting its fit
 
 
 @dataclass(frozen=True, slots=True)

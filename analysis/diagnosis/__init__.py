@@ -1,5 +1,1 @@
 """Closing the loop: find what the model leaves over, trace it to an effect, add it, report the error."""
-
-from analysis.diagnosis.diagnose import diagnose
-
-__all__ = ["diagnose"]

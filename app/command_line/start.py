@@ -2,6 +2,8 @@
 
 import sys
 import tempfile
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from app.command_line.cli import window
@@ -19,15 +21,32 @@ def main() -> int:
 
 
 def headless_shot() -> int:
-    """Simulate one shot in a usual laboratory, analyse it and print its numbers."""
+    """Simulate one shot in a usual laboratory and print its readings as soon as they are there, then its fit."""
+    from analysis.pipeline import fitted, read
     from app.command_line.prepare import progress_lines
-    from app.command_line.replay import replay
-    from app.session.prepare import prepare_first_shot
+    from app.command_line.replay import fit_lines, summary
+    from app.session.prepare import Stage, prepare_first_shot
+    from app.words.flag_words import by_weight, flag_words
     from instrument.bench.simulate import simulate
+    from instrument.open_recording import open_recording
 
-    prepare_first_shot(progress_lines())
-    with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
-        return replay(simulate(Path(folder), 1, site=site_named(USUAL_SITE)), diagnose=False)
+    ready = {stage: threading.Event() for stage in (Stage.READINGS, Stage.FIT)}
+    with ThreadPoolExecutor(1) as beside, tempfile.TemporaryDirectory(prefix="levimass-") as folder:
+        beside.submit(prepare_first_shot, progress_lines(), lambda stage: ready[stage].set())
+        ready[Stage.READINGS].wait()
+        (path,) = simulate(Path(folder), 1, site=site_named(USUAL_SITE))
+        shot = read(open_recording(path))
+        print(summary(shot), flush=True)
+        ready[Stage.FIT].wait()
+        read_flags, shot = shot.flags, fitted(shot)
+    if shot.fit is not None and shot.fit.converged:
+        print("\n".join(fit_lines(shot.fit)))
+    for flag in by_weight(flag for flag in shot.flags if flag not in read_flags):
+        print(f"  {flag}: {flag_words(flag)}")
+    why = shot.problem or shot.fit_problem
+    if why:
+        print(f"levimass: {shot.name}: {why}", file=sys.stderr)
+    return 1 if why else 0
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from analysis.awaited_fit import awaits_fit
 from analysis.diagnosis.model_file import SavedModel
 from analysis.shot import Shot
 from app.session.event import Event, Filled, Kind, Loaded
@@ -58,15 +59,19 @@ class ModelWork:
         self.refit(self._session.entries)
 
     def refit(self, entries: Sequence[Entry]) -> None:
-        """Queue the fits of those entries that were fitted with other effects."""
+        """Queue the fits of those entries that were fitted with other effects, or await a fit."""
         wanted = self._session.effects
+        if not entries:
+            return
 
         def work(report: Report, cancelled: Asked) -> Filled:
             done: list[tuple[int, Shot]] = []
             for place, entry in enumerate(entries):
                 shot = entry.shot
                 effects = () if shot is None else wanted.of(shot.settings.model)
-                if shot is None or shot.motion is None or shot.settings.effects == effects:
+                if shot is None or shot.motion is None:
+                    continue
+                if shot.settings.effects == effects and not awaits_fit(shot):
                     continue
                 report(f"fitting {entry.name}", place / len(entries))
                 done.append((entry.number, self._work.do(partial(refit_shot, shot, effects), report, cancelled)))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from analysis.awaited_fit import awaits_fit
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import MOST_SHOTS
 from analysis.planning.steps import Standing, Step, next_step, stand
@@ -90,9 +91,9 @@ class NextShots:
             self._rig.open(under.source)
 
     def arrived(self, entry: Entry) -> None:
-        """Let a shot that the rig took join the set for which it was planned, and diagnose that anew."""
+        """Let a shot that the rig took join the set for which it was planned, once it is fitted; diagnose that anew."""
         under = self._under
-        if under is None or under.arrived:
+        if under is None or under.arrived or (entry.shot is not None and awaits_fit(entry.shot)):
             return
         self._rig.open(under.source)
         if entry.shot is None or entry.shot.motion is None or entry.shot.fit is None:

@@ -1,5 +1,6 @@
 """The instrument as the window holds it: one source at a time, opened and closed beside the screen."""
 
+import contextlib
 import threading
 import time
 from collections import deque
@@ -7,10 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.pipeline import analyse
+from analysis.pipeline import read
 from analysis.recording import Channel, Recording
-from analysis.shot import AnalysisSettings, Progress, Shot
+from analysis.shot import AnalysisSettings, Cancelled, Progress, Shot
+from app.session.prepare import Stage
 from instrument.acquisition import Deadlines, State
+from instrument.analyst import fit_here
 from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import open_apart
 from instrument.capture import Capture
@@ -21,6 +24,7 @@ from instrument.network_scope import network_name
 from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
 
 Open = Callable[[str], Digitizer]
+Awaited = Callable[[Stage, Callable[[], bool]], None]  # returns when kernels are ready, or raises Cancelled
 Change = Callable[[CaptureOptions], CaptureOptions]
 BENCH = "bench"
 FLAWED_BENCH = "bench?effect=quadratic_drag:coefficient_n_s2_per_m2=2e-4"  # not named on the screen: to be found
@@ -51,7 +55,7 @@ class Rig:
         self,
         options: Callable[[str, Digitizer], CaptureOptions],
         analysis: Callable[[], AnalysisSettings],
-        wait_for_kernels: Callable[[Callable[[], bool]], None],
+        kernels: Awaited,
         *,
         source: str = BENCH,
         deadlines: Deadlines | None = None,
@@ -59,7 +63,7 @@ class Rig:
         analyst: AnalysisApart | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._options, self._analysis, self._kernels = options, analysis, wait_for_kernels
+        self._options, self._analysis, self._kernels = options, analysis, kernels
         self._deadlines, self._open, self._clock = deadlines or Deadlines(), open_digitizer, clock
         self._analyst = analyst
         self._running: _Running | None = None
@@ -67,7 +71,7 @@ class Rig:
         self._wake = threading.Condition()
         self._fault: tuple[str, str] | None = None
         self._since_s = clock()
-        self._seen: set[tuple[int, int]] = set()
+        self._seen: set[tuple[int, int, bool]] = set()
         self._serial = 0
         self._asked: tuple[float, float] | None = None  # (when ARM was pressed, since when the state stood)
         self._problems: deque[str] = deque()
@@ -213,10 +217,13 @@ class Rig:
         return snapshot.state is not State.IDLE or self.arming(snapshot)
 
     def take_finished(self, snapshot: Snapshot) -> list[FinishedShot]:
-        """Return each finished shot once: when it is analysed, or when it is clear that it will not be."""
+        """Return each finished shot once: when it is analysed, or when it is clear that it will not be.
+
+        A shot that awaits its fit comes once more with it.
+        """
         new = []
         for finished in snapshot.finished:
-            key = (self._serial, finished.index)
+            key = (self._serial, finished.index, finished.fitted_later)
             if key not in self._seen and (finished.shot is not None or finished.problem is not None):
                 self._seen.add(key)
                 new.append(finished)
@@ -273,7 +280,15 @@ class Rig:
             digitizer = self._open(source)
             able = digitizer.capabilities
             options = self._chosen(source, digitizer)
-            capture = Capture(digitizer, options, analyse=self._analyse, deadlines=self._deadlines)
+            capture = Capture(
+                digitizer,
+                options,
+                analyse=self._read,
+                fit=self._fit,
+                warm=self._warm,
+                deadlines=self._deadlines,
+                clock=self._clock,
+            )
             capture.start()
         except DigitizerError as error:
             self._fault = (error.what, error.remedy or "choose another source")
@@ -293,12 +308,25 @@ class Rig:
         options = self._options(source, digitizer)
         return options if self._planned is None else self._planned(options)
 
-    def _analyse(self, recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+    def _warm(self, given_up: Callable[[], bool]) -> None:
+        with contextlib.suppress(Cancelled):
+            self._kernels(Stage.READINGS, given_up)
+
+    def _read(self, recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+        self._await(Stage.READINGS, progress, cancelled)
+        if self._analyst is not None:
+            return self._analyst.read(recording, self._analysis(), progress, cancelled)
+        return read(recording, self._analysis(), progress=progress, cancelled=cancelled)
+
+    def _fit(self, shot: Shot, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+        self._await(Stage.FIT, progress, cancelled)
+        if self._analyst is not None:
+            return self._analyst.fit(shot, progress, cancelled)
+        return fit_here(shot, progress, cancelled)
+
+    def _await(self, stage: Stage, progress: Progress, cancelled: Callable[[], bool]) -> None:
         def given_up() -> bool:
             progress("first start: compiling", 0.0)  # time and again: who waits long is not stuck
             return cancelled()
 
-        self._kernels(given_up)
-        if self._analyst is not None:
-            return self._analyst.analyse(recording, self._analysis(), progress, cancelled)
-        return analyse(recording, self._analysis(), progress=progress, cancelled=cancelled)
+        self._kernels(stage, given_up)

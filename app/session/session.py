@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from analysis.awaited_fit import awaits_fit
 from analysis.corrected import NAMES
 from analysis.diagnosis.model_file import BASES
 from analysis.shot import AnalysisSettings, Shot
@@ -98,6 +99,14 @@ class Session:
         entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, copy_of=copy_of)
         self._set((*self._entries, entry))
         return entry
+
+    def awaiting(self, shot: Shot) -> Entry | None:
+        """Return the newest entry whose shot awaits the fit that this one has come with."""
+
+        def waits(there: Shot | None) -> bool:
+            return there is not None and awaits_fit(there) and _capture_of(there) == _capture_of(shot)
+
+        return next((entry for entry in reversed(self._entries) if waits(entry.shot)), None)
 
     def fill(self, number: int, shot: Shot, version: str = "") -> None:
         """Give an entry its analysed shot (after reopening, or when the model changed); ``version``: as it was kept."""
@@ -219,6 +228,10 @@ class Session:
             except OSError:
                 session._path = None
         return session
+
+
+def _capture_of(shot: Shot) -> tuple[str, str | None, int | None]:
+    return shot.name, shot.started_at, shot.samples
 
 
 def _to_json(entry: Entry) -> dict[str, Any]:

@@ -1,54 +1,78 @@
 """Kernels made ready while the window opens: compiled in processes of their own, so that no frame waits for a compiler.
 
-The first start after an installation compiles for a minute or two of one core, what the first shot needs first; the
-result is kept on disk, and every later start only loads it.
+The first start after an installation compiles for a minute or two of one core, what a first shot's readings need
+first, then its fit, then all else; the result is kept on disk, and every later start only loads it.
 """
 
 import gc
+import os
 import threading
-from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 
 from analysis.shot import Cancelled
 from app.session.jobs import Asked, Report
-from app.session.prepare import complete, prepare, run_once
+from app.session.prepare import BENCH, LATER, Stage, complete, mark_complete, prepare
+from app.session.rehearsal import readings
+from instrument.apart.work import WorkApart
 from instrument.live import warm
 
 _LOOK_S = 0.05
+_BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # the simulated bench compiles its own where it is the source
 
 
 class Kernels:
     """Whether the kernels are ready, for whoever is about to need them."""
 
-    def __init__(self, then: Sequence[Callable[[], None]] = ()) -> None:
-        """``then`` are called once they are on disk: what loads them elsewhere need not compile them.
+    def __init__(self, analyst: WorkApart | None = None, helper: WorkApart | None = None) -> None:
+        """``analyst`` analyses the rig's shots elsewhere: it is started first, and compiles what their readings need.
 
-        With any, the shots' analysis is done elsewhere: what the running stream needs is all that is loaded here.
+        ``helper`` does what else is asked for: it is started once it need not compile.  Without them all is done here.
         """
-        self._ready = threading.Event()
-        self._then = then
+        self._ready = {stage: threading.Event() for stage in Stage}
+        self._analyst, self._helper = analyst, helper
 
     def work(self, report: Report, cancelled: Asked) -> None:
-        """Make them ready; a job.  Where the other processes fail they are compiled here, when they are needed."""
+        """Make them ready; a job.  Where the other processes fail they are compiled where they are needed."""
         try:
-            if complete():
-                self._load(report, cancelled)
-            else:
-                prepare(report, cancelled, lambda: self._load(report, cancelled))
+            with ThreadPoolExecutor(1, "levimass kernels") as beside:
+                loading = beside.submit(self._load, cancelled)
+                if complete(Stage.FIT):
+                    self._reached(Stage.FIT)
+                if not complete():
+                    cores = max(1, (os.cpu_count() or 1) - 1)  # one is the readings'
+                    prepare(partial(self._told, report), cancelled, self._reached, cores, _BESIDE)
+                loading.result()
         finally:
             # what is loaded by now stays to the end; looking through it for garbage stopped every thread for 0.1 s
             gc.freeze()
-            self._ready.set()
+            for ready in self._ready.values():
+                ready.set()
 
-    def wait(self, cancelled: Asked) -> None:
-        """Return when what a first shot needs is ready.  Raises Cancelled."""
-        while not self._ready.wait(_LOOK_S):
+    def wait(self, stage: Stage, cancelled: Asked) -> None:
+        """Return when a stage is reached.  Raises Cancelled."""
+        while not self._ready[stage].wait(_LOOK_S):
             if cancelled():
                 raise Cancelled
 
-    def _load(self, report: Report, cancelled: Asked) -> None:
-        for begin in self._then:
-            begin()
-        report("loading", 0.8)
-        if not cancelled():
-            warm() if self._then else run_once()
-        self._ready.set()
+    def _load(self, cancelled: Asked) -> None:
+        """Load what the running stream needs and, without an analyst, what the readings do."""
+        if self._analyst is None:
+            readings()
+        else:
+            self._analyst.start()
+            if not complete(Stage.READINGS):
+                self._analyst.await_ready(cancelled)
+                mark_complete(Stage.READINGS)
+            warm()
+        self._ready[Stage.READINGS].set()
+
+    def _reached(self, stage: Stage) -> None:
+        if stage is Stage.FIT and self._helper is not None:
+            self._helper.start()
+        self._ready[stage].set()
+
+    def _told(self, report: Report, words: str, share: float) -> None:
+        first = self._ready[Stage.READINGS].is_set()
+        report(words if first else "compiling the readings, at the first start only", share)

@@ -13,7 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from analysis.diagnosis import diagnose
+from analysis.awaited_fit import awaits_fit
+from analysis.diagnosis.diagnose import diagnose
 from analysis.fitted_shot import shaking_of
 from analysis.shot import AnalysisSettings, Shot
 from app.session.cut_off import cut_off
@@ -184,11 +185,29 @@ class Workbench:
         """Take a shot that the rig captured and analysed; the model may have changed meanwhile."""
         path = self.elsewhere.path_of(shot.name) if shot.path is None else None
         entry = self.session.add(shot if path is None else replace(shot, path=path))
+        if not awaits_fit(shot):
+            self._whole(entry)
+        return entry
+
+    def take_fit(self, shot: Shot) -> Entry | None:
+        """Take the fit that a captured shot awaited; return its entry, None where that awaits it no more."""
+        awaiting = self.session.awaiting(shot)
+        if awaiting is None:
+            return None
+        self.session.fill(awaiting.number, replace(shot, path=awaiting.path))
+        entry = self.session.entry(awaiting.number)
+        assert entry is not None
+        self._whole(entry)
+        return entry
+
+    def _whole(self, entry: Entry) -> None:
+        """Keep the result of a captured shot, once the model as it is now is fitted to it."""
+        shot = entry.shot
+        assert shot is not None
         if shot.settings.effects != self.model.effects_of(shot.settings.model):
             self.model.refit([entry])
-        elif entry.shot is not None:
-            self._keep([entry.shot])
-        return entry
+        else:
+            self._keep([shot])
 
     def add_unanalysed(self, path: Path | None, problem: str, name: str) -> Entry:
         """List a shot that the rig captured and nobody analysed: ``reanalyse`` does."""
@@ -239,6 +258,8 @@ class Workbench:
         what = self.session.undo()
         if self.session.effects != before:
             self.model.refit(self.session.entries)
+        # shots that come back to the list: the fit that they awaited may have come while they were off it
+        self.model.refit([e for e in self.session.entries if e.shot is not None and awaits_fit(e.shot)])
         return what
 
     # what ended -------------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from app.session.log import ProgramLog, note
 from app.session.next_shots import NextShots
 from app.session.own_laws import OwnLaws
 from app.session.own_session import last_session
-from app.session.prepare import run_once
+from app.session.prepare import rehearse
 from app.session.results import Results
 from app.session.rig import Open, Rig
 from app.session.saver import Saver
@@ -236,8 +236,8 @@ def open_window(
     sys.setswitchinterval(SWITCH_S)
     choices = Choices(folder / "settings.json")
     theme = Theme(choices.settings.appearance)
-    analyst, helper = (AnalysisApart(run_once), WorkApart(run_once)) if apart else (None, None)
-    kernels = Kernels([child.start for child in (analyst, helper) if child is not None])
+    analyst, helper = (AnalysisApart(rehearse), WorkApart(rehearse)) if apart else (None, None)
+    kernels = Kernels(analyst, helper)
 
     def opened(source: str) -> Digitizer:
         return open_apart(at_site(source, site or choices.settings.site))

@@ -28,6 +28,7 @@ FLAG_WORDS = {
     "knock_suspected": "for a moment the shot moves as neither model nor site would: a knock, or what the model lacks",
     "fit_not_converged": "the model's fit did not converge: its numbers are withheld",
     "mass_disagrees": "force and motion contradict the stated mass: the fitted one is used",
+    "fit_to_follow": "the readings stand; the model is still being fitted, and its numbers come by themselves",
     "fit_failed": "the model could not be fitted: its numbers are withheld",
     "noise_not_known": "too little quiet flight to learn the noise from",
 }
@@ -42,6 +43,7 @@ MILD_FLAGS = (
     "goes_on",
     "read_from_model",
     "setup_corrected",
+    "fit_to_follow",
 )
 _NAMES = {
     "wander": "path drift",

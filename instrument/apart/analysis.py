@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
-from analysis.pipeline import analyse
+from analysis.pipeline import fitted, read
 from analysis.recording import Recording
 from analysis.shot import AnalysisSettings, Progress, Shot
 from instrument.apart.work import WorkApart
@@ -11,21 +11,26 @@ from instrument.open_recording import analysed_while_hashed
 
 
 class AnalysisApart(WorkApart):
-    """Analyses recordings in a child, one at a time."""
+    """Analyses recordings in a child, one at a time: up to the readings, then the fit."""
 
-    def analyse(
+    def read(
         self, recording: Recording, settings: AnalysisSettings, progress: Progress, cancelled: Callable[[], bool]
     ) -> Shot:
-        """Analyse a recording as ``analysis.pipeline.analyse`` does; from one thread at a time.
+        """Read a recording as ``analysis.pipeline.read`` does; from one thread at a time.
 
-        A recording that is only in memory is analysed here, as it would be long on its way.  Raises AnalysisError,
+        A recording that is only in memory is read here, as it would be long on its way.  Raises AnalysisError,
         Cancelled.
         """
         if recording.path is None:
-            return analyse(recording, settings, progress=progress, cancelled=cancelled)
-        shot: Shot = self.run(partial(_analyse, recording.path, settings), progress, cancelled)
+            return read(recording, settings, progress=progress, cancelled=cancelled)
+        shot: Shot = self.run(partial(_read, recording.path, settings), progress, cancelled)
         return shot
 
+    def fit(self, shot: Shot, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+        """Fit a shot as ``analysis.pipeline.fitted`` does; from one thread at a time.  Raises as ``read``."""
+        whole: Shot = self.run(partial(fitted, shot), progress, cancelled)
+        return whole
 
-def _analyse(path: str, settings: AnalysisSettings, *, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
-    return analysed_while_hashed(path, partial(analyse, settings=settings, progress=progress, cancelled=cancelled))
+
+def _read(path: str, settings: AnalysisSettings, *, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+    return analysed_while_hashed(path, partial(read, settings=settings, progress=progress, cancelled=cancelled))

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
 from multiprocessing.connection import _ConnectionBase as Connection  # a pipe's end is another class on Windows
 from multiprocessing.context import SpawnProcess
 from multiprocessing.reduction import ForkingPickler
@@ -26,6 +27,7 @@ HEEDS_S = 5.0  # a child that looks at a cancellation later than this is ended: 
 _LOOK_S = 0.02
 _TOLD_EVERY_S = 0.05
 _ENDS_S = 5.0
+_READY = 0  # the number of no task
 
 ForkingPickler.register(MappingProxyType, lambda view: (MappingProxyType, (dict(view),)))
 
@@ -101,6 +103,16 @@ class WorkApart:
             what = "the analysis's process ended by itself: ask for it again; a shot's recording is saved"
             raise AnalysisError(what) from error
 
+    def await_ready(self, cancelled: Callable[[], bool]) -> None:
+        """Return once a child that was just started has done its ``warm``, or is gone; before any other work of it.
+
+        Raises Cancelled.
+        """
+        with contextlib.suppress(EOFError, OSError):
+            while self._news is not None and not self._news.poll(_LOOK_S):
+                if cancelled():
+                    raise Cancelled
+
     def close(self) -> None:
         """End the child; harmless when there is none."""
         self._closed = True
@@ -165,6 +177,7 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, news: Connectio
                 if isinstance(order, int):
                     dropped.add(order)
                 else:
+                    _seal(order.work)  # a kernel for arrays that are only read is another one
                     waiting.put(order)
         os._exit(0)  # nobody is left to tell
 
@@ -173,6 +186,8 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, news: Connectio
         with contextlib.suppress(Exception):  # then it is compiled when it is needed
             warm()
     gc.freeze()  # what is loaded by now stays to the end
+    with contextlib.suppress(OSError):
+        news.send(_News(_READY))
     while True:
         task = waiting.get()
         new = _one(task, news, dropped)
@@ -213,9 +228,12 @@ def _one(task: _Task, news: Connection, dropped: set[int]) -> _News:
 
 
 def _seal(value: object) -> None:
-    """Make the arrays of a result read-only again, as they were before they travelled."""
+    """Make the arrays of work or result read-only again, as they were before they travelled."""
     if isinstance(value, np.ndarray):
         value.flags.writeable = False
+    elif isinstance(value, partial):
+        _seal(value.args)
+        _seal(value.keywords)
     elif is_dataclass(value):
         for field in fields(value):
             _seal(getattr(value, field.name))

@@ -14,7 +14,7 @@ def warm_kernels():
 
     warm.Kernels().work(lambda what, share: None, lambda: False)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(warm, "run_once", lambda: None)  # each window would take a shot of its own to load them
+        patch.setattr(warm, "readings", lambda: None)  # each window would read a made-up shot to load them
         yield
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.diagnosis import diagnose
+from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.foretold import foretell
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.drive.fit import fit_driven

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from app.command_line import display, start
 from app.command_line.cli import main
 from app.session import prepare
+from app.session.jobs import Report
 
 
 def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,9 +24,14 @@ def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_without_a_screen_one_shot_is_told_and_named_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(prepare, "prepare_first_shot", lambda report: None)
+    def ready_at_once(report: Report, ready: Callable[[prepare.Stage], None]) -> None:
+        for stage in prepare.Stage:
+            ready(stage)
+
+    monkeypatch.setattr(prepare, "prepare_first_shot", ready_at_once)
     assert start.headless_shot() == 0
     said = capsys.readouterr().out
+    assert said.index("COR quasi-static") < said.index("fit_to_follow") < said.index("fit of model paper")
     assert said.count("shot-1.sigmf-meta") == 1 and "COR quasi-static" in said and "fit of model paper" in said
 
 

@@ -11,11 +11,14 @@ from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QApplication, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
+from analysis.awaited_fit import awaits_fit
+from analysis.pipeline import fitted, read
 from analysis.recording import Channel, Recording, Role, Setup
-from analysis.shot import AnalysisSettings
+from analysis.shot import AnalysisSettings, Shot
 from app.session.choices import Choices
 from app.session.cut_off import cut_off
 from app.session.log import NAME, ProgramLog, note
+from app.session.results import Results
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.session.workbench import Workbench
@@ -26,7 +29,8 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from app.words.typed_number import typed_number
-from app.words.wording import local
+from app.words.wording import DASH, local
+from instrument.bench.simulate import simulate
 from instrument.digitizer import CaptureSettings
 from instrument.open_recording import open_recording
 from instrument.recording_file import write_recording
@@ -153,6 +157,76 @@ def test_a_shot_whose_analysis_was_stopped_is_listed_and_analysed_in_its_place(
     qtbot.waitUntil(lambda: bool(workbench.poll()), timeout=WAIT_MS)
     (entry,) = workbench.session.entries
     assert entry.shot is not before
+
+
+@pytest.fixture(scope="module")
+def read_shot(tmp_path_factory: pytest.TempPathFactory) -> Shot:
+    """Return a shot of the bench as the rig tells it first: read, and awaiting its fit."""
+    (path,) = simulate(tmp_path_factory.mktemp("shots"), 1)
+    shot = read(open_recording(path))
+    assert awaits_fit(shot)
+    return shot
+
+
+def _finished(shot: Shot, fitted_later: bool = False) -> FinishedShot:
+    settings = CaptureSettings(1e6, 64, 0)
+    return FinishedShot(1, shot.name, Path(shot.path or ""), settings, shot, fitted_later=fitted_later)
+
+
+def test_a_shot_whose_fit_is_to_follow_is_listed_at_once_and_takes_it_in_its_place(away: Away, read_shot: Shot) -> None:
+    workbench, panels, presenter = away
+    presenter.take(_finished(read_shot), stay=False)
+    (entry,) = workbench.session.entries
+    model = panels.table.model
+    cells = [model.data(model.index(0, column)) for column in range(model.columnCount())]
+    assert any("fit to follow" in str(cell) or "+" in str(cell) for cell in cells)  # the flags
+    assert cells[8] == DASH and DASH not in cells[3:8]  # the stiffness is the fit's; all else is there
+    assert "fit to follow" in panels.model._model.text()
+    workbench.session.set_note(entry.number, "written meanwhile")
+    whole = fitted(read_shot)
+    presenter.take(_finished(whole, fitted_later=True), stay=False)
+    (entry,) = workbench.session.entries
+    assert entry.shot is not None and entry.shot.fit is whole.fit and entry.note == "written meanwhile"
+    assert "χ²" in panels.model._fit.text()
+    presenter.take(_finished(whole, fitted_later=True), stay=False)  # a straggler finds nobody who waits
+    assert len(workbench.session.entries) == 1
+
+
+def test_killed_between_readings_and_fit_the_next_start_analyses_the_shot_whole(
+    qtbot: QtBot, tmp_path: Path, away: Away, read_shot: Shot
+) -> None:
+    _, _, presenter = away
+    presenter.take(_finished(read_shot), stay=False)
+    # the end comes here: what the disk holds by now is all that the next start knows
+    results = Results(tmp_path / "kept")
+    again = Workbench(Session.reopen(tmp_path / "session.json"), AnalysisSettings, results=results)
+    try:
+        (entry,) = again.session.entries
+        assert entry.path == read_shot.path and entry.shot is None
+        again.read_unread()
+        qtbot.waitUntil(lambda: (again.poll(), again.session.entries[0].shot is not None)[1], timeout=WAIT_MS)
+        shot = again.session.entries[0].shot
+        assert shot is not None and shot.fit is not None and not awaits_fit(shot)
+    finally:
+        again.close()
+
+
+def test_a_shot_that_was_off_the_list_when_its_fit_came_is_fitted_once_it_is_back(
+    qtbot: QtBot, away: Away, read_shot: Shot
+) -> None:
+    workbench, _, presenter = away
+    presenter.take(_finished(read_shot), stay=False)
+    workbench.session.remove([1])
+    presenter.take(_finished(fitted(read_shot), fitted_later=True), stay=False)
+    assert workbench.session.entries == ()
+    workbench.undo()
+
+    def fit_came() -> bool:
+        presenter.refresh()
+        shot = workbench.session.entries[0].shot
+        return shot is not None and shot.fit is not None and not awaits_fit(shot)
+
+    qtbot.waitUntil(fit_came, timeout=WAIT_MS)
 
 
 def test_a_recording_that_a_kill_cut_off_is_offered_at_the_next_start(qtbot: QtBot, tmp_path: Path, away: Away) -> None:

@@ -1,5 +1,7 @@
 """The mark that says the kernels are on disk, true only for what wrote it; and what compiles them."""
 
+import subprocess
+import sys
 import threading
 import time
 
@@ -13,6 +15,8 @@ from app.command_line.cli import main
 from app.session import prepare, warm
 from app.session.rig import Rig
 from instrument.acquisition import Deadlines, State
+from instrument.bench.simulate import simulate
+from instrument.bench.site import USUAL_SITE, site_named
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings
 from tests.app import rigs
@@ -21,7 +25,7 @@ from tests.app import rigs
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "root", lambda: tmp_path)
-    monkeypatch.setattr(warm, "run_once", lambda: None)
+    monkeypatch.setattr(warm, "readings", lambda: None)
     return tmp_path
 
 
@@ -63,24 +67,39 @@ def test_another_numba_does_not_trust_it(folder, monkeypatch, what):
 
 
 def test_a_mark_that_says_nothing_or_nonsense_is_none(folder):
-    (folder / "complete").touch()  # as an older version of the program left it
+    (folder / prepare.Stage.ALL).touch()  # as an older version of the program left it
     assert not prepare.complete()
-    (folder / "complete").write_bytes(b"\xff\xfe")
+    (folder / prepare.Stage.ALL).write_bytes(b"\xff\xfe")
     assert not prepare.complete()
 
 
-def test_what_is_not_on_disk_is_compiled_elsewhere_and_only_once(folder, order):
+def test_a_mark_holds_for_what_comes_before_it_and_not_for_what_comes_after(folder):
+    prepare.mark_complete(prepare.Stage.FIT)
+    assert prepare.complete(prepare.Stage.READINGS) and prepare.complete(prepare.Stage.FIT)
+    assert not prepare.complete()
+
+
+def test_what_is_not_on_disk_is_compiled_elsewhere_and_only_once(folder, order, monkeypatch):
+    read_here = []
+    monkeypatch.setattr(warm, "readings", lambda: read_here.append(len(order)))
     for _ in range(2):
-        warm.Kernels().work(quietly, lambda: False)
-    assert sorted(order) == sorted(piece.name for piece in prepare.PIECES)
+        kernels = warm.Kernels()
+        kernels.work(quietly, lambda: False)
+        for stage in prepare.Stage:
+            kernels.wait(stage, lambda: True)
+    assert sorted(order) == sorted(piece.name for piece in prepare.PIECES if piece is not prepare.READINGS)
+    assert len(read_here) == 2
 
 
-def test_what_a_first_shot_needs_comes_first(folder, order):
-    begun = []
-    assert prepare.prepare(quietly, lambda: False, lambda: begun.append(len(order)), at_once=1)
-    firsts = [piece.name for piece in prepare.PIECES if piece.first]
-    assert set(order[: begun[0]]) == set(firsts)
-    assert order[len(firsts) - 1] == next(piece.name for piece in prepare.PIECES if piece.joins)
+@pytest.mark.parametrize("at_once", [1, 2, 8])
+def test_what_a_first_shot_needs_comes_first(folder, order, at_once):
+    reached = []
+    assert prepare.prepare(quietly, lambda: False, lambda stage: reached.append((stage, len(order))), at_once)
+    assert [stage for stage, _ in reached] == list(prepare.Stage)
+    stages = [next(piece.stage for piece in prepare.PIECES if piece.name == name) for name in order]
+    assert stages == sorted(stages, key=list(prepare.Stage).index)
+    assert order.index("the diagnosis") > order.index("the model")  # which it goes over: compiled once
+    assert prepare.complete()
 
 
 def test_in_processes_of_their_own_and_none_stays(folder, monkeypatch):
@@ -113,45 +132,92 @@ def test_prepare_compiles_once(folder, order, capsys):
 
 def test_what_a_shot_without_a_window_needs_is_compiled_once(folder, order):
     for _ in range(2):
-        prepare.prepare_first_shot(quietly)
-    assert order == [piece.name for piece in prepare.PIECES if piece.first and not piece.joins]
+        reached = []
+        prepare.prepare_first_shot(quietly, reached.append)
+        assert list(dict.fromkeys(reached)) == [prepare.Stage.READINGS, prepare.Stage.FIT]
+    assert order == [piece.name for piece in prepare.PIECES if piece.stage is not prepare.Stage.ALL]
     assert not prepare.complete()
 
 
-def test_the_made_up_bounce_is_one(warm_kernels):
-    shot = prepare._readings()
-    assert shot.problem is None
-    assert shot.impact is not None
+NEW_KERNELS = """
+import gc, sys
+from numba.core.registry import CPUDispatcher
+from analysis.pipeline import fitted, read
+from app.session import rehearsal
+from instrument.open_recording import open_recording
+
+def known():
+    each = (kernel for kernel in gc.get_objects() if isinstance(kernel, CPUDispatcher))
+    return {f"{kernel.py_func.__module__}.{kernel.py_func.__name__}{s}" for kernel in each for s in kernel.overloads}
+
+rehearsal.readings()
+before = known()
+shot = read(open_recording(sys.argv[1]))
+assert shot.problem is None and shot.impact.disturbance is not None
+print(*sorted(known() - before), sep="\\n")
+rehearsal.fit()
+before = known()
+assert fitted(shot).fit.converged
+print(*sorted(known() - before), sep="\\n")
+"""
 
 
-def test_a_shot_taken_while_kernels_compile_waits_for_them_and_is_listed(tmp_path, warm_kernels):
-    """Compiling may take longer than any analysis is given: that is no fault."""
-    compiled = threading.Event()
+def test_a_shot_in_a_usual_laboratory_needs_no_kernel_that_was_not_rehearsed(tmp_path, warm_kernels):
+    (path,) = simulate(tmp_path, 1, site=site_named(USUAL_SITE))
+    asked = subprocess.run([sys.executable, "-c", NEW_KERNELS, path], capture_output=True, text=True, check=True)
+    assert asked.stdout.split() == []
+
+
+def test_a_shot_taken_while_kernels_compile_tells_its_readings_before_its_fit(tmp_path, warm_kernels):
+    """It waits for each as long as that takes; compiling may take longer than any analysis is given."""
+    compiled = {stage: threading.Event() for stage in prepare.Stage}
 
     def options(_, digitizer):
         return CaptureOptions(tmp_path, CaptureSettings(10e6, 600_000, 60_000))
 
-    def wait(given_up):
-        while not compiled.wait(0.02):
+    def wait(stage, given_up):
+        if threading.current_thread().name == "levimass capture":
+            return  # what the stream needs is there
+        while not compiled[stage].wait(0.02):
             if given_up():
                 raise Cancelled
 
-    rig = Rig(options, AnalysisSettings, wait, deadlines=Deadlines(analysing_s=2.0), open_digitizer=rigs.quick_bench)
+    later_s = 0.0
+
+    def waits_for_minutes():
+        nonlocal later_s
+        for _ in range(30):
+            later_s += 5.0  # the capture's thread may be a dozen looks behind, no more
+            time.sleep(0.05)
+            assert rig.latest().state is State.ANALYSING, rig.latest().message
+        assert "compiling" in (rig.latest().doing or "")
+
+    def clock():
+        return time.monotonic() + later_s
+
+    rig = Rig(options, AnalysisSettings, wait, deadlines=Deadlines(), open_digitizer=rigs.quick_bench, clock=clock)
     try:
         _until(lambda: rig.latest().state is State.IDLE and rig.channels != ())
         rig.arm()
         _until(lambda: rig.latest().state is State.ANALYSING)
-        end = time.monotonic() + 2.5
-        while time.monotonic() < end:
-            assert rig.latest().state is State.ANALYSING, rig.latest().message
-            time.sleep(0.01)
-        assert "compiling" in (rig.latest().doing or "")
-        compiled.set()
+        waits_for_minutes()
+        compiled[prepare.Stage.READINGS].set()
         _until(lambda: bool(rig.latest().finished))
-        (finished,) = rig.latest().finished
+        (finished,) = rig.take_finished(rig.latest())
         assert finished.shot is not None and finished.shot.impact is not None
+        assert finished.shot.fit is None and "fit_to_follow" in finished.shot.flags
+        assert rig.take_finished(rig.latest()) == []
+        waits_for_minutes()
+        compiled[prepare.Stage.FIT].set()
+        _until(lambda: rig.latest().state is State.IDLE)
+        (again,) = rig.take_finished(rig.latest())
+        assert again.index == finished.index and again.shot is not None
+        assert again.shot.fit is not None and again.shot.fit.converged and "fit_to_follow" not in again.shot.flags
+        assert again.shot.impact is not None
+        assert again.shot.impact.velocity_in_m_per_s == finished.shot.impact.velocity_in_m_per_s
     finally:
-        compiled.set()
+        for event in compiled.values():
+            event.set()
         rig.close()
 
 

@@ -63,7 +63,7 @@ def _diagnose() -> Any:
     from analysis.kernel_cache import keep_true
 
     keep_true()
-    from analysis.diagnosis import diagnose  # type: ignore[attr-defined]
+    from analysis.diagnosis.diagnose import diagnose
 
     return diagnose
 

@@ -142,7 +142,7 @@ def _one(case: Case) -> NextOutcome:
     from analysis.kernel_cache import keep_true
 
     keep_true()
-    from analysis.diagnosis import diagnose  # type: ignore[attr-defined]
+    from analysis.diagnosis.diagnose import diagnose
 
     return judge(case, diagnose)
 

@@ -79,7 +79,7 @@ def _unhashed_s(path: Path) -> float:
 
 
 def _diagnosis(hilbert_s: float) -> int:
-    from analysis.diagnosis import diagnose
+    from analysis.diagnosis.diagnose import diagnose
     from tests.analysis.diagnosis.shots import shots
 
     cases = {

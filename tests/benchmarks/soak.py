@@ -16,10 +16,11 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from analysis.pipeline import analyse
+from analysis.pipeline import read
 from analysis.recording import Recording
 from analysis.shot import AnalysisSettings, Progress, Shot
 from instrument.acquisition import State
+from instrument.analyst import fit_here
 from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import DigitizerApart
 from instrument.bench.bench import Rig
@@ -76,8 +77,11 @@ def soak(
 
     def analysed(recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
         if apart:
-            return analyst.analyse(recording, settings, progress, cancelled)
-        return analyse(recording, settings, progress=progress, cancelled=cancelled)
+            return analyst.read(recording, settings, progress, cancelled)
+        return read(recording, settings, progress=progress, cancelled=cancelled)
+
+    def fitted(shot: Shot, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+        return analyst.fit(shot, progress, cancelled) if apart else fit_here(shot, progress, cancelled)
 
     seen = _Seen()
     problems: deque[str] = deque(maxlen=20)
@@ -87,7 +91,7 @@ def soak(
         bench = partial(BenchDigitizer, Rig(seed=7), real_time=False, first_push_s=0.02, push_every_s=0.01)
         digitizer = DigitizerApart(bench) if apart else bench()
         options = CaptureOptions(folder, SHOT, watch=False)
-        with Capture(digitizer, options, analyse=analysed, queue_length=8, say=problems.append) as capture:
+        with Capture(digitizer, options, analyse=analysed, fit=fitted, queue_length=8, say=problems.append) as capture:
             settled = asked = 0
             while settled < shots:
                 now = capture.latest()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.diagnosis import diagnose
+from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.laws.own import called
 from analysis.motion import Motion

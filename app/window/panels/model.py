@@ -3,6 +3,7 @@
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from analysis.awaited_fit import awaits_fit
 from analysis.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
 from app.words.wording import model_effect_words, number, with_prefix
@@ -64,7 +65,8 @@ class ModelPanel(QFrame):
         self._shot, self._tried = shot, tried
         fit = shot.fit if shot is not None else None
         if fit is None:
-            self._model.setText("paper's two bodies" if shot is None else f"model {shot.settings.model}: not fitted")
+            how = "fit to follow" if shot is not None and awaits_fit(shot) else "not fitted"
+            self._model.setText("paper's two bodies" if shot is None else f"model {shot.settings.model}: {how}")
             self._fit.setText("")
             return
         effects = " + ".join(model_effect_words(name, self._tried) for name in fit.effects) or "nothing"

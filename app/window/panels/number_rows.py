@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from analysis.awaited_fit import awaits_fit
 from analysis.quantity import NotSeen, Reading
 from analysis.shot import Shot
 
@@ -26,7 +27,7 @@ def _kinetic(name: str) -> Find:
 def _parameter(name: str) -> Find:
     def find(shot: Shot) -> Reading | None:
         if shot.fit is None:
-            return None
+            return NotSeen("the fit is still to come") if awaits_fit(shot) else None
         if not shot.fit.converged:
             return NotSeen("the fit did not converge, so its numbers are guesses")
         return shot.fit.parameters.get(name, NotSeen(f"the model {shot.fit.model} has no such parameter"))

@@ -5,6 +5,7 @@ from typing import Any
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QFont
 
+from analysis.awaited_fit import awaits_fit
 from analysis.combined import stated
 from analysis.quantity import NotSeen, Quantity, Reading
 from app.session.session import Entry
@@ -45,6 +46,8 @@ def _reading(entry: Entry, column: int) -> Reading | None:
     if shot is None:
         return None
     if column == 8:
+        if awaits_fit(shot):
+            return NotSeen("the fit is still to come")
         if shot.fit is None or not shot.fit.converged:
             return NotSeen("no converged fit")
         return shot.fit.parameters.get("plate_stiffness_n_per_m")

@@ -100,8 +100,14 @@ class SessionPresenter(QObject):
             self.said.emit(event.words, Tone.BAD if event.kind is Kind.PROBLEM else Tone.GOOD)
 
     def take(self, finished: FinishedShot, stay: bool) -> None:
-        """Take a shot of the rig; ``stay``: leave the page that is in front."""
+        """Take a shot of the rig, or the fit that it awaited; ``stay``: leave the page that is in front."""
         shot = finished.shot
+        if shot is not None and finished.fitted_later:
+            entry = self._workbench.take_fit(shot)
+            if entry is not None:
+                self._happened(Event(Kind.CHANGED, "", (entry.number,)))
+                self.arrived.emit(entry)
+            return
         if shot is None:
             entry = self._workbench.add_unanalysed(finished.path, finished.problem or "not analysed", finished.name)
         else:

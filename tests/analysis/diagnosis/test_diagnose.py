@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from analysis.diagnosis import diagnose
+from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Verdict, to_result
 from analysis.shot import Cancelled
 from tests.analysis.diagnosis.shots import WHITE_M, shots

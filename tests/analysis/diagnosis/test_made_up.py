@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.diagnosis import diagnose
+from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.free_parameters import trial_effects

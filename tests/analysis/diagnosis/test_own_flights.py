@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from analysis.diagnosis import diagnose
+from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.foretold import foretell
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.own_flights import own_flights

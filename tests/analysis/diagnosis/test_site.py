@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.diagnosis import diagnose, site_strengths
+from analysis.diagnosis import site_strengths
+from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.hypothesis import Hypothesis
 from analysis.diagnosis.hypothesis_fit import residuals

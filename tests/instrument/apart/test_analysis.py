@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.awaited_fit import awaits_fit
 from analysis.motion import ARRAYS
-from analysis.pipeline import analyse
+from analysis.pipeline import analyse, read
 from analysis.recording import Recording
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
 from instrument.apart import work
@@ -53,7 +54,11 @@ def same(one: object, other: object) -> bool:
 
 def test_a_shot_comes_out_as_it_would_here(apart: AnalysisApart, simulated: Recording) -> None:
     told: list[tuple[str, float]] = []
-    there = apart.analyse(simulated, PLAIN, lambda *news: told.append(news), never)
+    there = apart.read(simulated, PLAIN, lambda *news: told.append(news), never)
+    assert there.impact is not None and there.fit is None and awaits_fit(there)
+    assert same(there.impact, read(simulated, PLAIN).impact)
+    there = apart.fit(there, lambda *news: told.append(news), never)
+    assert not awaits_fit(there)
     here = analyse(simulated, PLAIN)
     assert here.impact is not None
     assert there.motion is not None
@@ -75,21 +80,21 @@ def test_data_that_were_altered_are_said_there_too(apart: AnalysisApart, simulat
     shot = read_recording(write_recording(short, tmp_path / "s"))
     data = tmp_path / "s.sigmf-data"
     data.write_bytes(bytes([data.read_bytes()[0] ^ 1]) + data.read_bytes()[1:])
-    assert "data_altered" in apart.analyse(shot, PLAIN, quiet, never).flags
+    assert "data_altered" in apart.read(shot, PLAIN, quiet, never).flags
 
 
 def test_an_analysis_is_cancelled_there_too(apart: AnalysisApart, simulated: Recording) -> None:
     with pytest.raises(Cancelled):
-        apart.analyse(simulated, PLAIN, quiet, lambda: True)
+        apart.read(simulated, PLAIN, quiet, lambda: True)
 
 
 def test_what_is_wrong_with_a_recording_is_its_own_sentence(apart: AnalysisApart, shot: Recording) -> None:
     with pytest.raises(AnalysisError, match="gone"):
-        apart.analyse(replace(shot, path="/no/such/gone.sigmf-meta"), PLAIN, quiet, never)
+        apart.read(replace(shot, path="/no/such/gone.sigmf-meta"), PLAIN, quiet, never)
 
 
-def test_a_shot_that_is_only_in_memory_is_analysed_here(apart: AnalysisApart, shot: Recording) -> None:
-    assert same(apart.analyse(shot, PLAIN, quiet, never).problem, analyse(shot, PLAIN).problem)
+def test_a_shot_that_is_only_in_memory_is_read_here(apart: AnalysisApart, shot: Recording) -> None:
+    assert same(apart.read(shot, PLAIN, quiet, never).problem, analyse(shot, PLAIN).problem)
 
 
 def test_a_child_that_dies_costs_a_shot_and_the_next_has_another(
@@ -101,8 +106,8 @@ def test_a_child_that_dies_costs_a_shot_and_the_next_has_another(
     assert child is not None
     os.kill(child, signal.SIGKILL)
     with pytest.raises(AnalysisError, match="process ended by itself"):
-        apart.analyse(saved, PLAIN, quiet, never)
-    assert apart.analyse(saved, PLAIN, quiet, never).problem == analyse(saved, PLAIN).problem
+        apart.read(saved, PLAIN, quiet, never)
+    assert apart.read(saved, PLAIN, quiet, never).problem == analyse(saved, PLAIN).problem
 
 
 def test_a_child_that_heeds_no_cancelling_is_ended_and_the_next_shot_has_another(
@@ -114,6 +119,6 @@ def test_a_child_that_heeds_no_cancelling_is_ended_and_the_next_shot_has_another
     assert child is not None
     os.kill(child, signal.SIGSTOP)  # as good as starved by other programs
     with pytest.raises(Cancelled):
-        apart.analyse(simulated, PLAIN, quiet, lambda: True)
+        apart.read(simulated, PLAIN, quiet, lambda: True)
     assert apart.child_id is None
-    assert apart.analyse(simulated, PLAIN, quiet, never).motion is not None
+    assert apart.read(simulated, PLAIN, quiet, never).motion is not None

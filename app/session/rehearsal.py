@@ -1,0 +1,112 @@
+"""The program's road walked once over a made-up shot, so that its kernels are compiled, or loaded, before a real one.
+
+Each stretch begins at a place of its own, with a motion made up here where it needs one: none waits for another, and
+few kernels are compiled twice where several are walked at once.
+"""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.motion import Motion
+from analysis.recording import Channel, Recording, Role, Setup
+from analysis.shot import Shot
+from instrument.live import warm
+
+Floats = NDArray[np.float64]
+
+_MASS_KG, _SPEED_M_PER_S, _TOUCH_S, _LENGTH_S = 0.018, 0.25, 12e-3, 60e-3
+_PLATE_KG, _PLATE_N_PER_M, _CONTACT_N_PER_M, _CONTACT_N_S_PER_M = 2e-4, 220.0, 1e4, 0.4
+_RAW_HZ, _MOTION_HZ, _REST_HZ, _WAVELENGTH_M = 10e6, 100e3, 2e6, 633e-9
+_SHAKEN_M, _SHAKEN_HZ = 2e-7, 60.0
+
+
+def readings() -> Shot:
+    """Read a made-up shot, and watch a made-up stream.
+
+    The shot goes over the disk, as a kernel for arrays that are only read is another one than for arrays of its own.
+    """
+    from analysis.pipeline import read
+    from instrument.open_recording import analysed_while_hashed
+    from instrument.recording_writer import write_recording
+
+    warm()
+    with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
+        return analysed_while_hashed(write_recording(_recording(), Path(folder) / "shot"), read)
+
+
+def fit() -> None:
+    """Fit the base model to a made-up motion, as to a shot of its own."""
+    from analysis.fitted_shot import fit_jointly
+    from analysis.kinetic_contact import fitted_contact_cor
+
+    fitted_contact_cor(fit_jointly([_motion()], "paper", ()), _MASS_KG)
+
+
+def bench() -> None:
+    """Push the simulated block once."""
+    from instrument.bench.digitizer import BenchDigitizer
+    from instrument.bench.simulate import simulate
+
+    BenchDigitizer().prepare()
+    with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
+        simulate(folder, 1, duration_s=0.05)
+
+
+def effects() -> None:
+    """Take every effect of the catalogue, as it acts and as it is differentiated."""
+    from analysis.model.effects import CATALOGUE
+    from analysis.model.effects.kernel import address, complex_address
+
+    for row in CATALOGUE.values():
+        for kernel in {row.kernel, row.locked} - {None}:
+            if kernel is not None:
+                address(kernel)
+                complex_address(kernel)
+
+
+def diagnosis() -> None:
+    """Diagnose a made-up motion."""
+    from analysis.diagnosis.diagnose import diagnose
+
+    diagnose([_motion()])
+
+
+def _inside_m(time_s: Floats) -> Floats:
+    """Return where the block is, over a table that shakes: it strikes a plate on a spring, three times as it turns."""
+    grid_s, way_m = 1.0 / _MOTION_HZ, [-_SPEED_M_PER_S * _TOUCH_S]
+    x, v, y, u = -_SPEED_M_PER_S * _TOUCH_S, _SPEED_M_PER_S, 0.0, 0.0
+    for _ in range(round(_LENGTH_S * _MOTION_HZ)):
+        push_n = max(0.0, _CONTACT_N_PER_M * (x - y) + _CONTACT_N_S_PER_M * (v - u)) if x > y else 0.0
+        v -= push_n / _MASS_KG * grid_s
+        u += (push_n - _PLATE_N_PER_M * y) / _PLATE_KG * grid_s
+        x, y = x + v * grid_s, y + u * grid_s
+        way_m.append(x)
+    way = np.interp(time_s, np.arange(len(way_m)) * grid_s, way_m)
+    shaken: Floats = way + _SHAKEN_M * np.sin(2 * np.pi * _SHAKEN_HZ * time_s)
+    return shaken
+
+
+def _motion() -> Motion:
+    """Return the block's motion with nanometres of noise."""
+    from analysis.signal.record import motion_from_displacement
+
+    t = np.arange(round(_LENGTH_S * _MOTION_HZ)) / _MOTION_HZ
+    x = np.random.default_rng(1).normal(0, 1e-9, t.size) - _inside_m(t)  # it comes in against the axis
+    return motion_from_displacement(t, x, None, None, moving_mass_kg=_MASS_KG)
+
+
+def _recording() -> Recording:
+    """Return the beats of that motion with light switch and noise."""
+    t = np.arange(round(_LENGTH_S * _RAW_HZ)) / _RAW_HZ
+    rest = 2 * np.pi * _REST_HZ * t
+    shifted = rest + 4 * np.pi * _inside_m(t) / _WAVELENGTH_M
+    volts = np.stack([np.cos(rest), np.cos(shifted), np.where(t < 0.5 * _TOUCH_S, -1.0, 1.0)], axis=1)
+    noise = np.random.default_rng(1).normal(0, 10, volts.shape)
+    counts = np.rint(1500 * volts + noise).astype(np.int16)
+    counts.flags.writeable = False
+    channels = tuple(Channel(role, 5e-4) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
+    setup = Setup(_MASS_KG, wavelength_air_m=_WAVELENGTH_M, digitizer_bits=12)
+    return Recording("shot", counts, _RAW_HZ, channels, setup, trigger_sample=round(0.5 * _TOUCH_S * _RAW_HZ))

@@ -86,8 +86,12 @@ class CaptureThread:
         if self.closing:
             return
         self._guarded(self._digitizer.prepare)
-        self.prepared = True
+        self.touched = False
         self._guarded(lambda: self._warm(lambda: self.closing))
+        self.touched = True
+        if self.closing:
+            return
+        self.prepared = True
         if not self.closing and self._orders.empty():  # an order that waits starts the stream, or says why not, itself
             self._guarded(self._watch)
         while not self.closing:

@@ -50,7 +50,7 @@ class CaptureThread:
         self.folder_problem: str | None = None
         self.alive_s: float | None = None
         self.closing = False
-        self.touched = False  # the digitizer is this thread's alone from here on
+        self.touched = False  # the digitizer is this thread's alone while it is
         self.prepared = False  # and every call of it returns soon
         self._digitizer = digitizer
         self._recorder = recorder

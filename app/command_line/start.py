@@ -22,6 +22,7 @@ def main() -> int:
 
 def headless_shot() -> int:
     """Simulate one shot in a usual laboratory and print its readings as soon as they are there, then its fit."""
+    from analysis.combined import combined_of
     from analysis.pipeline import fitted, read
     from app.command_line.prepare import progress_lines
     from app.command_line.replay import fit_lines, summary
@@ -40,7 +41,7 @@ def headless_shot() -> int:
         ready[Stage.FIT].wait()
         read_flags, shot = shot.flags, fitted(shot)
     if shot.fit is not None and shot.fit.converged:
-        print("\n".join(fit_lines(shot.fit)))
+        print("\n".join(fit_lines(shot.fit, combined_of(shot))))
     for flag in by_weight(flag for flag in shot.flags if flag not in read_flags):
         print(f"  {flag}: {flag_words(flag)}")
     why = shot.problem or shot.fit_problem

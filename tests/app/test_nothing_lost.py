@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from PySide6.QtWidgets import QApplication, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from analysis.awaited_fit import awaits_fit
+from analysis.motion import ARRAYS
 from analysis.pipeline import fitted, read
 from analysis.recording import Channel, Recording, Role, Setup
 from analysis.shot import AnalysisSettings, Shot
@@ -168,6 +170,12 @@ def read_shot(tmp_path_factory: pytest.TempPathFactory) -> Shot:
     return shot
 
 
+def _as_from_another_process(shot: Shot) -> Shot:
+    assert shot.motion is not None
+    arrays = {name: getattr(shot.motion, name).copy() for name in ARRAYS}
+    return replace(shot, motion=replace(shot.motion, **arrays))
+
+
 def _finished(shot: Shot, fitted_later: bool = False) -> FinishedShot:
     settings = CaptureSettings(1e6, 64, 0)
     return FinishedShot(1, shot.name, Path(shot.path or ""), settings, shot, fitted_later=fitted_later)
@@ -183,7 +191,7 @@ def test_a_shot_whose_fit_is_to_follow_is_listed_at_once_and_takes_it_in_its_pla
     assert cells[8] == DASH and DASH not in cells[3:8]  # the stiffness is the fit's; all else is there
     assert "fit to follow" in panels.model._model.text()
     workbench.session.set_note(entry.number, "written meanwhile")
-    whole = fitted(read_shot)
+    whole = fitted(_as_from_another_process(read_shot))
     presenter.take(_finished(whole, fitted_later=True), stay=False)
     (entry,) = workbench.session.entries
     assert entry.shot is not None and entry.shot.fit is whole.fit and entry.note == "written meanwhile"

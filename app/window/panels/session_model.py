@@ -105,6 +105,11 @@ class SessionModel(QAbstractTableModel):
         self.order = Order()
         self._combined = CombinedOnce()
 
+    @property
+    def identities(self) -> list[int | str]:
+        """Get what each row is, whatever became of its shot."""
+        return [_identity(row) for row in self.rows]
+
     def show_entries(self, entries: tuple[Entry, ...]) -> None:
         """Show these; rows that only changed keep their place and selection."""
         self.entries = entries
@@ -117,7 +122,7 @@ class SessionModel(QAbstractTableModel):
         self._arrange()
 
     def _arrange(self) -> None:
-        before, rows = list(map(_identity, self.rows)), ordered(self.entries, self.order, _sorted_by, self._searched)
+        before, rows = self.identities, ordered(self.entries, self.order, _sorted_by, self._searched)
         after = list(map(_identity, rows))
         if after == before:
             self.rows = rows

@@ -190,9 +190,9 @@ class SessionTable(QFrame):
 
     def _keeping_selection(self, change: Callable[[], None]) -> None:
         """Let the same shots be selected after the rows were laid anew, and headings go over the whole width."""
-        before, rows = self._numbers, self.model.rows
+        before, rows = self._numbers, self.model.identities
         change()
-        if len(rows) and rows != self.model.rows[: len(rows)] and not self._selected_numbers():
+        if len(rows) and rows != self.model.identities[: len(rows)] and not self._selected_numbers():
             self.select([number for number in before if number in self.shown])
         self.table.clearSpans()
         for row, entry in enumerate(self.model.rows):

@@ -114,7 +114,7 @@ _INPUTS = {
     "plate_mass_kg": ("m_p*", "kg"),
     "plate_stiffness_n_per_m": ("k_p", "N/m"),
     "contact_stiffness_n_per_m": ("k_N", "N/m"),
-    "contact_damping_n_s_per_m": ("gamma_N", "N s/m"),
+    "contact_damping_n_s_per_m": ("γ_N", "N s/m"),
     "step_s": ("integrator step", "s"),
 }
 

@@ -29,6 +29,13 @@ class Quantity:
         digits = max(decimals, 0)
         return f"{round(self.value, decimals):.{digits}f} ± {round(self.std, decimals):.{digits}f}"
 
+    def in_a_sentence(self) -> str:
+        """Render it with a power of ten where it has more than a zero or five digits before it says anything."""
+        if not self.value or 1e-2 <= abs(self.value) < 1e5:
+            return str(self)
+        exponent = int(f"{abs(self.value):e}".partition("e")[2])
+        return f"({self.scaled(10.0**-exponent)})e{exponent}"
+
     def scaled(self, factor: float) -> "Quantity":
         """Return the same reading in another unit."""
         return Quantity(self.value * factor, self.std * abs(factor), self.how)

@@ -24,7 +24,7 @@ KEYS: Mapping[str, tuple[str, str]] = {  # the result file's name: (words, unit)
     "stiffness_slope_n_per_m": ("slope of F", "N/m"),
     "plate_mass_kg": ("m_p*", "kg"),
     "contact_stiffness_n_per_m": ("k_N", "N/m"),
-    "contact_damping_n_s_per_m": ("gamma_N", "N s/m"),
+    "contact_damping_n_s_per_m": ("γ_N", "N s/m"),
     "force_peak_n": ("peak force", "N"),
     "force_fwhm_s": ("pulse width", "s"),
     "contact_time_s": ("contact time", "s"),

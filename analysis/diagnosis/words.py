@@ -46,12 +46,7 @@ def stem(parameter: str) -> str:
 def quantity(name: str, value: Quantity, unit: str | None = None) -> str:
     """Return a parameter with its uncertainty and unit, which its name carries where it is not given."""
     unit = unit_of(name) if unit is None else unit
-    size, power = value, ""
-    if value.value and not 1e-2 <= abs(value.value) < 1e5:
-        exponent = len(f"{abs(value.value):e}".split("e")[0]) and int(f"{abs(value.value):e}".split("e")[1])
-        size, power = value.scaled(10.0**-exponent), f"e{exponent}"
-        return f"({size}){power} {unit}".strip()
-    return f"{size} {unit}".strip()
+    return f"{value.in_a_sentence()} {unit}".strip()
 
 
 def found(name: str, parameters: Mapping[str, Quantity], others: Sequence[str]) -> str:

@@ -17,7 +17,7 @@ OWN_SCALES = {"wavelength": (1e9, "nm"), "record_length": (1.0, "s"), "input.ste
 def cells(row: PaperRow) -> tuple[str, ...]:
     """Return a row as text: what, paper, as printed, simulated, recomputed, recording, difference and status."""
     said = row.paper_words or shown(row, row.paper) or "–"
-    unit = unit_of(row)
+    unit = unit_of(row).replace("m3", "m³")
     what = f"{row.what} ({unit})" if unit else row.what
     recorded = str(row.recorded.scaled(_scale(row)[0])) if isinstance(row.recorded, Quantity) else ""
     if row.status in (Status.INPUT, Status.ADDED):

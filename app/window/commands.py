@@ -12,6 +12,7 @@ class Command:
     action: str
     keys: tuple[str, ...] = ()
     line_before: bool = False  # in its menu
+    also: str | None = None  # another menu that has it too, at its end
 
 
 MENUS = ("File", "Rig", "Shots", "View", "Model", "Help")
@@ -42,7 +43,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("Shots", "Show only shots with some words", "filter_shots", ("Ctrl+F",)),
     Command("Shots", "Choose the columns …", "choose_columns", ("Ctrl+Shift+F",)),
     Command("Shots", "Take the selected shots off the list", "remove_selected", ("Del",), True),
-    Command("Shots", "Undo the last note, removal or change of the model", "undo", ("Ctrl+Z",)),
+    Command("Shots", "Undo the last note, removal or change of the model", "undo", ("Ctrl+Z",), also="Model"),
     Command("View", "LIVE", "show_live", ("Ctrl+1",)),
     Command("View", "SHOT", "show_shot_page", ("Ctrl+2",)),
     Command("View", "COMPARE", "show_compare", ("Ctrl+3",)),

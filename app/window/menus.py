@@ -23,6 +23,7 @@ def bind(
         more.setToolTip("More menus")
     menus = {name: bar.addMenu(f"&{name}") for name in MENUS}
     actions: dict[str, QAction] = {}
+    again: list[tuple[str, QAction]] = []
     for command in COMMANDS:
         if command.action in (below or {}):
             menus[command.menu].addMenu((below or {})[command.action])
@@ -36,7 +37,12 @@ def bind(
         if command.line_before:
             menus[command.menu].addSeparator()
         menus[command.menu].addAction(action)
+        if command.also is not None:
+            again.append((command.also, action))
         actions[command.action] = action
+    for name, action in again:
+        menus[name].addSeparator()
+        menus[name].addAction(action)
     return actions
 
 

@@ -23,9 +23,11 @@ def local(text: str) -> str:
 
 
 def local_words(text: str) -> str:
-    """Return a sentence with its numbers in the system's decimal format, exponents without needless signs and zeros."""
+    """Return a sentence as the screen has it: numbers in the system's decimal format, exponents without needless
+    signs and zeros, people's names with a capital, an arrow for "->"."""
     plain = re.sub(r"(?<![\w.)])(\d+(?:\.\d+)?)e\+?0*([0-6])\b", lambda m: f"{float(m[0]):.0f}", text)
     plain = re.sub(r"(?<=\d)e([+-])0?(\d+)", lambda found: f"e{found[1].replace('+', '')}{found[2]}", plain)
+    plain = re.sub(r"\b(coulomb|stribeck)\b", lambda m: m[0].capitalize(), plain.replace("->", "→"))
     point = QLocale().decimalPoint()
     return plain if point == "." else re.sub(r"(?<=\d)\.(?=\d)", point, plain)
 
@@ -81,11 +83,11 @@ def how_text(name: str, reading: Reading | None, meaning: str = "", std: str = "
 
 
 def parameter_words(name: str, value: Quantity) -> str:
-    """Return "coefficient 0.00190 ± 0.00010 N s²/m²" for "coefficient_n_s2_per_m2"."""
+    """Return "coefficient (1.90 ± 0.10)e-3 N s²/m²" for "coefficient_n_s2_per_m2", as a diagnosis's sentence has it."""
     base, _, shot = called(name).partition(".")
     words, unit = parameter_parts(base)
     which = f" of shot {shot}" if shot else ""
-    return f"{words}{which} {value_text(value)} {unit}".rstrip()
+    return f"{words}{which} {local(value.in_a_sentence())} {unit}".rstrip()
 
 
 def short_name(name: str) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QLocale
 
+from analysis.diagnosis import words
 from analysis.quantity import NotSeen, Quantity
 from analysis.signal.quality import MEANINGS
 from app.words import wording
@@ -40,7 +41,7 @@ def test_the_screen_follows_the_systems_decimal_sign(german):
 
 def test_parameters_are_said_with_their_unit():
     words = wording.parameter_words("coefficient_n_s2_per_m2", Quantity(1.9e-3, 1e-4))
-    assert words == "coefficient 0.00190 ± 0.00010 N s²/m²"
+    assert words == "coefficient (1.90 ± 0.10)e-3 N s²/m²"
     assert wording.parameter_words("force_n", Quantity(2e-5, 1e-6)).endswith(" N")
     assert wording.parameter_words("damping_ratio", Quantity(0.1, 0.01)) == "damping ratio 0.100 ± 0.010"
 
@@ -70,3 +71,14 @@ def test_a_sentence_of_the_diagnosis_is_put_as_the_screen_puts_numbers(german):
         "stiffness below 90 N/m³; friction below 3e-8 N; 0,0001; (2,0 ± 0,1)e-4; file shot-1.csv"
     )
     assert number(-0.0) == "0"
+
+
+def test_a_sentence_has_peoples_names_with_a_capital_and_a_true_arrow():
+    said = wording.local_words("The drive has coulomb friction and stribeck friction. Force error 9.16 -> 1.01 N.")
+    assert said == "The drive has Coulomb friction and Stribeck friction. Force error 9.16 → 1.01 N."
+
+
+def test_a_row_states_a_number_as_the_sentence_above_it_does():
+    for value in (0.00100000002, 0.9999999e-3, 2.5e-5, 12.0, 3e5):
+        q = Quantity(value, 1.3e-4 * value)
+        assert words.quantity("coefficient_n_s2_per_m2", q) in wording.parameter_words("coefficient_n_s2_per_m2", q)

@@ -188,6 +188,8 @@ class NumbersPanel(QScrollArea):
                 self._mark(row, doubts, hover)
                 told = "; ".join(flag_words(flag) for flag in doubts)
                 label.setAccessibleDescription(f"{label.text()} {row.unit} {told}".rstrip())
+        self.noise_only.setVisible(not driven)  # no number of a drive has a budget
+        self.budget.setVisible(not driven)
         self.effects.setText("\n".join(_effect_lines(shot)))
         self._show_agreement(shot)
         self._show_flags(shot)

@@ -11,7 +11,7 @@ from analysis.diagnosis.cross_validation import Prediction, predict
 from analysis.diagnosis.forward_selection import Trail, another_way, better, without
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import missed_without, snr
-from analysis.diagnosis.projector import Projector, projector
+from analysis.diagnosis.projector import Projector
 from analysis.diagnosis.residual import Residual, judge
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot import Progress
@@ -43,14 +43,9 @@ def paying(best: Fitted, held: tuple[int, ...], trail: Trail) -> tuple[Fitted, T
     return before, (first, first) if first is not None else None
 
 
-def projector_of(best: Fitted, trail: Trail) -> Projector:
-    """Return the fit's projector: that of the last round where it was this fit's, whose columns are done."""
-    return trail.last if trail.last is not None and trail.last.fitted is best else projector(best)
-
-
 def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
     """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
-    at = projector_of(best, trail)
+    at = trail.projector_of(best)
     while added := trail.added(best):
         fewer = {name: without(best, name, trail) for name in added}
         sizes = {name: min(snr(best, at, name), missed_without(best, fewer[name])) for name in added}
@@ -61,9 +56,9 @@ def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
             if len(added) == 1 or not faintest or pay[faintest] >= CRITERIA.several_fall:
                 break
         best = (fewer[faintest] if len(added) > 1 else None) or trail.start
-        at = projector_of(best, trail)
+        at = trail.projector_of(best)
     if best is not trail.start and not trail.pays(best, trail.start):
-        best, at = trail.start, projector_of(trail.start, trail)
+        best, at = trail.start, trail.projector_of(trail.start)
     return best, at
 
 

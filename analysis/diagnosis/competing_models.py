@@ -13,7 +13,7 @@ from analysis.diagnosis.forward_selection import Trail, better, without
 from analysis.diagnosis.free_parameters import TrialEffect
 from analysis.diagnosis.hypothesis_fit import Fitted, fit
 from analysis.diagnosis.identifiability import Separation, separation
-from analysis.diagnosis.projector import Projector, projector
+from analysis.diagnosis.projector import Projector
 from analysis.diagnosis.residual import Residual, judge
 from analysis.diagnosis.screening import scores
 from analysis.model.effects import named
@@ -58,7 +58,7 @@ def challenged(
         left = [kind for kind in near if known[kind.name] is None]
         fitted = [one for one in known.values() if one is not None]
         if left:
-            instead = partial(fitted_instead, best, projector(fewer), distances, frequency, trail.stop)
+            instead = partial(fitted_instead, best, trail.projector_of(fewer), distances, frequency, trail.stop)
             fitted += [one for one in side_by_side(instead, left) if one is not None]
         for one in fitted:
             trail.keep(one)
@@ -68,7 +68,7 @@ def challenged(
         return best, at, far
     kept = fit(kept.hypothesis, kept.z, kept.floor, evaluations=60, cancelled=trail.stop)
     trail.keep(kept)
-    at = projector(kept)
+    at = trail.projector_of(kept)
     return kept, at, apart(kept, at, trail)
 
 
@@ -86,7 +86,7 @@ def unmissed(
     ]
     for other in sorted(near, key=lambda fitted: fitted.bic)[:_FITTED]:
         trail.go_on()
-        there = projector(other)
+        there = trail.projector_of(other)
         left = judge(other, there)
         if not left.significant and foretells(other):
             return other, there, left

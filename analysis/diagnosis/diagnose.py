@@ -23,7 +23,7 @@ from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
 from analysis.diagnosis.joint_data import shakings_of, site_under
 from analysis.diagnosis.profile import with_profile_std
-from analysis.diagnosis.projector import Projector, projector
+from analysis.diagnosis.projector import Projector
 from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search import Search, Searched
@@ -134,7 +134,7 @@ def _judged(asked: _Asked, searched: Searched, *, laws: bool = True) -> _Judged:
         fewer = without(best, unclear[0], trail)
         if fewer is None:
             break
-        best, at = fewer, projector(fewer)
+        best, at = fewer, trail.projector_of(fewer)
         rest, far = judge(best, at), apart(best, at, trail)
     if best is not stands.passed and told is not None:
         retold = predict(best, held, best.floor, stop)

@@ -39,7 +39,7 @@ class Trail:
     stop: Stop
     scores: dict[str, Score] = field(default_factory=dict)
     fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
-    last: Projector | None = None  # of the round that found nothing more
+    last: Projector | None = None  # of the last round
     asked: set[tuple[str, ...]] = field(default_factory=set)  # fitted from a fit with one effect more, too
 
     def __post_init__(self) -> None:
@@ -68,6 +68,12 @@ class Trail:
         key = tuple(sorted(fitted.names))
         if key not in self.fits or fitted.bic < self.fits[key].bic:
             self.fits[key] = fitted
+
+    def projector_of(self, fitted: Fitted) -> Projector:
+        """Return a fit's projector, with what the last one's trajectories tell of it; that one itself if it is its."""
+        if self.last is not None and self.last.fitted is fitted:
+            return self.last
+        return projector(fitted, near=self.last)
 
     def of(self, names: Sequence[str]) -> Fitted | None:
         """Return the best fit of these effects, if there is one."""
@@ -122,7 +128,7 @@ def polish(fitted: Fitted, trail: Trail) -> Fitted:
 
 def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
     """Return the best fit with one effect more, or None where nothing scored."""
-    at = projector(here)
+    at = trail.projector_of(here)
     trail.last = at
     free = [kind for kind in trail.catalogue if kind.name not in here.names]
     if here.hypothesis.data.base.one_body:

@@ -17,6 +17,7 @@ from analysis.model.on_frame import can_tell
 from analysis.model.response import PLATE_START, Base
 from analysis.motion import Motion
 from analysis.reading.read import shaking_in
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 _TRUSTED = 1.5  # chi^2 a sample, up to which a fit's plates are the site's doing
@@ -31,7 +32,7 @@ def shakings_of(
     """
     if model != "paper" or not all(can_tell(motion) for motion in motions):
         return (None,) * len(motions)
-    return tuple(known) if known is not None else tuple(shaking_in(motion) for motion in motions)
+    return tuple(known if known is not None else side_by_side(shaking_in, motions))
 
 
 def site_under(motions: Sequence[Motion], shakings: Sequence[Shaking | None]) -> Site | None:

@@ -41,7 +41,7 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
         before = part.stop
         key = f"lines {part.start}"
         make = partial(_waves, grid, shot.centre_s)
-        bare = at.once(key, make, under_any_floor=True)
+        bare = at.once(key, make, nearby=True)
         both = at.once(key, partial(shot.whitened, at.floor, bare))
         # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
         inner = at.basis[part].T @ both

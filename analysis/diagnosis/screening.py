@@ -63,7 +63,6 @@ def scores(at: Projector, kind: TrialEffect) -> list[Score]:
     base = at.once(
         f"base seen finely {sensor}",
         lambda: [_shown(at.fitted.hypothesis, i, point, sensor) for i in range(len(shots))],
-        under_any_floor=True,
     )
     freedom = len(kind.shared) + len(kind.own) * len(shots)
 
@@ -79,7 +78,7 @@ def scores(at: Projector, kind: TrialEffect) -> list[Score]:
     if kind.own:
         return _own_amplitudes(at, kind, column, freedom)
     grid = partial(_columns, at, kind, kind.starts, column)
-    starts, bare = at.once(f"columns of {kind.name}", grid, under_any_floor=True)
+    starts, bare = at.once(f"columns of {kind.name}", grid, nearby=True)
     out = _linear(at, kind, starts, at.once(kind.name, lambda: at.whitened(bare)), freedom)
 
     def more(some: Sequence[Mapping[str, float]]) -> list[Score]:
@@ -131,7 +130,7 @@ def _first_order(at: Projector, kind: TrialEffect, starts: Sequence[Mapping[str,
         out = np.empty((shots[index].time_s.size, len(starts)))
         for some in np.unique(steps):
             make = partial(first_order.path_of, shots[index], int(some))
-            path = at.once(f"path {index} {some}", make, under_any_floor=True)
+            path = at.once(f"path {index} {some}", make, nearby=True)
             which = np.flatnonzero(steps == some)
             part = first_order.responses(shots[index], path, effect, [starts[int(k)] for k in which])
             if part is None:
@@ -226,7 +225,7 @@ def _own_amplitudes(
             parts = [{**start, **{n: 0.0 for n in kind.amplitude if n != name}} for name in kind.amplitude]
         makes = [partial(column, part) for part in parts]
         found = [
-            at.once(f"column of {kind.name} {p}", m, under_any_floor=True) for p, m in zip(parts, makes, strict=True)
+            at.once(f"column of {kind.name} {p}", m, nearby=True) for p, m in zip(parts, makes, strict=True)
         ]
         if any(f is None for f in found):
             continue

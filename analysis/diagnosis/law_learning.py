@@ -16,6 +16,7 @@ from analysis.diagnosis.closed_forms import Fitting, compress
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.cross_validation import Prediction, predict
 from analysis.diagnosis.curve_fit import Learned, fit_terms, refine, screen
+from analysis.diagnosis.curve_motion import ground_of
 from analysis.diagnosis.effective_parameters import Point
 from analysis.diagnosis.free_parameters import trial_effect
 from analysis.diagnosis.hypothesis import Hypothesis
@@ -138,13 +139,14 @@ def _argument(learned: Learned) -> Argument:
 
 def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop: Stop) -> list[Learned]:
     """Return the curves that explain most, best first, those in front with the knots they ask for."""
+    ground = ground_of(start)
 
     def one(argument: Argument) -> Learned | None:
         if stop():
             raise Cancelled
         tell(f"trying a force of the {argument.name}", 0.8)
         try:
-            return screen(start, argument, FIRST_PIECES, stop, steps=_FIRST_STEPS)
+            return screen(ground, argument, FIRST_PIECES, stop, steps=_FIRST_STEPS)
         except (Infeasible, ValueError, np.linalg.LinAlgError):
             return None
 

@@ -9,6 +9,7 @@ a model leaves over, anew for every model that is compared: white noise plus Orn
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -58,36 +59,40 @@ def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _normalised(values, valid, white, q0, phi0, p0, q1, phi1, p1):  # type: ignore[no-untyped-def]
-    """Return (sum of squared innovations over their variances, sum of log variances) for ``white`` variance.
+def _normalised(values, valid, first, white, kalman):  # type: ignore[no-untyped-def]
+    """Return (sum of squared innovations over their variances, sum of log variances) of all shots.
 
-    About 10 ns a sample; once the variances stand still they are not computed again.
+    Shot j begins at ``first[j]`` and has the white variance ``white[j]``; ``kalman`` is what ``Floor.kalman`` has after
+    its first.  About 10 ns a sample; once the variances stand still they are not computed again.
     """
-    a, b, c = p0, 0.0, p1
-    s0, s1, square, logs = 0.0, 0.0, 0.0, 0.0
-    k0, k1, variance, log_variance = 0.0, 0.0, 1.0, 0.0
-    steady = False
-    for i in range(valid.size):
-        if i > 0:
-            s0, s1 = phi0 * s0, phi1 * s1
+    q0, phi0, p0, q1, phi1, p1 = kalman
+    square, logs = 0.0, 0.0
+    for shot in range(white.size):
+        a, b, c = p0, 0.0, p1
+        s0, s1 = 0.0, 0.0
+        k0, k1, variance, log_variance = 0.0, 0.0, 1.0, 0.0
+        steady = False
+        for i in range(first[shot], first[shot + 1]):
+            if i > first[shot]:
+                s0, s1 = phi0 * s0, phi1 * s1
+                if not steady:
+                    a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
+            if not valid[i]:
+                if steady:  # the filter forgets across a gap
+                    a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
+                steady = False
+                continue
             if not steady:
-                a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
-        if not valid[i]:
-            if steady:  # the filter forgets across a gap
-                a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
-            steady = False
-            continue
-        if not steady:
-            before = variance
-            variance = a + 2 * b + c + white
-            log_variance = math.log(variance)
-            k0, k1 = (a + b) / variance, (b + c) / variance
-            steady = abs(variance - before) < 1e-9 * variance
-            a, b, c = a - k0 * (a + b), b - k0 * (b + c), c - k1 * (b + c)
-        error = values[i] - s0 - s1
-        square += error * error / variance
-        logs += log_variance
-        s0, s1 = s0 + k0 * error, s1 + k1 * error
+                before = variance
+                variance = a + 2 * b + c + white[shot]
+                log_variance = math.log(variance)
+                k0, k1 = (a + b) / variance, (b + c) / variance
+                steady = abs(variance - before) < 1e-9 * variance
+                a, b, c = a - k0 * (a + b), b - k0 * (b + c), c - k1 * (b + c)
+            error = values[i] - s0 - s1
+            square += error * error / variance
+            logs += log_variance
+            s0, s1 = s0 + k0 * error, s1 + k1 * error
     return square, logs
 
 
@@ -128,10 +133,7 @@ class Floor:
     @property
     def kalman(self) -> tuple[float, float, float, float, float, float, float]:
         """Get white variance, then (step variance, memory of a step, variance) of each part."""
-        phi = [math.exp(-self.spacing_s / tau) for tau in self.tau_s]
-        var = [rms**2 for rms in self.rms_m]
-        q = [v * -math.expm1(-2 * self.spacing_s / tau) for v, tau in zip(var, self.tau_s, strict=True)]
-        return (self.white_m**2, q[0], phi[0], var[0], q[1], phi[1], var[1])
+        return (self.white_m**2, *_steps_of(self.rms_m, self.tau_s, self.spacing_s))
 
     def whiten(self, columns: Floats, valid: Mask, weight: float = 1.0) -> Floats:
         """Return ``columns``, shape (n, k), as unit white noise where their noise is this one; shape (m, k).
@@ -167,6 +169,17 @@ class Floor:
         return total
 
 
+def _steps_of(
+    rms: Sequence[float], tau_s: Sequence[float], spacing_s: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return (step variance, memory of a step, variance) of each of two parts."""
+    (one, two), (memory, other) = rms, tau_s
+    return (
+        one * one * -math.expm1(-2 * spacing_s / memory), math.exp(-spacing_s / memory), one * one,
+        two * two * -math.expm1(-2 * spacing_s / other), math.exp(-spacing_s / other), two * two,
+    )  # fmt: skip
+
+
 def white_floor(white_m: float, spacing_s: float) -> Floor:
     """Return the floor of white noise alone, ``white_m`` a sample."""
     return Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), spacing_s)
@@ -188,9 +201,8 @@ def learn(
     begin.  About 2-10 ms for three shots.
     """
     values = [np.where(v, s, 0.0) for s, v in zip(series, valid, strict=True)]
-    count = max(1, sum(int(v.sum()) for v in valid))
-    spread = np.ones(len(values)) if weights is None else np.asarray(weights, dtype=np.float64)
-    best, best_value = _scaled(values, valid, spread, spacing_s, (), count)
+    all_of = _Series.of(values, valid, weights, spacing_s)
+    best, best_value = all_of.scaled(())
     begins = [(1.0, 5e-3), (0.3, 5e-2)]
     if start is not None and start.rms_m[0] > 0:
         begins[0] = (start.rms_m[0] / start.white_m, start.tau_s[0])
@@ -199,8 +211,8 @@ def learn(
     else:
         begins[0] = (max(1.0, _roughness(values, valid)), 5e-3)
     for number in range(1, parts + 1):
-        trial, value = _search(values, valid, spread, spacing_s, begins[:number], count)
-        if 2 * (value - best_value) < 2 * math.log(count):
+        trial, value = _search(all_of, begins[:number])
+        if 2 * (value - best_value) < 2 * math.log(all_of.samples):
             break
         best, best_value = trial, value
         if number == 1:
@@ -211,50 +223,52 @@ def learn(
     return best, best_value
 
 
-def _roughness(values: Sequence[Floats], valid: Sequence[Mask]) -> float:
+def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
     """Return the spread of the values over that of their white part (third differences)."""
-    quick = np.concatenate([np.diff(s, 3)[v[3:] & v[:-3]] for s, v in zip(values, valid, strict=True)])
+    quick = np.concatenate([np.diff(s, 3)[v[3:] & v[:-3]] for s, v in zip(series, valid, strict=True)])
     white = 1.4826 * float(np.median(np.abs(quick))) / math.sqrt(20) if quick.size else 0.0
-    spread = math.sqrt(float(np.mean(np.concatenate([s[v] ** 2 for s, v in zip(values, valid, strict=True)]))))
+    spread = math.sqrt(float(np.mean(np.concatenate([s[v] ** 2 for s, v in zip(series, valid, strict=True)]))))
     return spread / white if white > 0 else 1e3
 
 
-def _scaled(
-    values: Sequence[Floats],
-    valid: Sequence[Mask],
-    weights: Floats,
-    spacing_s: float,
-    shape: Sequence[tuple[float, float]],
-    count: int,
-) -> tuple[Floor, float]:
-    """Return the floor whose parts have ``shape`` (rms over white, tau), with the likeliest size; and its likelihood.
+class _Series(NamedTuple):
+    """What floors are weighed on: the values of all shots one after another, shot j from ``first[j]``.
 
-    The size follows in closed form from the normalised innovations.
+    ``white`` are the shots' white variances relative to each other, ``samples`` is the number of valid values.
     """
-    rms, tau = [0.0, 0.0], [1e-2, 1e-2]
-    for j, (ratio, memory) in enumerate(shape):
-        rms[j], tau[j] = ratio, memory
-    unit = Floor(1.0, (rms[0], rms[1]), (tau[0], tau[1]), spacing_s)
-    square, logs = 0.0, 0.0
-    kalman = unit.kalman[1:]
-    for s, v, w in zip(values, valid, weights, strict=True):
-        one, two = _normalised(s, v, float(w * w), *kalman)
-        square += one
-        logs += two
-    variance = max(square / count, 1e-40)
-    white = math.sqrt(variance)
-    value = -0.5 * (count * math.log(2 * math.pi * variance) + logs + count)
-    return Floor(white, (rms[0] * white, rms[1] * white), (tau[0], tau[1]), spacing_s), value
+
+    values: Floats
+    valid: Mask
+    first: NDArray[np.int64]
+    white: Floats
+    spacing_s: float
+    samples: int
+
+    @classmethod
+    def of(
+        cls, series: Sequence[Floats], valid: Sequence[Mask], weights: Sequence[float] | None, spacing_s: float
+    ) -> "_Series":
+        """Return the series of shots, nothing where a value is not valid; ``weights`` as ``learn`` takes them."""
+        held = np.concatenate(valid)
+        spread = np.ones(len(series)) if weights is None else np.asarray(weights, dtype=np.float64)
+        first = np.concatenate([[0], np.cumsum([s.size for s in series])]).astype(np.int64)
+        return cls(np.concatenate(series), held, first, spread**2, spacing_s, max(1, int(held.sum())))
+
+    def scaled(self, shape: Sequence[tuple[float, float]]) -> tuple[Floor, float]:
+        """Return the floor whose parts have ``shape`` (rms over white, tau), with the likeliest size; its likelihood.
+
+        The size follows in closed form from the normalised innovations.
+        """
+        (one, first), (two, second) = (*shape, *(((0.0, 1e-2),) * (2 - len(shape))))
+        kalman = _steps_of((one, two), (first, second), self.spacing_s)
+        square, logs = _normalised(self.values, self.valid, self.first, self.white, kalman)
+        variance = max(square / self.samples, 1e-40)
+        white = math.sqrt(variance)
+        value = -0.5 * (self.samples * math.log(2 * math.pi * variance) + logs + self.samples)
+        return Floor(white, (one * white, two * white), (first, second), self.spacing_s), value
 
 
-def _search(
-    values: Sequence[Floats],
-    valid: Sequence[Mask],
-    weights: Floats,
-    spacing_s: float,
-    begin: Sequence[tuple[float, float]],
-    count: int,
-) -> tuple[Floor, float]:
+def _search(series: _Series, begin: Sequence[tuple[float, float]]) -> tuple[Floor, float]:
     span = math.log(LONGEST_TAU_S / SHORTEST_TAU_S)
 
     def shape(z: Floats) -> list[tuple[float, float]]:
@@ -273,9 +287,9 @@ def _search(
     corners = np.repeat(start[None, :], start.size + 1, axis=0)
     corners[np.arange(start.size) + 1, np.arange(start.size)] += 0.6
     found = minimize(
-        lambda at: -_scaled(values, valid, weights, spacing_s, shape(at), count)[1],
+        lambda at: -series.scaled(shape(at))[1],
         start,
         method="Nelder-Mead",
         options={"xatol": 2e-2, "fatol": 5e-2, "maxfev": 60 * len(begin), "initial_simplex": corners},
     )
-    return _scaled(values, valid, weights, spacing_s, shape(found.x), count)
+    return series.scaled(shape(found.x))

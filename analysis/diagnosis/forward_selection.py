@@ -23,10 +23,12 @@ from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 REFITTED = 5
+STRONGER = 3  # more, where what is left is no mere noise
 WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search: worth a longer one
 WORTH_FITTING = 8.0  # of gain; a step that promises less never makes the fall that is asked for
 UNDER_THE_FLOOR = 3  # more, of those that would do best if the floor did not wander
 OTHER_FIRSTS = 2  # to begin with where what was found leaves something unexplained
+NARROW = 3  # of those that score best are fitted on such a way, where the right one stands in front
 CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
 
 
@@ -97,14 +99,14 @@ def another_way(best: Fitted, trail: Trail) -> Fitted:
         if len(key) == single and len(trail.added(fitted)) == 1 and not set(key) <= set(best.names)
     ]
     some = sorted(firsts, key=lambda fitted: fitted.bic)[:OTHER_FIRSTS]
-    ends = [climb(polish(first, trail), trail, CRITERIA.most_effects - 1) for first in some]
+    ends = [climb(polish(first, trail), trail, CRITERIA.most_effects - 1, NARROW) for first in some]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
-def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects) -> Fitted:
-    """Return the best fit with at most ``most`` effects more than ``here``, one at a time."""
+def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: int = REFITTED + STRONGER) -> Fitted:
+    """Return the best fit with at most ``most`` effects more than ``here``, one at a time, of ``width`` at most."""
     for _ in range(most):
-        best = extend(here, trail, first=len(here.names) == len(trail.start.names))
+        best = extend(here, trail, first=len(here.names) == len(trail.start.names), width=width)
         # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
         if best is None or here.bic - best.bic < trail.least_fall():
             break
@@ -126,8 +128,8 @@ def polish(fitted: Fitted, trail: Trail) -> Fitted:
     return better
 
 
-def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
-    """Return the best fit with one effect more, or None where nothing scored."""
+def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFITTED + STRONGER) -> Fitted | None:
+    """Return the best fit with one effect more of the ``width`` that score best, or None where nothing scored."""
     at = trail.projector_of(here)
     trail.last = at
     free = [kind for kind in trail.catalogue if kind.name not in here.names]
@@ -141,7 +143,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False) -> Fitted | None:
     compared = (REFITTED if ranked and ranked[0][0].gain > WORTH_FITTING else 2) if first else 0
     tried = [
         score
-        for place, listed in enumerate(ranked[: REFITTED + 3 if strong else REFITTED])
+        for place, listed in enumerate(ranked[: min(width, REFITTED + STRONGER if strong else REFITTED)])
         if strong or place < compared or listed[0].gain > WORTH_FITTING
         for score in _starts(listed)[: 1 if place >= 2 else 2]
     ]

@@ -224,9 +224,7 @@ def _own_amplitudes(
         else:
             parts = [{**start, **{n: 0.0 for n in kind.amplitude if n != name}} for name in kind.amplitude]
         makes = [partial(column, part) for part in parts]
-        found = [
-            at.once(f"column of {kind.name} {p}", m, nearby=True) for p, m in zip(parts, makes, strict=True)
-        ]
+        found = [at.once(f"column of {kind.name} {p}", m, nearby=True) for p, m in zip(parts, makes, strict=True)]
         if any(f is None for f in found):
             continue
         blocks = []

@@ -45,6 +45,7 @@ Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
 _CORRECTIONS = 6
 _STEEP = 1e-5  # of damping, relative: directions flatter than that are not corrected
+_STRAIGHT = 1.0  # of chi^2: a step that is to bring less is too short for a valley to bend on the way
 
 
 def minimise(
@@ -95,7 +96,9 @@ def minimise(
         there = np.clip(here + step, low, high)
         moved = there - here
         expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
-        back = None if residual is None else _back_to_the_valley(residual, square, here, moved, free, (low, high))
+        back = None
+        if residual is not None and (expected > _STRAIGHT or refused):
+            back = _back_to_the_valley(residual, square, here, moved, free, (low, high))
         try:
             if back is not None and back[1] >= square.chi2:  # it will be refused: spare the derivatives there
                 raise Infeasible("the step leads out of the valley")

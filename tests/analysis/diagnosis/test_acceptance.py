@@ -57,7 +57,7 @@ def kept(sizes: dict[str, float], worth: float, monkeypatch: pytest.MonkeyPatch)
     """Return which effects of these sizes and this worth each are not too faint."""
     monkeypatch.setattr(acceptance, "snr", lambda _fit, _at, name: sizes[name])
     monkeypatch.setattr(acceptance, "missed_without", lambda *_: 100.0)
-    monkeypatch.setattr(acceptance, "projector_of", lambda _fit, _trail: None)
+    monkeypatch.setattr(Trail, "projector_of", lambda _trail, _fit: None)
     monkeypatch.setattr(
         acceptance, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name), worth=fit.worth)
     )

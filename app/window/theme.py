@@ -273,5 +273,7 @@ class Theme(QObject):
         application = QApplication.instance()
         if isinstance(application, QApplication):
             application.setPalette(palette(self._colours))
-            application.setStyleSheet(style_sheet(self._colours))
+            sheet = style_sheet(self._colours)
+            if application.styleSheet() != sheet:  # each widget that is there is polished anew: 2 s for a window
+                application.setStyleSheet(sheet)
         self.changed.emit()

@@ -75,7 +75,7 @@ def learned(law: LearnedLaw) -> str:
     what += " while they touch" if law.form == "constant" else f" that follows the {law.argument}"
     if law.form is None:
         return f"{what}, by no closed form that was tried (nearest: {law.nearest_form})"
-    numbers = ", ".join(f"{name} {q} {unit}".strip() for name, (q, unit) in law.parameters.items())
+    numbers = ", ".join(f"{name} {quantity(name, q, unit)}" for name, (q, unit) in law.parameters.items())
     others = [
         o.form + (f" in the {o.argument}" if (o.where, o.argument) != (law.where, law.argument) else "")
         for o in law.other_forms

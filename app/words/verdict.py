@@ -8,10 +8,11 @@ _NAMES = {words: name.replace("_", " ").replace("coulomb", "Coulomb") for name, 
 
 
 def verdict_words(diagnosis: Diagnosis) -> str:
-    """Return "adequate", "unexplained", or the effects that were found."""
-    if diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.PARTLY_EXPLAINED):
-        return " + ".join(effect_words(effect.name) for effect in diagnosis.effects)
-    return str(diagnosis.verdict)
+    """Return the effects and laws that were found, else the verdict itself, such as "adequate"."""
+    found = [effect_words(one.name) for one in diagnosis.findings]
+    if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNEXPLAINED) or not found:
+        return str(diagnosis.verdict).replace("_", " ")
+    return " + ".join(found)
 
 
 def verdict_in_short(words: str) -> str:

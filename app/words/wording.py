@@ -2,10 +2,11 @@
 
 import math
 import re
+from collections.abc import Mapping
 
 from PySide6.QtCore import QLocale
 
-from analysis.laws.own import called
+from analysis.laws.own import called, from_key
 from analysis.quantity import NotSeen, Quantity, Reading
 from app.words.physics_words import effect_words as effect_words
 from app.words.physics_words import model_effect_words as model_effect_words
@@ -82,10 +83,16 @@ def how_text(name: str, reading: Reading | None, meaning: str = "", std: str = "
     return "<br>".join(line for line in lines if line)
 
 
-def parameter_words(name: str, value: Quantity) -> str:
+def effect_numbers(effect: str, parameters: Mapping[str, Quantity]) -> str:
+    """Return an effect's parameters in words; those of a law that a person or the program wrote have its units."""
+    units = {parameter.name: parameter.unit for parameter in from_key(effect).parameters} if "{" in effect else {}
+    return ", ".join(parameter_words(name, value, units.get(name)) for name, value in parameters.items())
+
+
+def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
     """Return "coefficient (1.90 ± 0.10)e-3 N s²/m²" for "coefficient_n_s2_per_m2", as a diagnosis's sentence has it."""
     base, _, shot = called(name).partition(".")
-    words, unit = parameter_parts(base)
+    words, unit = parameter_parts(base) if unit is None else (base, unit)
     which = f" of shot {shot}" if shot else ""
     return f"{words}{which} {local(value.in_a_sentence())} {unit}".rstrip()
 

@@ -1,16 +1,19 @@
 """Numbers as the screen states them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QLocale
 
 from analysis.diagnosis import words
+from analysis.diagnosis.result import Verdict
 from analysis.quantity import NotSeen, Quantity
 from analysis.signal.quality import MEANINGS
-from app.words import wording
+from app.words import verdict, wording
 from app.words.flag_words import FLAG_WORDS
 from app.words.wording import number, parameter_words
+from tests.app import synthetic
 
 
 @pytest.fixture
@@ -82,3 +85,13 @@ def test_a_row_states_a_number_as_the_sentence_above_it_does():
     for value in (0.00100000002, 0.9999999e-3, 2.5e-5, 12.0, 3e5):
         q = Quantity(value, 1.3e-4 * value)
         assert words.quantity("coefficient_n_s2_per_m2", q) in wording.parameter_words("coefficient_n_s2_per_m2", q)
+
+
+def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
+    shot = synthetic.shot(count=9000)
+    law = synthetic.learned_law()
+    sizes = {name: q for name, (q, _) in law.parameters.items()}
+    learned = replace(synthetic.diagnosis(shot), verdict=Verdict.LAW_LEARNED, effects=(), laws=(law,))
+    assert verdict.verdict_words(learned) == "a force of the place, exponential"
+    assert verdict.verdict_words(replace(learned, laws=())) == "law learned"
+    assert wording.effect_numbers(law.name, sizes) == "a (-4.0000 ± 0.0010)e-3 N, b (5.0000 ± 0.0010)e-4 m"

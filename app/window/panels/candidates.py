@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QScrollArea, QSizePolicy, QWi
 
 from analysis.diagnosis.result import Candidate
 from app.window.theme import MARKS, Colours, Tone
-from app.words.wording import DASH, effect_words, number, parameter_words
+from app.words.wording import DASH, effect_numbers, effect_words, number
 
 SHOWN_CANDIDATES = 19
 NARROWEST = 16  # letters of a name in one line
@@ -70,8 +70,7 @@ class CandidateBars(QScrollArea):
             evidence = QLabel(bic, inner)
             evidence.setProperty("faint", True)
             hover = "<br>".join(
-                [f"<b>{candidate.name}</b>", candidate.remark]
-                + [parameter_words(key, value) for key, value in candidate.parameters.items()]
+                (f"<b>{candidate.name}</b>", candidate.remark, effect_numbers(candidate.name, candidate.parameters))
             )
             for place, widget in enumerate((name, Bar(abs(candidate.score) / most, colour, inner), score, evidence)):
                 widget.setToolTip(hover)

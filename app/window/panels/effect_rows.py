@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from analysis.diagnosis.result import FoundEffect
 from app.window.clear_layout import clear_layout
-from app.words.wording import effect_words, parameter_words
+from app.words.wording import effect_numbers, effect_words
 
 TRIED = "tried: no diagnosis named it"
 
@@ -29,7 +29,7 @@ class EffectRows(QWidget):
         held = focused.property("effect") if focused is not None and self.isAncestorOf(focused) else None
         clear_layout(self._column)
         for effect in found:
-            parameters = ", ".join(parameter_words(key, value) for key, value in effect.parameters.items())
+            parameters = effect_numbers(effect.name, effect.parameters)
             rivals = ", ".join(effect_words(name) for name in effect.indistinguishable_from)
             words = parameters + (f"   cannot be told from: {rivals}" if rivals else "")
             self._add_row(effect.name, words, effect.name in in_model)

@@ -28,10 +28,10 @@ from app.window.theme import MARKS, Colours, Tone, sized
 from app.words.flag_words import by_weight, flag_words
 from app.words.wording import (
     concise_text,
+    effect_numbers,
     effect_words,
     how_text,
     kept_words,
-    parameter_words,
     value_text,
 )
 
@@ -46,7 +46,7 @@ def _effect_lines(shot: Shot | None) -> list[str]:
         own = {
             name.removeprefix(f"{effect}."): q for name, q in fit.parameters.items() if name.startswith(f"{effect}.")
         }
-        lines.append(f"{effect_words(effect)}: " + ", ".join(parameter_words(name, q) for name, q in own.items()))
+        lines.append(f"{effect_words(effect)}: " + effect_numbers(effect, own))
     return lines
 
 

@@ -175,14 +175,15 @@ def _errors_table(diagnosis: Diagnosis) -> str:
         ("held out, before", diagnosis.error_held_out_before),
         ("held out, after", diagnosis.error_held_out_after),
     )
-    columns = [
-        _column(head, unit, [getattr(errors, name, math.nan) for _, errors in rows])
+    measured = (
+        (head, unit, [getattr(errors, name, math.nan) for _, errors in rows])
         for head, name, unit in (
             ("displacement", "displacement_rms_m", "m"),
             ("velocity", "velocity_rms_m_per_s", "m/s"),
             ("force", "force_rms_n", "N"),
         )
-    ]
+    )
+    columns = [_column(*column) for column in measured if any(map(math.isfinite, column[2]))]  # a drive has its force
     chi2 = [number(getattr(errors, "reduced_chi2", math.nan), 4) for _, errors in rows]
     table = list(zip(*columns, ["<b>χ²/ν</b>", *chi2], strict=True))
     body = "".join(

@@ -13,8 +13,9 @@ from analysis.diagnosis.hypothesis_fit import Fitted, finish, first_floor, fit, 
 from analysis.diagnosis.joint_data import parameters_of
 from analysis.diagnosis.quick_shot import too_fast
 from analysis.fit import Fit
-from analysis.model.fitting import first_guesses, prepare
+from analysis.model.base_minimum import first_guesses
 from analysis.model.least_squares import Infeasible
+from analysis.model.prepare import prepare
 from analysis.model.response import Model
 from analysis.model.search import own_start
 from analysis.motion import Motion

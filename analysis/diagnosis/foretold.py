@@ -25,8 +25,8 @@ from analysis.drive.run import prepare as prepare_drive
 from analysis.drive.table import Table
 from analysis.fitted_shot import fit_jointly
 from analysis.model.effects import findings
-from analysis.model.fitting import base_named, prepare
 from analysis.model.least_squares import Infeasible, minimise
+from analysis.model.prepare import base_named, prepare
 from analysis.model.response import Model
 from analysis.model.search import own_start
 from analysis.motion import Motion

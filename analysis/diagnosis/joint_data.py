@@ -11,9 +11,9 @@ from analysis.diagnosis.search_vector import JointData
 from analysis.diagnosis.site import Site, on_site, site_of
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
-from analysis.model.fitting import base_named
 from analysis.model.least_squares import Infeasible
 from analysis.model.on_frame import can_tell
+from analysis.model.prepare import base_named
 from analysis.model.response import PLATE_START, Base
 from analysis.motion import Motion
 from analysis.reading.read import shaking_in

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis import noise
 from analysis.model import general, starts
-from analysis.model.fitting import FITTED_CONTACT_TIMES
+from analysis.model.prepare import FITTED_CONTACT_TIMES
 from analysis.model.response import DEFAULT_WAVELENGTH_M, ShotData
 from analysis.model.starts import Course
 from analysis.motion import Motion

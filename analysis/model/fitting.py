@@ -1,38 +1,27 @@
 """A model fitted to one shot or to several at once, in displacement, with honest uncertainties."""
 
 import contextlib
-import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from analysis import noise as noise_model
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
-from analysis.model import guesses, starts
+from analysis.model.base_minimum import STRONG, base_minimum, base_on_frames, early_minimum, first_guesses
 from analysis.model.build_fit import Estimate, Part, Path, build_fit
 from analysis.model.effect_starts import effect_starts
 from analysis.model.effects import MOST_AT_ONCE, findings, named
 from analysis.model.least_squares import Infeasible, Minimum, covariance
 from analysis.model.on_frame import can_tell, elsewhere, on_frames
-from analysis.model.parameters import Floats, Variant
-from analysis.model.response import DEFAULT_WAVELENGTH_M, Base, Model, ShotData, respond
+from analysis.model.prepare import base_named, prepare
+from analysis.model.response import Model, respond
 from analysis.model.search import Problem, own_start, search
-from analysis.model.sway import BELOW_HZ, Swayed
+from analysis.model.sway import Swayed
 from analysis.motion import Motion
-from analysis.shot import AnalysisError, Cancelled, Progress, Stop
-from analysis.side_by_side import side_by_side
+from analysis.shot import AnalysisError, Progress, Stop
 
-MODELS = ("paper", "clamped", "no_tension", "contact")
-FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part in the fit
-_TRIED_STARTS = 6
-_SAME_PATTERN = 0.03  # of what another pattern of bounces leaves: what missing effects do is smaller, a wrong one more
-_SWAYED_PATTERN = 0.2  # ... where the frame's motion may be all that is left
-_FOLLOWED_STARTS = 3
-_EARLY = 0.3  # of the contact time: the bounces
-_STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
 _LAST_EVALUATIONS = 120  # for the best of several searches that were all cut short
 _FRAME_TURNS = 4  # of a fit and the frame's noise about it
 _GOOD_ENOUGH = 1.1  # chi^2 a sample: a minimum down at the noise, no other start can do better
@@ -83,10 +72,10 @@ def fit_shots(
             begins = first_guesses(base, shots, stop, max((one.rms_m for one in known if one), default=0.0))
         tell("fitting", 0.4)
         if any(known):
-            before, bare, found = _base_on_frames(base, motions, shots, known, begins, stop)
+            before, bare, found = base_on_frames(base, motions, shots, known, begins, stop)
         else:
             before, bare = begins[0], Problem.of(Model(base), shots)
-            found = _base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
+            found = base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
         problem = bare
         for _ in range(_FRAME_TURNS):
             here = found.parameters
@@ -106,149 +95,8 @@ def fit_shots(
     return fit
 
 
-def base_named(model: str) -> Base:
-    """Return the base model of that name; ValueError names those there are."""
-    if model == "contact":
-        return Base(Variant.PAPER, one_body=True)
-    if model not in MODELS:
-        raise ValueError(f"no base model {model!r}; there are {', '.join(MODELS)}")
-    return Base(Variant.named(model), one_body=False)
-
-
-def prepare(motion: Motion, shaking: Shaking | None = None) -> ShotData:
-    """Read a motion's flights and the beat's noise, ``shaking`` apart; NoCollision says why there is nothing to fit."""
-    valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
-    course = starts.read(motion.time_s, motion.displacement_m, valid)
-    quiet_in, quiet_out = starts.quiet_stretches(course, motion.displacement_m, valid)
-    above_hz = 0.0 if shaking is None else BELOW_HZ
-    noise = noise_model.estimate(quiet_in, quiet_out, 1 / motion.sample_rate_hz, above_hz=above_hz)
-    # Flights of seconds around a contact of milliseconds tell more of the track than of the collision.
-    around = FITTED_CONTACT_TIMES * course.contact_time_s
-    near = (motion.time_s > course.touch_time_s - around) & (motion.time_s < course.release_time_s + around)
-    return ShotData(
-        motion.time_s,
-        motion.displacement_m,
-        valid & near,
-        motion.moving_mass_kg,
-        course,
-        noise,
-        motion.wavelength_m or DEFAULT_WAVELENGTH_M,
-        motion.sample_rate_hz,
-    )
-
-
-def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop, sways_m: float = 0.0) -> list[Floats]:
-    """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact.
-
-    ``sways_m`` is the rms of the frame's motion: a pattern of bounces that leaves no more is the right one.
-    """
-    shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
-    ranked = guesses.rank(
-        shot.course, shot.time_s, shot.displacement_m, shot.block_mass_kg, base.variant, base.one_body
-    )
-    some = guesses.thinned(shot.course, shot.time_s)
-    coarse = ShotData(
-        shot.time_s[some],
-        shot.displacement_m[some],
-        shot.valid[some],
-        shot.block_mass_kg,
-        shot.course,
-        noise_model.white(max(shot.course.noise_std_m, 1e-15)),
-    )
-    problem = Problem.of(Model(base), [coarse])
-
-    def tried(guess: guesses.Guess) -> Minimum | None:
-        if stop():
-            raise Cancelled
-        begin = np.concatenate([base.shared(guess.collision), own_start(coarse, problem.model)])
-        with contextlib.suppress(Infeasible):
-            return search(problem, begin, stop, evaluations=18)
-        return None
-
-    first = tried(ranked[0]) if ranked else None
-    usual = guesses.usual(ranked)
-    enough = max(_SAME_PATTERN * usual, min(sways_m, _SWAYED_PATTERN * usual))
-    if first is not None and _left_m(first, coarse) < enough:
-        return [first.parameters[: len(base.names)]]
-    trials = [trial for trial in (first, *side_by_side(tried, ranked[1:_TRIED_STARTS])) if trial is not None]
-    if not trials:
-        raise starts.NoCollision("no trajectory of the base model resembles this contact")
-    trials.sort(key=lambda trial: trial.square.chi2)
-    out: list[Floats] = []
-    for trial in trials:
-        shared = trial.parameters[: len(base.names)]
-        if all(np.any(np.abs(shared - other) > 0.03 * np.abs(other)) for other in out):
-            out.append(shared)
-    return out
-
-
-def _left_m(found: Minimum, shot: ShotData) -> float:
-    """Return the root mean square of what a minimum leaves of a shot with white noise, in m."""
-    return shot.noise.std_m * math.sqrt(found.square.chi2 / found.square.samples)
-
-
-def _base_minimum(bare: Problem, begins: Sequence[Floats], stop: Stop) -> Minimum:
-    """Return the best minimum of the base model; one far above the noise makes the other starts worth trying.
-
-    Such a remainder is either an effect's or a wrong pattern of bounces; the first bounces alone tell which.
-    """
-    best = search(bare, begins[0], stop)
-    if best.square.chi2 < _STRONG * best.square.samples:
-        return best
-    early = _early(bare, best.parameters, stop)
-    others = list(begins[1:_FOLLOWED_STARTS])
-    if early is not None and early.square.chi2 < _STRONG * early.square.samples:
-        others = [early.parameters]
-    for begin in others:
-        with contextlib.suppress(Infeasible):
-            trial = search(bare, begin, stop)
-            if trial.square.chi2 < best.square.chi2:
-                best = trial
-            if best.square.chi2 < _STRONG * best.square.samples:
-                break
-    return best
-
-
-def _base_on_frames(
-    base: Base,
-    motions: Sequence[Motion],
-    shots: Sequence[ShotData],
-    known: Sequence[Shaking | None],
-    begins: Sequence[Floats],
-    stop: Stop,
-) -> tuple[Floats, Problem, Minimum]:
-    """Return where the frames' noise was computed, the problem on frames and its minimum."""
-    own = [own_start(shot, Model(base)) for shot in shots]
-    found: list[tuple[Floats, Problem, Minimum]] = []
-    with contextlib.suppress(Infeasible):
-        problem = Problem.of(Model(base), on_frames(shots, known, base, begins[0], own))
-        least = _base_minimum(problem, [np.concatenate([shared, *own]) for shared in begins], stop)
-        found.append((begins[0], problem, least))
-    if not found or least.square.chi2 > _STRONG * least.square.samples:
-        found.append(_by_way_of_rest(base, motions, shots, known, stop))
-    return min(found, key=lambda one: one[2].square.chi2)
-
-
-def _by_way_of_rest(
-    base: Base, motions: Sequence[Motion], shots: Sequence[ShotData], known: Sequence[Shaking | None], stop: Stop
-) -> tuple[Floats, Problem, Minimum]:
-    """Return where a fit ends that takes what frames do for noise, the problem on frames from there and its minimum.
-
-    What frames do leaves little but bounces to hold on to: where an effect is missing, too, a start that is not near
-    is drawn to no collision at all.
-    """
-    at_rest = replace(base, swings=False)
-    still = Problem.of(Model(at_rest), [prepare(motion) for motion in motions])
-    own = [own_start(shot, still.model) for shot in still.shots]
-    begins = first_guesses(at_rest, still.shots, stop)
-    there = _base_minimum(still, [np.concatenate([shared, *own]) for shared in begins], stop).parameters
-    shared, mine = there[: still.shared], [np.pad(there[still.own_slice(k)], (0, 2)) for k in range(len(shots))]
-    problem = Problem.of(Model(base), on_frames(shots, known, base, shared, mine))
-    return shared, problem, search(problem, np.concatenate([shared, *mine]), stop)
-
-
 def _with_effects(
-    bare: Problem, base_minimum: Minimum, model: Model, given: Mapping[str, float], stop: Stop
+    bare: Problem, of_base: Minimum, model: Model, given: Mapping[str, float], stop: Stop
 ) -> tuple[Problem, Minimum]:
     """Return the best joint minimum over the starts that the base fit's remainder suggests."""
     best: tuple[Problem, Minimum] | None = None
@@ -256,15 +104,15 @@ def _with_effects(
     if model.own_names == bare.model.own_names and all(name in given for name in model.shared_names):
         chosen = tuple((name, given.get(name, p.scale)) for name, _, _, p in model.effect_parameters if p.fixed)
         problem = Problem(Model(model.base, model.effects, chosen), bare.shots, bare.whitened)
-        own = base_minimum.parameters[bare.shared :]
+        own = of_base.parameters[bare.shared :]
         begin = np.concatenate([[float(given[name]) for name in model.shared_names], own])
         with contextlib.suppress(Infeasible):
             best = (problem, search(problem, begin, stop, evaluations=40))
             if best[1].converged:
                 return best
-    bases = [base_minimum.parameters]
-    if base_minimum.square.chi2 > _STRONG * base_minimum.square.samples:
-        early = _early(bare, base_minimum.parameters, stop)
+    bases = [of_base.parameters]
+    if of_base.square.chi2 > STRONG * of_base.square.samples:
+        early = early_minimum(bare, of_base.parameters, stop)
         if early is not None:
             bases.insert(0, early.parameters)
     for chosen, begin in effect_starts(bare, bases, model, given):
@@ -285,26 +133,6 @@ def _with_effects(
     if best is None:
         raise Infeasible(f"no start of {', '.join(e.name for e in model.effects)} gives a trajectory: {why}")
     return best
-
-
-def _early(bare: Problem, parameters: Floats, stop: Stop) -> Minimum | None:
-    """Return the base parameters that the first bounces alone suggest, or None where they suggest none.
-
-    Most effects build up with time, travel or deflection: over the first bounces they have disturbed little, whereas
-    a fit of the whole shot may have left the bounces' valley to make up for them.
-    """
-    shots = []
-    for shot in bare.shots:
-        early = shot.valid & (shot.time_s < shot.course.touch_time_s + _EARLY * shot.course.contact_time_s)
-        noise = shot.noise
-        if isinstance(noise, Swayed):
-            noise = noise.of_first(int(np.count_nonzero(noise.beat.whole(early))))
-        shots.append(replace(shot, valid=early, noise=noise))
-    problem = Problem.of(bare.model, shots)
-    try:
-        return search(problem, parameters, stop, evaluations=30)
-    except Infeasible:
-        return None
 
 
 def fit_of(model_name: str, problem: Problem, motions: Sequence[Motion], found: Minimum, seconds: float) -> Fit:

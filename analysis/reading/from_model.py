@@ -17,8 +17,8 @@ from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.samples import take
 from analysis.fit import Fit
 from analysis.impact import Impact
-from analysis.model.fitting import base_named
 from analysis.model.least_squares import Infeasible
+from analysis.model.prepare import base_named
 from analysis.motion import Motion
 from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.shot import AnalysisError

@@ -14,6 +14,7 @@ from analysis.fit import Fit
 from analysis.model import fitting
 from analysis.model.least_squares import covariance
 from analysis.model.parameters import PAPER
+from analysis.model.prepare import prepare
 from analysis.model.response import Base, Model
 from analysis.model.search import Problem
 from analysis.noise import Noise
@@ -55,7 +56,7 @@ def _report(title: str, fits: list[Fit], truth: dict[str, float], bound: dict[st
 
 def _bound(noise: Noise) -> dict[str, float]:
     """Return the Cramer-Rao standard deviations at the truth, for a noise that is known."""
-    prepared = dataclasses.replace(fitting.prepare(shot(seed=1)), noise=noise)
+    prepared = dataclasses.replace(prepare(shot(seed=1)), noise=noise)
     problem = Problem.of(Model(Base(PAPER.variant, one_body=False)), [prepared])
     at = np.array([*TRUTH.values(), PAPER.velocity_in_m_per_s, 0.0123456, 3.1e-3])
     inverse = covariance(problem.square(at))

@@ -9,7 +9,8 @@ from analysis.diagnosis.free_parameters import trial_effects
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.samples import together
-from analysis.model.fitting import base_named, fit_shots
+from analysis.model.fitting import fit_shots
+from analysis.model.prepare import base_named
 from analysis.motion import Motion
 from analysis.shot import AnalysisSettings
 from analysis.signal.record import motion_from_displacement

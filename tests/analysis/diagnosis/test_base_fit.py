@@ -6,7 +6,8 @@ from analysis.diagnosis.base_fit import base_fit, explored
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.samples import together
-from analysis.model.fitting import base_named, fit_shots
+from analysis.model.fitting import fit_shots
+from analysis.model.prepare import base_named
 from tests.analysis.diagnosis.shots import KINDS, calm, shots
 
 

@@ -11,7 +11,8 @@ from analysis.diagnosis.curve_motion import Ground, ground_of
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.samples import together
 from analysis.laws.arguments import ARGUMENTS
-from analysis.model.fitting import base_named, fit_shots
+from analysis.model.fitting import fit_shots
+from analysis.model.prepare import base_named
 from tests.law_rigs import LawRig
 
 PLACE = next(a for a in ARGUMENTS if a.name == "place")

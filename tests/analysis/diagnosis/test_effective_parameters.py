@@ -6,9 +6,9 @@ import pytest
 from analysis.diagnosis.effective_parameters import Point, to_actual, to_effective
 from analysis.diagnosis.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.samples import together
-from analysis.model.fitting import base_named
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import PAPER
+from analysis.model.prepare import base_named
 from tests.analysis.diagnosis.shots import KINDS, shots
 
 OWN = np.array([[-0.15, 0.0101, 1e-3], [-0.27, 0.0102, 2e-3]])

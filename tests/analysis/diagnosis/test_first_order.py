@@ -20,8 +20,8 @@ from analysis.diagnosis.samples import together
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.model.first_order import along
-from analysis.model.fitting import base_named
 from analysis.model.parameters import PAPER
+from analysis.model.prepare import base_named
 from tests.analysis.diagnosis.test_made_up import SLOSHING
 from tests.analysis.model.simulated import shot as simulated
 

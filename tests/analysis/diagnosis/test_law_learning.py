@@ -10,7 +10,8 @@ from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.law_learning import Discovery, learn_laws
 from analysis.diagnosis.samples import together
-from analysis.model.fitting import base_named, fit_shots
+from analysis.model.fitting import fit_shots
+from analysis.model.prepare import base_named
 from tests.law_rigs import LawRig
 
 

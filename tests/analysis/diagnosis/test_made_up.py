@@ -18,8 +18,9 @@ from analysis.diagnosis.screening import scores
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
 from analysis.model.effects.row import Sensed
-from analysis.model.fitting import base_named, fit_shots
+from analysis.model.fitting import fit_shots
 from analysis.model.parameters import PAPER
+from analysis.model.prepare import base_named
 from tests.analysis.model.simulated import shot
 
 SPEEDS = (-0.15, -0.27, -0.40)

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.model.fitting import fit_shots, prepare
+from analysis.model.fitting import fit_shots
 from analysis.model.parameters import PAPER
+from analysis.model.prepare import prepare
 from analysis.model.starts import NoCollision
 from analysis.shot import AnalysisSettings, Cancelled
 from analysis.signal.demodulate import demodulate

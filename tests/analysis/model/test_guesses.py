@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.model import fitting, guesses
-from analysis.model.fitting import base_named, first_guesses, prepare
+from analysis.model import base_minimum, guesses
+from analysis.model.base_minimum import first_guesses
 from analysis.model.parameters import PAPER, Collision
+from analysis.model.prepare import base_named, prepare
 from tests.analysis.model.simulated import shot
 
 BASE = base_named("paper")
@@ -53,8 +54,8 @@ def test_one_search_is_enough_where_the_pattern_of_bounces_is_plain(monkeypatch:
         searches.append(arguments)
         return search(*arguments, **options)
 
-    search = fitting.search
-    monkeypatch.setattr(fitting, "search", counted)
+    search = base_minimum.search
+    monkeypatch.setattr(base_minimum, "search", counted)
     found = first_guesses(BASE, [prepare(shot(PAPER))], lambda: False)
     assert len(searches) == 1
     assert found[0] == pytest.approx(PAPER.vector[:4], rel=1e-3)

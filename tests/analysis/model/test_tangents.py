@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.model.effects import CATALOGUE
-from analysis.model.fitting import base_named, prepare
 from analysis.model.parameters import PAPER
+from analysis.model.prepare import base_named, prepare
 from analysis.model.response import Model, respond
 from analysis.model.search import Problem
 from analysis.model.tangents import Projection, base_tangents, candidates
@@ -61,7 +61,7 @@ def test_candidates(problem: Problem, name: str) -> None:
 
 def test_the_projection_sees_what_is_there_and_little_else() -> None:
     motions = [shot(PAPER.at_speed(v), effects={"tilt": (1e-5,)}, seed=i) for i, v in enumerate((-0.15, -0.3))]
-    from analysis.model.fitting import first_guesses
+    from analysis.model.base_minimum import first_guesses
     from analysis.model.search import own_start, search
 
     shots = [prepare(motion) for motion in motions]

@@ -1,0 +1,159 @@
+"""Where the base model comes nearest: from first guesses, past wrong patterns of bounces, on frames that sway."""
+
+import contextlib
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analysis import noise as noise_model
+from analysis.disturbance import Shaking
+from analysis.model import guesses, starts
+from analysis.model.least_squares import Infeasible, Minimum
+from analysis.model.on_frame import on_frames
+from analysis.model.parameters import Floats
+from analysis.model.prepare import prepare
+from analysis.model.response import Base, Model, ShotData
+from analysis.model.search import Problem, own_start, search
+from analysis.model.sway import Swayed
+from analysis.motion import Motion
+from analysis.shot import Cancelled, Stop
+from analysis.side_by_side import side_by_side
+
+_TRIED_STARTS = 6
+_SAME_PATTERN = 0.03  # of what another pattern of bounces leaves: what missing effects do is smaller, a wrong one more
+_SWAYED_PATTERN = 0.2  # ... where the frame's motion may be all that is left
+_FOLLOWED_STARTS = 3
+_EARLY = 0.3  # of the contact time: the bounces
+STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
+
+
+def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop, sways_m: float = 0.0) -> list[Floats]:
+    """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact.
+
+    ``sways_m`` is the rms of the frame's motion: a pattern of bounces that leaves no more is the right one.
+    """
+    shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
+    ranked = guesses.rank(
+        shot.course, shot.time_s, shot.displacement_m, shot.block_mass_kg, base.variant, base.one_body
+    )
+    some = guesses.thinned(shot.course, shot.time_s)
+    coarse = ShotData(
+        shot.time_s[some],
+        shot.displacement_m[some],
+        shot.valid[some],
+        shot.block_mass_kg,
+        shot.course,
+        noise_model.white(max(shot.course.noise_std_m, 1e-15)),
+    )
+    problem = Problem.of(Model(base), [coarse])
+
+    def tried(guess: guesses.Guess) -> Minimum | None:
+        if stop():
+            raise Cancelled
+        begin = np.concatenate([base.shared(guess.collision), own_start(coarse, problem.model)])
+        with contextlib.suppress(Infeasible):
+            return search(problem, begin, stop, evaluations=18)
+        return None
+
+    first = tried(ranked[0]) if ranked else None
+    usual = guesses.usual(ranked)
+    enough = max(_SAME_PATTERN * usual, min(sways_m, _SWAYED_PATTERN * usual))
+    if first is not None and _left_m(first, coarse) < enough:
+        return [first.parameters[: len(base.names)]]
+    trials = [trial for trial in (first, *side_by_side(tried, ranked[1:_TRIED_STARTS])) if trial is not None]
+    if not trials:
+        raise starts.NoCollision("no trajectory of the base model resembles this contact")
+    trials.sort(key=lambda trial: trial.square.chi2)
+    out: list[Floats] = []
+    for trial in trials:
+        shared = trial.parameters[: len(base.names)]
+        if all(np.any(np.abs(shared - other) > 0.03 * np.abs(other)) for other in out):
+            out.append(shared)
+    return out
+
+
+def _left_m(found: Minimum, shot: ShotData) -> float:
+    """Return the root mean square of what a minimum leaves of a shot with white noise, in m."""
+    return shot.noise.std_m * math.sqrt(found.square.chi2 / found.square.samples)
+
+
+def base_minimum(bare: Problem, begins: Sequence[Floats], stop: Stop) -> Minimum:
+    """Return the best minimum of the base model; one far above the noise makes the other starts worth trying.
+
+    Such a remainder is either an effect's or a wrong pattern of bounces; the first bounces alone tell which.
+    """
+    best = search(bare, begins[0], stop)
+    if best.square.chi2 < STRONG * best.square.samples:
+        return best
+    early = early_minimum(bare, best.parameters, stop)
+    others = list(begins[1:_FOLLOWED_STARTS])
+    if early is not None and early.square.chi2 < STRONG * early.square.samples:
+        others = [early.parameters]
+    for begin in others:
+        with contextlib.suppress(Infeasible):
+            trial = search(bare, begin, stop)
+            if trial.square.chi2 < best.square.chi2:
+                best = trial
+            if best.square.chi2 < STRONG * best.square.samples:
+                break
+    return best
+
+
+def base_on_frames(
+    base: Base,
+    motions: Sequence[Motion],
+    shots: Sequence[ShotData],
+    known: Sequence[Shaking | None],
+    begins: Sequence[Floats],
+    stop: Stop,
+) -> tuple[Floats, Problem, Minimum]:
+    """Return where the frames' noise was computed, the problem on frames and its minimum."""
+    own = [own_start(shot, Model(base)) for shot in shots]
+    found: list[tuple[Floats, Problem, Minimum]] = []
+    with contextlib.suppress(Infeasible):
+        problem = Problem.of(Model(base), on_frames(shots, known, base, begins[0], own))
+        least = base_minimum(problem, [np.concatenate([shared, *own]) for shared in begins], stop)
+        found.append((begins[0], problem, least))
+    if not found or least.square.chi2 > STRONG * least.square.samples:
+        found.append(_by_way_of_rest(base, motions, shots, known, stop))
+    return min(found, key=lambda one: one[2].square.chi2)
+
+
+def _by_way_of_rest(
+    base: Base, motions: Sequence[Motion], shots: Sequence[ShotData], known: Sequence[Shaking | None], stop: Stop
+) -> tuple[Floats, Problem, Minimum]:
+    """Return where a fit ends that takes what frames do for noise, the problem on frames from there and its minimum.
+
+    What frames do leaves little but bounces to hold on to: where an effect is missing, too, a start that is not near
+    is drawn to no collision at all.
+    """
+    at_rest = replace(base, swings=False)
+    still = Problem.of(Model(at_rest), [prepare(motion) for motion in motions])
+    own = [own_start(shot, still.model) for shot in still.shots]
+    begins = first_guesses(at_rest, still.shots, stop)
+    there = base_minimum(still, [np.concatenate([shared, *own]) for shared in begins], stop).parameters
+    shared, mine = there[: still.shared], [np.pad(there[still.own_slice(k)], (0, 2)) for k in range(len(shots))]
+    problem = Problem.of(Model(base), on_frames(shots, known, base, shared, mine))
+    return shared, problem, search(problem, np.concatenate([shared, *mine]), stop)
+
+
+def early_minimum(bare: Problem, parameters: Floats, stop: Stop) -> Minimum | None:
+    """Return the base parameters that the first bounces alone suggest, or None where they suggest none.
+
+    Most effects build up with time, travel or deflection: over the first bounces they have disturbed little, whereas
+    a fit of the whole shot may have left the bounces' valley to make up for them.
+    """
+    shots = []
+    for shot in bare.shots:
+        early = shot.valid & (shot.time_s < shot.course.touch_time_s + _EARLY * shot.course.contact_time_s)
+        noise = shot.noise
+        if isinstance(noise, Swayed):
+            noise = noise.of_first(int(np.count_nonzero(noise.beat.whole(early))))
+        shots.append(replace(shot, valid=early, noise=noise))
+    problem = Problem.of(bare.model, shots)
+    try:
+        return search(problem, parameters, stop, evaluations=30)
+    except Infeasible:
+        return None

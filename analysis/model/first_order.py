@@ -18,8 +18,9 @@ from analysis.kernel_room import cut, cut_integers
 from analysis.model.effects.kernel import FORCE, MASS, ON_BLOCK, ON_PLATE, OUTPUTS, PAIR, STATES, V, X, address
 from analysis.model.effects.row import Acts, Effect
 from analysis.model.forms import ROOM, SEEN, ask, coefficients, hidden_steps, state_coefficients
-from analysis.model.linear_path import INPUTS, LinearPath
+from analysis.model.linear_path import LinearPath
 from analysis.model.parameters import Collision, Floats
+from analysis.model.path_matrices import INPUTS
 from analysis.model.slots import function_of
 
 _PROBED = 16  # points along the trajectory at which the form of an effect's function is looked at

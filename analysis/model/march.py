@@ -19,6 +19,8 @@ from analysis.kernel_bundle import held
 from analysis.kernel_parts import kernel, part
 from analysis.kernel_room import cut, cut_integers
 from analysis.model import propagator, runge_kutta
+from analysis.model.beginning import after_start, start
+from analysis.model.crossings import first_crossing
 from analysis.model.guards import (
     FORCE,
     OVERLAP,
@@ -26,13 +28,9 @@ from analysis.model.guards import (
     RANGE_0,
     VELOCITY,
     expected_signs,
-    guard,
     guard_derivative,
-    guard_rate,
-    may_touch,
-    range_at,
 )
-from analysis.model.modes import CONTACT, FREE, INSIDE, NEAR_0, OVERLAPPED, PARTING, PHASE, PLATE, SIGN, set_phase
+from analysis.model.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING, PHASE, PLATE, SIGN, set_phase
 from analysis.model.rates import rates
 from analysis.model.system import (
     AWAY,
@@ -41,7 +39,6 @@ from analysis.model.system import (
     LEFT_AT,
     MAX_EVENTS,
     RANGE_AT,
-    RIDES,
     TIME,
     Ahead,
     Motion,
@@ -54,90 +51,6 @@ from analysis.model.system import (
 
 TOO_MANY, RUNS_AWAY, NOT_LINEAR, NO_ROOM = -1, -2, -3, -4
 TURN, RANGE = 90, 95  # kinds of event: the block turns; plus slot: the bodies leave or enter an effect's range
-
-
-@part
-def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-untyped-def]
-    """Return when a guard function passes zero between two times after ``here``, which it does.
-
-    Newton's method in a bracket that each trial tightens; to the last bit of the time.
-    """
-    one = item - item + 1
-    sign = motion.signs[item]
-    at = 0.5 * (low + high)
-    for _ in range(90):
-        reach(stepper, system, motion, at, one)
-        value, rate = guard(item, motion.there, system), guard_rate(item, motion.there, system)
-        if value * sign >= 0.0:
-            low = at
-        else:
-            high = at
-        new = at - value / rate
-        if not low < new < high:
-            new = 0.5 * (low + high)
-        if abs(new - at) <= 1e-17 + 2e-16 * abs(new):
-            return new
-        at = new
-    return at
-
-
-@part
-def _lowest(reach, stepper, system, motion, item, h, up):  # type: ignore[no-untyped-def]
-    """Return when a guard function, falling at ``here`` and rising by ``up`` after ``h``, is lowest.
-
-    Or some time when it is past zero.  Chords and halves in turn.
-    """
-    one = item - item + 1
-    sign = motion.signs[item]
-    low, high, down, at = 0.0, h, guard_rate(item, motion.here, system) * sign, 0.0
-    for trial in range(60):
-        new = low - down * (high - low) / (up - down) if trial % 2 == 0 else 0.5 * (low + high)
-        if abs(new - at) <= 1e-15 * abs(new):
-            break
-        at = new
-        reach(stepper, system, motion, at, one)
-        if guard(item, motion.there, system) * sign < 0.0:
-            break
-        rate = guard_rate(item, motion.there, system) * sign
-        if rate < 0.0:
-            low, down = at, rate
-        else:
-            high, up = at, rate
-    return at
-
-
-@part
-def _first(reach, stepper, system, motion, h):  # type: ignore[no-untyped-def]
-    """Return (guard function, time) of the first to pass zero in a step; -1 where none does.
-
-    The velocity is not asked whether it turned and turned back: what it turns does little in a step.
-    """
-    signs, ends = motion.signs, motion.ends
-    first, found = h, -1
-    one = found - found + 1  # of the type of other numbers of rows, so that one compiled kernel serves
-    rates(motion.here, one, system.which, system, motion.mode)
-    reach(stepper, system, motion, h, one)
-    for item in range(signs.size):
-        if signs[item] != 0.0:
-            ends[item, 0] = guard(item, motion.there, system) * signs[item]
-            ends[item, 1] = guard_rate(item, motion.there, system) * signs[item]
-    for item in range(signs.size):
-        sign = signs[item]
-        if sign == 0.0:
-            continue
-        when = h
-        if not ends[item, 0] < 0.0:
-            value, rate = guard(item, motion.here, system) * sign, guard_rate(item, motion.here, system) * sign
-            if item >= VELOCITY or not may_touch(value, rate, ends[item, 1], h):
-                continue
-            when = _lowest(reach, stepper, system, motion, item, h, ends[item, 1])
-            reach(stepper, system, motion, when, one)
-            if not guard(item, motion.there, system) * sign < 0.0:
-                continue
-        when = _root(reach, stepper, system, motion, item, 0.0, when)
-        if found < 0 or when < first:
-            found, first = item, when
-    return found, first
 
 
 @part
@@ -200,70 +113,6 @@ def _note(event, kind, motion, record):  # type: ignore[no-untyped-def]
 
 
 @part
-def start(system, motion, record, forward):  # type: ignore[no-untyped-def]
-    """Write state and mode where the two bodies come to act on each other; return the block's inertia in kg.
-
-    That is the first touch, at time zero; or where something attracts, the edge of its reach, a time earlier that the
-    block would take with its velocity there, which is what "velocity in" means.
-    """
-    p, slots, which = system.p, system.slots, system.which
-    here, aside, mode = motion.here, motion.aside, motion.mode
-    rows, size = which.size + 1, here.z.shape[1]
-    edge, attracts = 0.0, -1
-    for slot in range(slots.shape[0]):
-        if slots[slot, RANGE_AT] >= 0.0 and p[range_at(slot, slots)] > edge:
-            edge, attracts = p[range_at(slot, slots)], slot
-    for j in range(rows):
-        for c in range(size):
-            here.z[j, c] = 0.0
-    here.z[0, 0], here.z[0, 1], here.z[0, 2], here.z[0, 3] = p[5] + edge, p[4], p[5], p[6]
-    motion.clock[TIME] = motion.clock[LEFT_AT] = edge / p[4]
-    for j in range(1, rows):
-        by = which[j - 1]
-        here.z[j, 0] = 1.0 if by == 5 or (attracts >= 0 and by == range_at(attracts, slots)) else 0.0
-        here.z[j, 1] = 1.0 if by == 4 else 0.0
-        here.z[j, 2] = 1.0 if by == 5 else 0.0
-        here.z[j, 3] = 1.0 if by == 6 else 0.0
-    for slot in range(slots.shape[0]):
-        if slots[slot, RIDES] > 0.5:
-            for j in range(rows):
-                here.z[j, 4 + 2 * slot], here.z[j, 5 + 2 * slot] = here.z[j, 0], here.z[j, 1]
-    for c in range(mode.size):
-        mode[c] = 0.0
-    mode[SIGN] = -1.0
-    set_phase(FREE, mode)
-    if forward:
-        mode[PLATE] = mode[INSIDE] = 1.0
-        if attracts < 0:
-            set_phase(CONTACT, mode)
-        for slot in range(slots.shape[0]):
-            if slots[slot, RANGE_AT] >= 0.0 and p[range_at(slot, slots)] >= edge:
-                mode[NEAR_0 + slot] = 1.0
-    for c in range(size):
-        aside.z[0, c] = here.z[0, c]
-    inertia = rates(aside, rows - rows + 1, which, system, mode)
-    for j in range(1, rows if attracts >= 0 else 1):  # the edge is met the earlier, the farther and the slower
-        by = which[j - 1]
-        moved = -edge / p[4] ** 2 if by == 4 else (1.0 / p[4] if by == range_at(attracts, slots) else 0.0)
-        for c in range(size):
-            here.z[j, c] -= aside.f[0, c] * moved
-    return inertia
-
-
-@part
-def after_start(record, system):  # type: ignore[no-untyped-def]
-    """Return the first sample past the instant from which the march sets out."""
-    edge = 0.0
-    for slot in range(system.slots.shape[0]):
-        if system.slots[slot, RANGE_AT] >= 0.0:
-            edge = max(edge, system.p[range_at(slot, system.slots)])
-    begins, split = edge / system.p[4], 0
-    while split < record.times.size and record.times[split] <= begins:
-        split += 1
-    return split
-
-
-@part
 def march(arm, run, reach, show, stepper, system, motion, record):  # type: ignore[no-untyped-def]
     """March from where the bodies come to act on each other back to the first sample, then on to the last.
 
@@ -300,7 +149,7 @@ def march(arm, run, reach, show, stepper, system, motion, record):  # type: igno
             if why == GONE:
                 motion.mode[PLATE], motion.clock[LEFT_AT], fresh = 0.0, motion.clock[TIME], True
                 continue
-            item, when = _first(reach, stepper, system, motion, h)
+            item, when = first_crossing(reach, stepper, system, motion, h)
             if item < 0:
                 cleared = True
                 continue

@@ -13,27 +13,9 @@ from typing import NamedTuple
 from analysis.kernel_bundle import held
 from analysis.kernel_parts import inlined, part
 from analysis.kernel_room import cut, cut_integers
+from analysis.model.exponentials import along, exponential, repeat, series, show_mean, step, step_alone
 from analysis.model.guards import OVERLAP, RANGE_0, VELOCITY, may_touch
-from analysis.model.matrices import (
-    BIT,
-    PIECES,
-    SLOW,
-    TERMS,
-    Kept,
-    Room,
-    along,
-    ask,
-    columns,
-    exponential,
-    form_at,
-    forms_of,
-    repeat,
-    room_of,
-    series,
-    show_mean,
-    step,
-    step_alone,
-)
+from analysis.model.matrices import BIT, PIECES, SLOW, TERMS, Kept, Room, ask, columns, form_at, forms_of, room_of
 from analysis.model.modes import FREE, NEAR_0, PHASE, PLATE, is_gone, may_be_gone
 from analysis.model.rates import rates
 from analysis.model.system import (

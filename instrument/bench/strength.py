@@ -113,7 +113,7 @@ def at_snr(
     and one whose strength the base model swallows again and again comes back with what was found.
     """
     tangents = tangents or base_tangents(truth)
-    most = _strongest(truth)
+    most = strongest(truth)
     strength = min(1.0, most)
     best, reached = truth, 0.0
     for _ in range(10):
@@ -130,7 +130,7 @@ def at_snr(
     return best, reached
 
 
-def _strongest(truth: Truth) -> float:
+def strongest(truth: Truth) -> float:
     limits = []
     for name, values in truth.effects.items():
         known = CATALOGUE.get(name) or BEYOND[name]

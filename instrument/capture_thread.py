@@ -293,6 +293,7 @@ class CaptureThread:
             trigger_sample=at - first,
             counts=np.empty((settings.samples, ring.channels), np.int16),
             unseen_loss_s=stream.unseen_loss_s,
+            doubtful_rate_hz=stream.doubtful_rate_hz,
         )
         length = min(end - first, shot.room)
         try:

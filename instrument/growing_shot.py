@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.recording import Channel, Gap, Recording, Role, Setup
 from instrument.digitizer import CaptureSettings
-from instrument.recording_file import ENDED_EARLY
+from instrument.recording_file import DELIVERED_RATE, ENDED_EARLY, RATE_DOUBTFUL
 from instrument.trigger import middle_of_step
 
 _LEVEL_REACH_S = 50e-6  # how far beside the step the light switch's two levels are looked for
@@ -29,6 +29,7 @@ class GrowingShot:
     trigger_sample: int
     counts: NDArray[np.int16]
     unseen_loss_s: float = 0.0  # a loss shorter than this may stand nowhere
+    doubtful_rate_hz: float | None = None  # samples a second by the computer's clock, where that is not the rate
     filled: int = 0
     written: int = 0  # of them, already on disk
     gaps: list[Gap] = field(default_factory=list)
@@ -78,6 +79,8 @@ class GrowingShot:
         }
         if self.unseen_loss_s:
             own["lmm:capture"]["unseen_loss_s"] = self.unseen_loss_s
+        if self.doubtful_rate_hz is not None:
+            own[DELIVERED_RATE] = self.doubtful_rate_hz
         if self.ended_early is not None:
             own[ENDED_EARLY] = self.ended_early
         return {"global": own}
@@ -86,7 +89,8 @@ class GrowingShot:
         """Return the shot as a recording in memory; its counts are those of the shot, read-only."""
         counts = self.counts[: self.filled]
         counts.flags.writeable = False
-        flags = [flag for flag, so in (("gap", self.gaps), ("cut_short", self.ended_early)) if so]
+        told = (("gap", self.gaps), ("cut_short", self.ended_early), (RATE_DOUBTFUL, self.doubtful_rate_hz))
+        flags = [flag for flag, so in told if so]
         return Recording(
             name=name,
             counts=counts,

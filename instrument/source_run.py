@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.recording import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
 from instrument.capture_options import CaptureOptions
+from instrument.delivered_rate import DeliveredRate
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.motion_trigger import MotionTrigger
 from instrument.ring import Ring
@@ -46,6 +47,7 @@ class SourceRun:
         self._switch: LightSwitch | None = None
         self._motion: MotionTrigger | None = None
         self._came_s = 0.0
+        self._delivered: DeliveredRate | None = None  # of a stream that runs with the clock
         self._block = 0
         self._reading: tuple[object, ...] = ()
         self.stream: Stream | None = None
@@ -110,6 +112,9 @@ class SourceRun:
         )
         self.hardware_trigger = able.hardware_trigger
         self.endless = able.max_samples is None and not able.hardware_trigger
+        self._delivered = (
+            DeliveredRate(settings.sample_rate_hz) if able.real_time and self.endless and not able.simulated else None
+        )
         self.running = True
         self._came_s = self._clock()
 
@@ -136,6 +141,9 @@ class SourceRun:
         if block.lost_before != 0 and block.samples > 0:
             stream.note_loss(first, block.lost_before)
         ring.commit(block.samples)
+        if self._delivered is not None:
+            self._delivered.add(block.samples, block.lost_before, now, waits=block.samples == len(view))
+            stream.doubtful_rate_hz = self._delivered.doubtful_hz
         counts = view[: block.samples]
         trigger = self._switch or self._motion
         step = trigger.first_step(counts) if trigger is not None else None

@@ -21,6 +21,7 @@ class Stream:
     gaps: list[tuple[int, int | None]] = field(default_factory=list)  # (ring number, samples lost before it)
     lost: int = 0
     losses: int = 0
+    doubtful_rate_hz: float | None = None  # samples a second by the computer's clock, where that is not the rate
 
     def column(self, role: Role) -> int | None:
         """Return the channel index that carries ``role``, or None."""

@@ -15,7 +15,7 @@ from analysis.signal.fold import folded_harmonic
 from analysis.signal.joining import joined
 from analysis.signal.leak import find_leak, leak_phase
 from analysis.signal.losses import FLAG as SAMPLES_LOST
-from analysis.signal.losses import find_losses, suspicious
+from analysis.signal.losses import find_losses, kinks, suspicious
 from analysis.signal.plan import plans
 from analysis.signal.rest import Rest, smooth
 from analysis.signal.survey import survey
@@ -71,8 +71,10 @@ def demodulate(
             break
     assert best is not None
     _, grid, tracks = best
-    if len(tracks) > 1 and SAMPLES_LOST not in recording.flags and suspicious(tracks[1]):
-        lost = find_losses(recording, _mean_hz(tracks[1], grid))
+    if len(tracks) > 1 and SAMPLES_LOST not in recording.flags:
+        kinked = [grid.stored_sample(at, tracks[0].wanted.tuning) for at in kinks(tracks[0])]
+        told = bool(kinked) or suspicious(tracks[1])
+        lost = find_losses(recording, _mean_hz(tracks[1], grid), kinked) if told else ()
         if lost:
             gaps = tuple(sorted((*recording.gaps, *lost), key=lambda gap: gap.sample_start))
             mended = replace(recording, gaps=gaps, flags=(*recording.flags, SAMPLES_LOST))

@@ -2,10 +2,14 @@
 
 A sample that is missing moves the rest beat on by f/fs of a cycle, whatever the block does.  So a jump of PD0's phase
 that is sharp to a sample is a loss; its size tells the number of samples but for whole periods of the beat, and PD1,
-whose frequency is another one, tells between those.
+whose frequency is another one, tells between those.  Whole periods alone leave PD0 as it was: PD1 jumps by itself then,
+by what the block went meanwhile.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from analysis.recording import Gap, Recording, Role
@@ -26,6 +30,9 @@ MOST_SINGLE = 64  # samples lost one by one ...
 PACKET, MOST_LOST = 64, 8192  # ... or in the packets of a transfer
 SHARP = 2.0  # of the noise beside it: a phase that moves during its jump is no loss
 MOST_LOSSES = 200
+KINK_SIGMAS, KINK_CYCLES = 10.0, 0.02  # of a fourth difference of the moving beat's phase
+KINK_GUARD, KINK_SIDE = 256, 2048  # samples: as near as a kink is known, and how far the beat is led on from
+REACH = KINK_SIDE + 64  # samples about a kink that are looked at
 
 
 def suspicious(reference: Track) -> bool:
@@ -39,10 +46,27 @@ def suspicious(reference: Track) -> bool:
     return bool(np.abs(step).max() > max(SUSPECT_CYCLES, SUSPECT_SIGMAS * usual))
 
 
-def find_losses(recording: Recording, rest_hz: float) -> tuple[Gap, ...]:
+def kinks(moving: Track) -> list[int]:
+    """Return the motion samples about which the moving beat's phase jumps as no collision makes it.
+
+    A jump spoils the fourth difference over all of the decimator's reach; a force that sets in within a sample moves
+    the block by less than a nanometre within it.  Cost: one pass over the motion samples.
+    """
+    bend = np.abs(np.diff(moving.phase_cycles, 4))
+    known = np.isfinite(bend)
+    if np.count_nonzero(known) < 8 * APART:
+        return []
+    usual = 1.4826 * float(np.median(bend[known]))
+    over = np.flatnonzero(known & (bend > max(KINK_CYCLES, KINK_SIGMAS * usual)))
+    runs = np.split(over, np.flatnonzero(np.diff(over) > APART) + 1)
+    return [int(run[bend[run].argmax()]) + 2 for run in runs if run.size]
+
+
+def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()) -> tuple[Gap, ...]:
     """Return the losses that both beats show, beside those that are known.
 
-    Cost: some 10 ms a million samples, and 1 ms a loss.
+    ``kinked`` are the stored samples about which PD1 jumps (``kinks``): where PD0 does not, whole periods of it may be
+    missing.  Cost: some 10 ms a million samples, and 1 ms a loss.
     """
     column = recording.column(Role.REFERENCE)
     moving_column = recording.column(Role.MEASUREMENT)
@@ -71,7 +95,15 @@ def find_losses(recording: Recording, rest_hz: float) -> tuple[Gap, ...]:
         )
         if gap is not None:
             found.append(Gap(first + gap.sample_start, gap.samples_lost))
-    return tuple(found)
+    taken = np.array([*places, *known], dtype=np.int64)
+    for near in kinked:
+        first, last = max(near - REACH, 0), min(near + REACH, counts.size)
+        if taken.size and np.abs(taken - near).min() < 2 * block:
+            continue
+        whole = _whole_periods(counts[first:last], recording.counts[first:last, moving_column], near - first, turns)
+        if whole is not None:
+            found.append(Gap(first + whole.sample_start, whole.samples_lost))
+    return tuple(sorted(found, key=lambda gap: gap.sample_start))
 
 
 def _wrapped(cycles: Floats) -> Floats:
@@ -128,38 +160,80 @@ def _loss(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, tu
     left = float(errors[0][near - guard : at].sum() + errors[1][at : near + guard].sum()) / (2 * guard)
     if left > SHARP * noise + 1.0:
         return None
-    before, after = (float(np.arctan2(-s[1], s[0])) / (2 * np.pi) for s in solutions)
-    jump = after - before
     amplitude = float(np.hypot(*solutions[0][:2]))
     sigma = np.sqrt(noise) / max(amplitude, 1e-9) / (2 * np.pi) * np.sqrt(4.0 / max(near - guard, 8))
+    return _counted(at, turns, _jump_of(solutions), sigma, _moving_jump(moving.astype(np.float64), at))
+
+
+def _jump_of(solutions: Sequence[Floats]) -> float:
+    before, after = (float(np.arctan2(-s[1], s[0])) / (2 * np.pi) for s in solutions)
+    return after - before
+
+
+def _counted(at: int, turns: float, jump: float, sigma: float, moved: tuple[float, float] | None) -> Gap | None:
+    """Return how many samples make the rest beat jump so and the moving one by ``moved``, None where no number does."""
     lost = np.concatenate([np.arange(1, MOST_SINGLE + 1), np.arange(2 * PACKET, MOST_LOST + 1, PACKET)])
     misfit = (_wrapped(lost * turns - jump) / max(PD0_CYCLES / 3.0, sigma)) ** 2
-    moved = _moving_jump(moving.astype(np.float64), at, guard)
     if moved is not None:
         misfit += (_wrapped(lost * moved[0] - moved[1]) / (PD1_CYCLES / 3.0)) ** 2
     best = int((misfit + 2.0 * np.log(lost)).argmin())  # few are likelier than many
     return Gap(at, int(lost[best])) if misfit[best] < 16.0 else None
 
 
-def _moving_jump(x: Floats, at: int, guard: int) -> tuple[float, float] | None:
+def _whole_periods(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, turns: float) -> Gap | None:
+    """Return the loss of whole periods of the rest beat about sample ``near``, None where there is none.
+
+    It lies where the moving beat, led on from either side, leaves least.
+    """
+    x = moving - moving.mean()
+    spans = (slice(max(0, near - KINK_SIDE), near - KINK_GUARD), slice(near + KINK_GUARD, near + KINK_SIDE))
+    within = np.arange(near - KINK_GUARD, near + KINK_GUARD)
+    errors = []
+    for span in spans:
+        cycles = _led_on(x, span, near)
+        if cycles is None:
+            return None
+        index = np.arange(x.size)[span]
+        level = np.linalg.lstsq(_tone(cycles(index - near)), x[span], rcond=None)[0]
+        errors.append((x[within] - _tone(cycles(within - near)) @ level) ** 2)
+    at = near - KINK_GUARD + int(np.concatenate([[0.0], np.cumsum(errors[0] - errors[1])]).argmin())
+    moved = _moving_jump(x, at)
+    if moved is None or abs(moved[1]) < PD1_CYCLES:
+        return None
+    y = reference - reference.mean()
+    sides = (slice(0, at - 2), slice(at + 2, y.size))
+    tone = _tone(turns * np.arange(y.size))
+    jump = _jump_of([np.linalg.lstsq(tone[side], y[side], rcond=None)[0] for side in sides])
+    return _counted(at, turns, float(_wrapped(np.array(jump))), 0.0, moved)
+
+
+def _tone(cycles: Floats) -> Floats:
+    turn = 2 * np.pi * cycles
+    return np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def _moving_jump(x: Floats, at: int) -> tuple[float, float] | None:
     """Return cycles a sample and the jump in cycles of the moving beat at a sample; None where it is not seen."""
+    before, after = (_led_on(x - x.mean(), side, at) for side in (slice(0, at - 2), slice(at + 2, x.size)))
+    if before is None or after is None:
+        return None
+    turns = 0.5 * (float(before.deriv()(0.0)) + float(after.deriv()(0.0)))
+    return turns, float(_wrapped(np.array(float(after(0.0)) - float(before(0.0)))))
+
+
+def _led_on(x: Floats, side: slice, at: int) -> Polynomial | None:
+    """Return the cycles of a beat on one side of a sample, by the samples from there; None where it is not seen."""
     block = 64
-    x = x - x.mean()
-    found = []
-    for start, stop in ((0, at - 2), (at + 2, x.size)):
-        part = x[start:stop]
-        if part.size < 4 * block:
-            return None
-        spectrum = np.abs(np.fft.rfft(part * np.hanning(part.size), 4 * part.size))
-        spectrum[: max(4, spectrum.size // 100)] = 0.0
-        turns = float(spectrum.argmax()) / (4 * part.size)
-        phase, size = _block_phases(part, turns, block)
-        if size.min() < 0.3 * np.median(size):
-            return None
-        centre = start + (np.arange(phase.size) + 1) * (block // 2) - at
-        total = np.unwrap(phase, period=1.0) + turns * (centre - (start - at))
-        degree = 2 if phase.size >= 8 else 1
-        line = np.polynomial.Polynomial.fit(centre, total, degree).convert(domain=[-1, 1])
-        found.append((float(line(0.0)), float(line.deriv()(0.0))))
-    (before, turns_before), (after, turns_after) = found
-    return 0.5 * (turns_before + turns_after), float(_wrapped(np.array([after - before]))[0])
+    part = x[side]
+    if part.size < 4 * block:
+        return None
+    spectrum = np.abs(np.fft.rfft(part * np.hanning(part.size), 4 * part.size))
+    spectrum[: max(4, spectrum.size // 100)] = 0.0
+    turns = float(spectrum.argmax()) / (4 * part.size)
+    phase, size = _block_phases(part, turns, block)
+    if size.min() < 0.3 * np.median(size):
+        return None
+    first = side.start - at
+    centre = first + (np.arange(phase.size) + 1) * (block // 2)
+    total = np.unwrap(phase, period=1.0) + turns * (centre - first)
+    return Polynomial.fit(centre, total, 2 if phase.size >= 8 else 1).convert(domain=[-1, 1])

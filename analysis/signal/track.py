@@ -110,6 +110,12 @@ class Grid:
         centre = (np.arange(self.samples) + 6) * self.step + tuning.delay_samples
         return np.asarray(centre / self.input_rate_hz)
 
+    def stored_sample(self, place: int, tuning: Tuning) -> int:
+        """Return which stored sample a motion sample of a beat read with ``tuning`` is centred on."""
+        centre = int((place + 6) * self.step + tuning.delay_samples)
+        start, stop, first = next(piece for piece in reversed(self.pieces) if piece[2] <= centre or piece[2] == 0)
+        return min(start + centre - first, stop - 1)
+
 
 def read_tracks(
     recording: Recording,

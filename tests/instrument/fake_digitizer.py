@@ -41,6 +41,7 @@ class FakeDigitizer(Digitizer):
         hardware_trigger: bool = False,
         pace_s: float = 0.0,
         simulated: bool = False,
+        real_time: bool = False,
     ) -> None:
         self.before_block = before_block
         self.gaps = gaps or {}  # at this sample, so many are lost
@@ -49,6 +50,7 @@ class FakeDigitizer(Digitizer):
         self._hardware = hardware_trigger
         self._pace_s = pace_s
         self._simulated = simulated
+        self._real_time = real_time
         self.at = 0
         self.armed = 0
         self.closed = False
@@ -59,7 +61,14 @@ class FakeDigitizer(Digitizer):
     @property
     def capabilities(self) -> Capabilities:
         return Capabilities(
-            "fake", self._channels, 12, (RATE_HZ,), self._max, self._hardware, True, simulated=self._simulated
+            "fake",
+            self._channels,
+            12,
+            (RATE_HZ,),
+            self._max,
+            self._hardware,
+            self._real_time,
+            simulated=self._simulated,
         )
 
     @property

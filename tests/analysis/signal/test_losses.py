@@ -57,3 +57,17 @@ def test_readings_hold_although_samples_were_lost_in_the_contact() -> None:
         assert isinstance(one, Quantity)
         assert isinstance(other, Quantity)
         assert abs(one.value - other.value) < 5.0 * np.hypot(one.std, other.std), name
+
+
+WHOLE = {60_000: 11, 140_000: 22}  # periods of the rest beat, to 0.006 of one: PD0 runs on as if nothing were missing
+
+
+@pytest.mark.parametrize("snr_db", [35.0, 26.0])
+def test_losses_of_whole_periods_of_the_rest_beat_are_found_by_the_moving_one(snr_db: float) -> None:
+    recording = without_samples(recording_of(SHORT, snr_db=snr_db), WHOLE)
+    motion = demodulate(recording, AnalysisSettings())
+    assert {"samples_lost", "gap"} <= set(motion.flags)
+    whole = demodulate(recording_of(SHORT, snr_db=snr_db), AnalysisSettings())
+    late = slice(-400, -100)
+    shared = np.interp(motion.time_s[late], whole.time_s, whole.displacement_m)
+    assert np.abs(motion.displacement_m[late] - shared).max() < 5e-9  # was off by fringes, 0.3 um each

@@ -12,7 +12,7 @@ from analysis.kinetic_contact import fitted_contact_cor
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.quantity import NotSeen
-from analysis.reading.from_model import with_model_readings
+from analysis.reading.from_model import FLAG, with_model_readings
 from analysis.shot import AnalysisError, Shot
 
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
@@ -39,7 +39,22 @@ def with_fit(shot: Shot, fit: Fit | None) -> Shot:
     if impact is not None:
         contact = NotSeen("the fit failed") if fit is None else fitted_contact_cor(fit, _mass_kg(shot))
         impact = replace(impact, cor_kinetic=replace(impact.cor_kinetic, contact=contact))
-    return replace(shot, fit=fit, impact=impact, flags=flags, settings=settings)
+    return replace(shot, fit=fit, readings_fit=None, impact=impact, flags=flags, settings=settings)
+
+
+def read_with(shot: Shot, fit: Fit) -> Shot:
+    """Return ``shot`` with those of its readings that rest on a model made again with ``fit``, a diagnosis's.
+
+    That is one of this shot and others together; the shot's own fit stays what it was.  Raises Cancelled.
+    """
+    if shot.impact is None or shot.motion is None or shot.fit is None or fit.model == "driven":
+        return shot
+    kinetic = replace(shot.impact.cor_kinetic, contact=fitted_contact_cor(fit, _mass_kg(shot)))
+    impact = replace(shot.impact, cor_kinetic=kinetic)
+    if FLAG in impact.flags:  # a pulse is read from a fit of its shot alone
+        again = fit_again(shot, fit.effects)
+        impact = with_model_readings(impact, again.fit, shot.motion) if again.fit is not None else impact
+    return replace(shot, impact=impact, readings_fit=fit)
 
 
 def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool] | None = None) -> Shot:

@@ -22,12 +22,13 @@ class ReadingsModel:
 
 def readings_model(shot: Shot) -> ReadingsModel | None:
     """Return the model that some of the shot's readings rest on; None where all are the motion's own."""
-    if shot.fit is None or shot.impact is None:
+    fit = shot.readings_fit or shot.fit
+    if fit is None or shot.impact is None:
         return None
     readings = PULSE if from_model.FLAG in shot.impact.flags else ()
     if isinstance(shot.impact.cor_kinetic.contact, Quantity):
         readings = (*readings, CONTACT)
-    return ReadingsModel(shot.fit.model, shot.fit.effects, readings) if readings else None
+    return ReadingsModel(fit.model, fit.effects, readings) if readings else None
 
 
 def to_result(model: ReadingsModel | None) -> dict[str, Any] | None:

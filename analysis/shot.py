@@ -47,6 +47,7 @@ class Shot:
     motion: Motion | None
     impact: Impact | None
     fit: Fit | None
+    readings_fit: Fit | None = None  # a diagnosis's, that readings which rest on a model were made again with
     flags: tuple[str, ...] = ()
     problem: str | None = None
     fit_problem: str | None = None  # why the model could not be fitted to a shot whose readings stand

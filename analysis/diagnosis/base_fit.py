@@ -90,15 +90,21 @@ def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[st
 
 
 def explored(
-    before: Fitted, given: Fit, motions: Sequence[Motion], catalogue: Sequence[TrialEffect], stop: Stop
+    before: Fitted,
+    given: Fit,
+    motions: Sequence[Motion],
+    catalogue: Sequence[TrialEffect],
+    stop: Stop,
+    *,
+    most: int = CRITERIA.most_effects,
 ) -> tuple[Fitted, Trail]:
-    """Return the best fit with effects, and what was tried from where; ``given`` is the base fit of ``motions``."""
+    """Return the best fit with ``most`` effects, and what was tried from where; ``given`` is the base fit."""
     if not before.converged and given.reduced_chi2 > CRITERIA.drawn_far:
         return _from_the_guess(before, motions, catalogue, stop)
-    best, trail = explore(before, catalogue, stop)
+    best, trail = explore(before, catalogue, stop, most=most)
     again = trail.of(before.names)
     if again is not None and better(again, before):  # an effect's detour led the base itself to a better place
-        return explore(again, catalogue, stop)
+        return explore(again, catalogue, stop, most=most)
     return best, trail
 
 

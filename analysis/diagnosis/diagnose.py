@@ -17,7 +17,7 @@ from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.floor import Floor
 from analysis.diagnosis.forward_selection import Trail, without
 from analysis.diagnosis.free_parameters import TrialEffect, trial_effects
-from analysis.diagnosis.full_rate import seen_finely, swayed_from_there
+from analysis.diagnosis.full_rate import seen_finely
 from analysis.diagnosis.hypothesis import JointData
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
@@ -116,7 +116,7 @@ def _judged(asked: _Asked, searched: Searched, *, laws: bool = True) -> _Judged:
     """Judge what a search found, learn ``laws`` where it leaves something, and tell it."""
     motions, tell, stop, hold_out = asked.motions, asked.tell, asked.stop, asked.hold_out
     best, trail = searched.best, searched.trail
-    best, trail = swayed_from_there(*(seen_finely(best, trail, motions) or (best, trail)))
+    best, trail = seen_finely(best, trail, motions) or (best, trail)
     before, data = trail.start, trail.start.hypothesis.data
     held = choose(data, in_turn=best is not before) if hold_out is None else (hold_out,)
     stands = settle(best, trail, held, tell)

@@ -25,6 +25,8 @@ from analysis.motion import Motion
 from analysis.shot import Stop
 
 _MATTERS = 0.02  # of the white noise: that the site's directions are wrong by
+_FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do
+_TURNS = 2  # of plates and fit
 
 
 def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[Fitted, Trail] | None:
@@ -47,27 +49,47 @@ def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[
         finest = _with(ripple, best, data, trail)
     if finest is None:
         return None
-    return _anew(finest, trail, data)
+    return _anew(finest, trail)
 
 
 def swayed_from_there(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
-    """Return the best fit and its trail with the site's directions as they are where the fit ended.
+    """Return the best fit and its trail with the site's directions, and the plates, as they are where the fit ended.
 
-    What an effect does had drawn the base parameters with which they were computed.
+    What an effect does had drawn the base parameters with which the directions were computed, and a plate that swings
+    far does not act as far along them as they say.  A frame shakes bodies that are straight lines: those of the fit,
+    or those that come nearest to it without the effect (of a plate that stiffens with its deflection), as is likelier.
     """
-    here, start = best.hypothesis.data, trail.start
-    if here.site is None or best is start:
-        return best, trail
-    moved = float(np.max(np.abs(best.point.base / start.point.base - 1.0)))
-    if moved * here.site.shaking.rms_m < _MATTERS * best.floor.white_m:
-        return best, trail
-    data = replace(here, shots=on_site(here.shots, here.site, here.base, best.point.base, best.point.own))
-    return _anew(_at(best, data, trail.stop), trail, data)
+    for _ in range(_TURNS):
+        here, start = best.hypothesis.data, trail.start
+        if here.site is None or best is start:
+            break
+        parameters = float(np.max(np.abs(best.point.base / start.point.base - 1.0)))
+        plates, moved = _plates(best)
+        apart = parameters * here.site.shaking.rms_m >= _MATTERS * best.floor.white_m
+        if not apart and moved < _FAR:
+            break
+        shots = with_plates(here.shots, plates)
+        bodies = (best.point.base, start.point.base) if apart else (best.point.base,)
+        swayed = [on_site(shots, here.site, here.base, base, best.point.own) for base in bodies]
+        fits = [_at(best, replace(here, shots=each), trail.stop) for each in swayed]
+        best, trail = _anew(min(fits, key=lambda fitted: fitted.bic), trail)
+    return best, trail
 
 
-def _anew(best: Fitted, trail: Trail, data: JointData) -> tuple[Fitted, Trail]:
-    """Return the best fit, which knows other ``data`` of the same shots, with a trail of these."""
-    anew = Trail(_at(trail.start, data, trail.stop), trail.catalogue, trail.stop, trail.scores)
+def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
+    """Return each shot's plate at first touch as the fit leaves it, and the most that moved, over its std."""
+    plates, moved, floor = [], 0.0, fitted.floor
+    for shot, left in zip(fitted.hypothesis.data.shots, fitted.residual_m, strict=True):
+        assert shot.sway is not None
+        plate = shot.sway.likely_plate(left[shot.valid], shot.plate, floor.white_m * shot.weight, floor.site)
+        moved = max(moved, float(np.max(np.abs(np.subtract(plate, shot.plate) / shot.sway.plate_std))))
+        plates.append(plate)
+    return plates, moved
+
+
+def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
+    """Return the best fit, which knows other data of the same shots, with a trail of these."""
+    anew = Trail(_at(trail.start, best.hypothesis.data, trail.stop), trail.catalogue, trail.stop, trail.scores)
     anew.keep(best)
     return polish(prune(best, anew), anew), anew
 

@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from analysis.diagnosis.base_fit import accept, base_fit, explored, pays_along
-from analysis.diagnosis.forward_selection import Trail
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.forward_selection import Trail, climb
 from analysis.diagnosis.free_parameters import TrialEffect
+from analysis.diagnosis.full_rate import swayed_from_there
 from analysis.diagnosis.hypothesis_fit import Fitted
 from analysis.diagnosis.joint_data import joint_data
 from analysis.diagnosis.own_flights import own_flights
@@ -53,7 +55,13 @@ class Search:
             base = base_fit(data, self.given, self.stop, along)
             start = accept(base, self.catalogue, self.accepted, self.stop)
             self.tell("scoring the catalogue", 0.15)
-            return explored(start, self.given, self.motions, catalogue, self.stop)
+            if site is None:
+                return explored(start, self.given, self.motions, catalogue, self.stop)
+            # What plates seem to do beside a missing effect would call for a second one.
+            first, trail = explored(start, self.given, self.motions, catalogue, self.stop, most=1)
+            first, trail = swayed_from_there(first, trail)
+            more = CRITERIA.most_effects - len(trail.added(first))
+            return (climb(first, trail, more) if trail.added(first) else first), trail
 
         along = own_flights(data.shots)
         best, trail = along_with(along)

@@ -52,14 +52,16 @@ class Sway:
     """What a site may do to one shot, at its valid averaged samples.
 
     ``basis``, shape (n, r), are orthonormal directions; ``factors``, shape (r, m), what independent unit normal numbers
-    do along them, in m; ``band``, shape (m,), says which strength each of these follows.  ``speeds_m_per_s`` are the
-    stds by which speeds against the frame differ from those in space, at the touch and after the release.
+    do along them, in m; ``band``, shape (m,), says which strength each follows.  The last are of the plate, which
+    is displaced and moves at first touch by that number of ``plate_std`` (m, m/s).  ``speeds_m_per_s`` are the stds by
+    which speeds against the frame differ from those in space, at the touch and after the release.
     """
 
     basis: Floats
     factors: Floats
     band: NDArray[np.int64]
     speeds_m_per_s: tuple[float, float] = (0.0, 0.0)
+    plate_std: tuple[float, float] = (0.0, 0.0)
     _roots: dict[tuple[float, tuple[float, ...]], Floats] = field(default_factory=dict, repr=False)
 
     def scaled(self, white_m: float, strengths: Sequence[float] | Floats) -> Floats:
@@ -80,6 +82,18 @@ class Sway:
         less = self._less(white_m, strengths)
         white = along + less @ along
         return np.asarray(self.basis @ (along - white - less.T @ white))
+
+    def likely_plate(
+        self, left_m: Floats, known: tuple[float, float], white_m: float, strengths: tuple[float, ...]
+    ) -> tuple[float, float]:
+        """Return the plate's likeliest state at first touch (m, m/s), from what is left beside the one ``known``."""
+        of_plate, std = slice(-len(PLATE_START), None), np.asarray(self.plate_std)
+        along = self.basis.T @ left_m + self.factors[:, of_plate] @ (known / std)
+        less = self._less(white_m, strengths)
+        white = along + less @ along
+        numbers = self.scaled(white_m, strengths)[:, of_plate].T @ (white + less.T @ white) / white_m
+        x, v = numbers * np.exp(0.5 * strengths[self.band[-1]]) * std
+        return float(x), float(v)
 
     def _less(self, white_m: float, strengths: tuple[float, ...]) -> Floats:
         """Return what turns white noise with the sway to white noise along the basis, less one, shape (r, r)."""
@@ -147,11 +161,12 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
     model = Model(replace(base, swings=True))
     start = np.concatenate([own[:3], np.zeros(len(PLATE_START))])
     swings = respond(model, shot.for_model, shared, start, block=shot.factor).derivatives[:, -len(PLATE_START) :]
+    plate_std = plate_swing_std(site.shaking, collision)
     columns = np.hstack(
         [
             averaged(moved.real * size, shot.factor),
             averaged(moved.imag * size, shot.factor),
-            swings * plate_swing_std(site.shaking, collision),
+            swings * plate_std,
         ]
     )[shot.valid]
     own_hz = np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg) / (2 * np.pi)
@@ -159,7 +174,7 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
     band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(PLATE_START))])
     level, turn = np.linalg.eigh(columns.T @ columns)
     basis, _ = np.linalg.qr(columns @ turn[:, level > _SEEN * shot.white_m**2])
-    return Sway(basis, basis.T @ columns, band, speed_stds(site.shaking, after))
+    return Sway(basis, basis.T @ columns, band, speed_stds(site.shaking, after), plate_std)
 
 
 def on_site(

@@ -10,11 +10,12 @@ from analysis.diagnosis.diagnose import diagnose as diagnose_motions
 from analysis.diagnosis.foretold import Foretold
 from analysis.diagnosis.foretold import foretell as foretell_motions
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
-from analysis.diagnosis.result import Diagnosis
+from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.fit import Fit
-from analysis.fitted_shot import fit_again, shaking_of
+from analysis.fitted_shot import fit_again, read_with, shaking_of
 from analysis.planning.next_shot import Reach
 from analysis.quantity import Quantity
+from analysis.readings_model import readings_model
 from analysis.report import result
 from analysis.series import read
 from analysis.shot import AnalysisError, AnalysisSettings, Shot
@@ -74,6 +75,8 @@ def replay(
     diagnosis = _diagnosis(shots, own) if diagnose else None
     if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
+    elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
+        shots = [read_with(shot, diagnosis.fit_after) if shot.motion is not None else shot for shot in shots]
     told = _foretold(shots, known) if foretell and known is not None else None
     tried = known.tried if known is not None else ()
     ahead = plan_ahead(shots, diagnosis, plan, reach) if plan is not None else None
@@ -207,6 +210,7 @@ def summary(shot: Shot) -> str:
             ("COR quasi-static", "cor_quasi_static", 1.0, ""),
             ("COR impulse ratio", "cor_impulse", 1.0, ""),
             ("COR kinetic (force peaks)", "cor_kinetic.force_peaks", 1.0, ""),
+            ("COR kinetic (contact)", "cor_kinetic.contact", 1.0, ""),
             ("peak force", "force_peak_n", 1.0, "N"),
             ("pulse width (FWHM)", "force_fwhm_s", 1e3, "ms"),
             ("contact", "contact_time_s", 1e3, "ms"),
@@ -217,6 +221,10 @@ def summary(shot: Shot) -> str:
             reading = stated(read(shot, key), key, combined)
             shown = reading.scaled(factor) if isinstance(reading, Quantity) else f"– ({reading.reason})"
             lines.append(f"  {label:<27}{shown} {unit}".rstrip())
+        rests = readings_model(shot)
+        if rests is not None and shot.readings_fit is not None:
+            model, again = _with_effects(rests.base, rests.effects), ", ".join(rests.readings)
+            lines.append(f"  made again with model {model}, which the diagnosis found: {again}")
     if shot.fit is not None and shot.fit.converged:
         lines += fit_lines(shot.fit, combined)
     if shot.flags:
@@ -226,9 +234,12 @@ def summary(shot: Shot) -> str:
 
 def fit_lines(fit: Fit, combined: Mapping[str, float]) -> list[str]:
     """Return a fitted model's numbers for a terminal; those without a combined uncertainty say so."""
-    effects = "".join(f" + {name}" for name in fit.effects)
-    lines = [f"  fit of model {fit.model}{effects}, reduced chi2 {fit.reduced_chi2:.3g}"]
+    lines = [f"  fit of model {_with_effects(fit.model, fit.effects)}, reduced chi2 {fit.reduced_chi2:.3g}"]
     for name, quantity in fit.parameters.items():
         alone = "" if name in combined else "  (± from noise alone)"
         lines.append(f"    {name:<32} {stated(quantity, name, combined)}{alone}")
     return lines
+
+
+def _with_effects(base: str, effects: Sequence[str]) -> str:
+    return " + ".join((base, *effects))

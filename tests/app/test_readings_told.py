@@ -4,11 +4,14 @@ import json
 
 import pytest
 
+from analysis.fitted_shot import fit_jointly, read_with, with_fit
+from analysis.kinetic_contact import fitted_contact_cor
 from analysis.pipeline import analyse_motion
 from analysis.report import shot_result
 from analysis.shot import AnalysisSettings
+from app.command_line.replay import summary
 from app.report.page import report_of
-from tests.analysis.collision import Rig
+from tests.analysis.collision import MASS_KG, Rig
 from tests.analysis.disturbance import Disturbance, Line, disturbed_motion
 
 RIG = Rig(speed_m_per_s=0.16, touch_s=0.012003)
@@ -37,3 +40,19 @@ def test_what_rests_on_a_model_says_on_which() -> None:
     told = json.loads(json.dumps(shot_result(fitted)))["readings_model"]
     assert told == {"base": "paper", "effects": ["viscous_drag"], "readings": ["cor_kinetic.contact"]}
     assert "From the fitted model paper with" in report_of([fitted])
+
+
+def test_readings_made_again_after_a_diagnosis_say_so_in_result_table_and_report() -> None:
+    shot = analyse_motion(disturbed_motion(RIG, Disturbance()), AnalysisSettings(), name="shot")
+    found = fit_jointly([shot.motion], "paper", ("viscous_drag",)) if shot.motion is not None else None
+    assert shot.fit is not None and found is not None
+    again = read_with(shot, found)
+    assert again.fit is shot.fit and again.impact is not None and shot.impact is not None
+    assert again.impact.cor_kinetic.contact == fitted_contact_cor(found, MASS_KG)
+    assert again.impact.cor_kinetic.contact != shot.impact.cor_kinetic.contact
+    told = shot_result(again)["readings_model"]
+    assert told == {"base": "paper", "effects": ["viscous_drag"], "readings": ["cor_kinetic.contact"]}
+    assert "made again with model paper + viscous_drag" in summary(again)
+    assert "made again" not in summary(shot)
+    assert "From the fitted model paper with" in report_of([again])
+    assert with_fit(again, shot.fit).readings_fit is None

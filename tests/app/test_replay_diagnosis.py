@@ -59,8 +59,14 @@ def test_a_model_is_saved_and_judges_the_next_shots(tmp_path: Path, capsys: pyte
     assert main(["--simulate", str(shots), "--shots", "2", "--seed", "3", "--effect", effect]) == 0
     capsys.readouterr()
     assert main(["--replay", str(shots), "--save-model", str(model), "--json", "-"]) == 0
-    first = json.loads(capsys.readouterr().out)["diagnosis"]
+    result = json.loads(capsys.readouterr().out)
+    first = result["diagnosis"]
     assert [e["name"] for e in first["effects"]] == ["viscous_drag"]
+    for shot in result["shots"]:  # what rests on a model was made again with the one that was found
+        assert shot["readings_model"] == {
+            "base": "paper", "effects": ["viscous_drag"], "readings": ["cor_kinetic.contact"],
+        }  # fmt: skip
+        assert shot["fit"]["effects"] == []
     assert main(["--replay", str(shots), "--model", str(model), "--json", "-"]) == 0
     printed = capsys.readouterr()
     again = json.loads(printed.out)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from operator import attrgetter
 from pathlib import Path
 
 from tests.benchmarks.kept_runs import kept_runs
@@ -75,7 +76,8 @@ def table(outcomes: Sequence[Outcome], seed: int) -> str:
     """Return how the sets ended, by site and by effect."""
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
     cpu = sorted(outcome.seconds for outcome in outcomes)
-    text = [f"{len(outcomes)} sets of seed {seed} at {commit.stdout.strip()}, {cpu[len(cpu) // 2]:.0f} s of CPU (median)"]
+    median = cpu[len(cpu) // 2]
+    text = [f"{len(outcomes)} sets of seed {seed} at {commit.stdout.strip()}, {median:.0f} s of CPU (median)"]
     clean = [outcome for outcome in outcomes if not outcome.case.effect]
     for site in dict.fromkeys(outcome.case.site for outcome in clean):
         false = [outcome.score != "right" for outcome in clean if outcome.case.site == site]
@@ -83,9 +85,9 @@ def table(outcomes: Sequence[Outcome], seed: int) -> str:
     strong = [outcome for outcome in outcomes if outcome.case.effect]
     if strong:
         text.append(f"{'':26s}" + " ".join(f"{score:>20s}" for score in SCORES))
-    for key in (lambda case: case.site, lambda case: case.effect):
-        for of in dict.fromkeys(key(outcome.case) for outcome in strong):
-            counts = Counter(outcome.score for outcome in strong if key(outcome.case) == of)
+    for key in (attrgetter("case.site"), attrgetter("case.effect")):
+        for of in dict.fromkeys(map(key, strong)):
+            counts = Counter(outcome.score for outcome in strong if key(outcome) == of)
             text.append(f"{of:26s}" + " ".join(f"{counts[score] or '':>20}" for score in SCORES))
     return "\n".join(text)
 

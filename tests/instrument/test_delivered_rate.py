@@ -60,4 +60,4 @@ def test_the_recording_of_a_half_delivering_device_says_so(tmp_path: Path) -> No
     assert shot.path is not None
     recording = read_recording(shot.path)
     assert "rate_doubtful" in recording.flags and "rate_doubtful" in MEANINGS
-    assert 0.0 < recording.extra["global"]["lmm:delivered_rate_hz"] < 0.6 * RATE_HZ  # a busy machine fetches later still
+    assert 0.0 < recording.extra["global"]["lmm:delivered_rate_hz"] < 0.6 * RATE_HZ  # a busy one is later still

@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 SYSTEMS := linux win32 darwin
 
-.PHONY: run test lint types $(SYSTEMS:%=types-%) unit slow attack bench bench-loop bench-drives bench-coverage bench-soak bench-streaming screenshots session clean test-lowest app deb
+.PHONY: run test lint types $(SYSTEMS:%=types-%) unit slow attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screenshots session clean test-lowest app deb
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -59,6 +59,10 @@ bench-drives: $(READY)
 # 3,000 shots in buildings: do the 95 % intervals hold?  About an hour on two cores
 bench-coverage: $(READY)
 	$(BIN)/python -m tests.benchmarks.coverage --shots 3000 --seed 2 --keep .bench/coverage.jsonl --page docs/uncertainty.md
+
+# the diagnosis in buildings: 100 clean sets a site, and every effect at twelve norms of the site's noise: some hours
+bench-sites: $(READY)
+	$(BIN)/python -m tests.benchmarks.sites --clean 100 --effects 5 --seed 2 --keep .bench/sites.jsonl
 
 screenshots: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m app.window.screenshots docs/images

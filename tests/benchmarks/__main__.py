@@ -1,5 +1,5 @@
 """``make bench``: every benchmark that ends within minutes, one after the other; those that run long have targets of
-their own (bench-loop, bench-soak, bench-streaming)."""
+their own (bench-loop, bench-sites, bench-soak, bench-streaming)."""
 
 import importlib.util
 import subprocess

@@ -57,7 +57,7 @@ def _one(case: Case) -> Outcome:
     from analysis.kernel_cache import keep_true
 
     keep_true()
-    from analysis.diagnosis import diagnose  # type: ignore[attr-defined]
+    from analysis.diagnosis.diagnose import diagnose
     from tests.benchmarks.site_cases import judge
 
     return judge(case, diagnose)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.diagnosis import contact_words, words
-from analysis.diagnosis.acceptance import accepted_effects, clear, settle
+from analysis.diagnosis.acceptance import Settled, accepted_effects, clear, settle
 from analysis.diagnosis.as_fit import as_fit, effect_parameters
 from analysis.diagnosis.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.competing_models import apart
@@ -75,15 +75,16 @@ def diagnose(
     wandering = search.under(None)
     under_site = search.under(site) if site is not None else wandering
     if wandering.best.bic <= under_site.best.bic:
-        return _judged(asked, wandering).diagnosis
-    told = _judged(asked, under_site, laws=False)
+        return _judged(asked, _standing(asked, wandering)).diagnosis
+    at_site = _standing(asked, under_site)
+    told = _judged(asked, at_site, laws=False)
     if told.explained:
         return told.diagnosis
     # A law that bends flights may pass for a building, and a building with a name or two come nearer than no law.
-    without_site = _judged(asked, wandering)
+    without_site = _judged(asked, _standing(asked, wandering))
     if without_site.explained and without_site.bic < told.bic:
         return without_site.diagnosis
-    return _judged(asked, under_site).diagnosis
+    return _judged(asked, at_site).diagnosis
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +101,16 @@ class _Asked:
 
 
 @dataclass(frozen=True, slots=True)
+class _Standing:
+    """What stands of what a search found, on which trail; ``held`` are the shots foretold."""
+
+    catalogue: Sequence[TrialEffect]
+    trail: Trail
+    held: tuple[int, ...]
+    settled: Settled
+
+
+@dataclass(frozen=True, slots=True)
 class _Judged:
     """A diagnosis under one noise, and how likely what it ends with makes the shots."""
 
@@ -112,14 +123,18 @@ class _Judged:
         return self.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
 
 
-def _judged(asked: _Asked, searched: Searched, *, laws: bool = True) -> _Judged:
-    """Judge what a search found, learn ``laws`` where it leaves something, and tell it."""
+def _standing(asked: _Asked, searched: Searched) -> _Standing:
+    best, trail = seen_finely(searched.best, searched.trail, asked.motions) or (searched.best, searched.trail)
+    data = trail.start.hypothesis.data
+    held = choose(data, in_turn=best is not trail.start) if asked.hold_out is None else (asked.hold_out,)
+    return _Standing(searched.catalogue, trail, held, settle(best, trail, held, asked.tell))
+
+
+def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True) -> _Judged:
+    """Judge what stands, learn ``laws`` where it leaves something, and tell it."""
     motions, tell, stop, hold_out = asked.motions, asked.tell, asked.stop, asked.hold_out
-    best, trail = searched.best, searched.trail
-    best, trail = seen_finely(best, trail, motions) or (best, trail)
+    trail, held, stands = standing.trail, standing.held, standing.settled
     before, data = trail.start, trail.start.hypothesis.data
-    held = choose(data, in_turn=best is not before) if hold_out is None else (hold_out,)
-    stands = settle(best, trail, held, tell)
     best, at, far, rest, told = stands.best, stands.at, stands.far, stands.rest, stands.told
     tell("telling look-alikes apart", 0.8)
     while True:
@@ -174,7 +189,7 @@ def _judged(asked: _Asked, searched: Searched, *, laws: bool = True) -> _Judged:
         fit_before=asked.fit if asked.fit and not before.names else as_fit(before, motions, asked.model, 0.0),
         fit_after=replace(after_fit, seconds=time.perf_counter() - asked.began),
         remainder=left,
-        blind_spots=_blind(at, searched.catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
+        blind_spots=_blind(at, standing.catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
         separating_shot=_separating(effects, data),
         seconds=time.perf_counter() - asked.began,
         laws=learned,

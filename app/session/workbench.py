@@ -240,7 +240,7 @@ class Workbench:
         return None
 
     def set_note(self, number: int, note: str) -> None:
-        """Keep the operator's note in the session, and in the recording itself by a job."""
+        """Keep the operator's note in the session, and in the recording by an errand, which waits for no long work."""
         self.session.set_note(number, note)
         entry = self.session.entry(number)
         if entry is None or entry.path is None or not entry.path.endswith(".sigmf-meta"):
@@ -250,7 +250,7 @@ class Workbench:
         def work(_: Report, __: Asked) -> None:
             rewrite_note(path, note)  # RecordingError, which the job's problem says, where it is read-only
 
-        self.jobs.submit(f"note of {entry.name}", work, "note")
+        self.errands.submit(f"note of {entry.name}", work, "note")
 
     def undo(self) -> str | None:
         """Take back the last note, removal or change of the model; return what it was, or None."""

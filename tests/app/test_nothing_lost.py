@@ -130,6 +130,19 @@ def test_a_note_reaches_the_recording(qtbot: QtBot, tmp_path: Path) -> None:
         workbench.close()
 
 
+def test_a_note_does_not_wait_for_long_work(qtbot: QtBot, tmp_path: Path) -> None:
+    """Behind a diagnosis or the compiling of a first start it would be lost where the window closes meanwhile."""
+    meta, workbench, ended = _recording(tmp_path), Workbench(Session(), AnalysisSettings), threading.Event()
+    try:
+        workbench.jobs.submit("a long diagnosis", lambda _, __: ended.wait(10 * WAIT_MS / 1e3), "diagnosis")
+        entry = workbench.add_unanalysed(meta, "stopped", "shot-0001")
+        workbench.set_note(entry.number, "the block wobbled")
+        qtbot.waitUntil(lambda: open_recording(meta).note == "the block wobbled", timeout=WAIT_MS)
+    finally:
+        ended.set()
+        workbench.close()
+
+
 @pytest.fixture
 def away(qtbot: QtBot, tmp_path: Path) -> Iterator[tuple[Workbench, Layout, SessionPresenter]]:
     """A workbench with its panels and no rig."""

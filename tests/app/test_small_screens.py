@@ -1,5 +1,6 @@
 """No text is cut or lies over another, from the smallest screen to the largest, told by the fonts' own measures."""
 
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -253,6 +254,19 @@ def test_what_is_compiled_at_the_first_start_is_told_whole(window):
         assert line.progress.format() == words
     line.show_work(jobs, None, None)
     assert jobs.close()
+
+
+def test_work_that_has_said_nothing_yet_is_called_by_its_name_alone(window):
+    line, jobs, ended = window.panels.work, Jobs(), threading.Event()
+    jobs.submit("first start", lambda _, __: ended.wait(10.0))
+    try:
+        while jobs.current is None:
+            QTest.qWait(5)
+        line.show_work(jobs, None, None)
+        assert line.progress.format() == "first start"
+    finally:
+        ended.set()
+        assert jobs.close()
 
 
 def test_what_is_being_done_is_never_cut_in_mid_word(window):

@@ -60,7 +60,8 @@ class WorkLine(QWidget):
         if job is not None:
             waiting = jobs.open_jobs - 1
             more = f" (+{waiting})" if waiting > 0 else ""
-            self._show(f"{job.name}: {job.what}{more}", job.fraction)
+            doing = f"{job.name}: {job.what}" if job.what else job.name
+            self._show(f"{doing}{more}", job.fraction)
         elif rig_doing is not None:
             self._show(rig_doing, rig_share or 0.0)
 

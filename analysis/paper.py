@@ -8,6 +8,7 @@ from enum import StrEnum
 from importlib import resources
 from typing import Any
 
+from analysis.combined import combined_of, stated
 from analysis.model.parameters import Collision, Variant
 from analysis.paper_audit import Computed, Ground, computed
 from analysis.quantity import NotSeen, Reading, to_json
@@ -235,6 +236,5 @@ def _recorded(key: str, shot: Shot | None) -> Reading:
     name = _RECORDED.get(key)
     if shot is None or name is None:
         return NotSeen("no recording" if shot is None else "a recording does not show it")
-    if name.startswith("velocity"):
-        return getattr(shot.impact, name) if shot.impact is not None else NotSeen(shot.problem or "no impact")
-    return read(shot, name)
+    reading = read(shot, name)
+    return stated(reading, name, combined_of(shot)) or reading

@@ -5,6 +5,8 @@ from dataclasses import replace
 import pytest
 
 from analysis.budget import budget
+from analysis.paper import reproduce
+from analysis.quantity import Quantity
 from app.command_line.replay import summary
 from app.report.page import report_of
 from app.session.session import Session
@@ -51,6 +53,11 @@ def test_banner_panel_list_and_terminal_state_the_same_uncertainty(qtbot, entry,
     assert f"COR quasi-static           {cor}" in told
     assert str(combined["velocity_in_m_per_s"]) in told and str(combined["plate_stiffness_n_per_m"]) in told
     assert str(entry.shot.fit.parameters["plate_stiffness_n_per_m"]) not in told
+
+
+def test_the_papers_table_states_a_recording_as_the_panel_does(entry, combined):
+    rows = [row for row in reproduce(entry.shot).rows if isinstance(row.recorded, Quantity)]
+    assert len(rows) > 5 and {row.recorded.std for row in rows} <= {q.std for q in combined.values()}
 
 
 def test_a_parameter_without_a_budget_says_that_its_uncertainty_is_noise_alone(entry):

@@ -1,4 +1,7 @@
-"""A shot and its fit: what follows from a fit follows it, whoever made the fit."""
+"""A shot and its fit: what follows from a fit follows it, whoever made the fit.
+
+The model is imported where it is used: a shot's readings, and the window, do not wait for it.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -6,13 +9,9 @@ from dataclasses import replace
 from analysis.awaited_fit import TO_FOLLOW, can_be_fitted
 from analysis.disturbance import Shaking
 from analysis.doubts import FIT_DOUBTS, doubts_of_fit
-from analysis.drive.fit import fit_driven
 from analysis.fit import Fit
-from analysis.kinetic_contact import fitted_contact_cor
-from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.quantity import NotSeen
-from analysis.reading.from_model import FLAG, with_model_readings
 from analysis.shot import AnalysisError, Shot
 
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
@@ -28,6 +27,8 @@ def with_fit(shot: Shot, fit: Fit | None) -> Shot:
 
     The fit's flags, the contact's COR and the effects in the settings are the new fit's; nothing of the old one stays.
     """
+    from analysis.kinetic_contact import fitted_contact_cor
+
     read = (*(shot.motion.flags if shot.motion else ()), *(shot.impact.flags if shot.impact else ()))
     gone = {FAILED, TO_FOLLOW, *FIT_DOUBTS, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
     kept = (flag for flag in shot.flags if flag not in gone)
@@ -49,6 +50,9 @@ def read_with(shot: Shot, fit: Fit) -> Shot:
     """
     if shot.impact is None or shot.motion is None or shot.fit is None or fit.model == "driven":
         return shot
+    from analysis.kinetic_contact import fitted_contact_cor
+    from analysis.reading.from_model import FLAG, with_model_readings
+
     kinetic = replace(shot.impact.cor_kinetic, contact=fitted_contact_cor(fit, _mass_kg(shot)))
     impact = replace(shot.impact, cor_kinetic=kinetic)
     if FLAG in impact.flags:  # a pulse is read from a fit of its shot alone
@@ -83,6 +87,8 @@ def _read_again(shot: Shot) -> Shot:
     """Return the shot with its pulse read from the fit, where derivatives of its record carry too little."""
     if shot.impact is None or shot.fit is None or shot.motion is None:
         return shot
+    from analysis.reading.from_model import with_model_readings
+
     impact = with_model_readings(shot.impact, shot.fit, shot.motion)
     return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, *impact.flags))))
 
@@ -105,7 +111,11 @@ def fit_jointly(
     ``shakings`` say what shook the frame of each, where that is known.
     """
     if base == "driven":
+        from analysis.drive.fit import fit_driven
+
         return fit_driven(motions, effects)
+    from analysis.model.fitting import fit_shots
+
     return fit_shots(motions, model=base, effects=effects, cancelled=cancelled, shakings=shakings)
 
 

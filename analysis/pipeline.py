@@ -1,6 +1,7 @@
 """Run one shot through the whole road: demodulate, read, fit; stop where it breaks and say why.
 
 The readings need no model and are there long before it at a first start: ``read`` ends with them, ``fitted`` goes on.
+Each step is imported where it is taken, so that a window need not wait for it.
 """
 
 import time
@@ -10,12 +11,10 @@ from numpy.linalg import LinAlgError
 
 from analysis.awaited_fit import with_fit_to_follow
 from analysis.corrected import FLAG, corrected
+from analysis.fitted_shot import fit_again
 from analysis.motion import Motion
-from analysis.reading.read import NoImpact, read_impact
-from analysis.reading.sense import check_collision
 from analysis.recording import Recording, Setup
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
-from analysis.signal.demodulate import demodulate
 
 
 def analyse(
@@ -43,6 +42,8 @@ def read(
 
     Raises Cancelled; every other failure is the shot's ``problem``.
     """
+    from analysis.signal.demodulate import demodulate
+
     settings = settings or AnalysisSettings()
     if settings.corrections:
         setup = corrected(recording.setup, dict(settings.corrections))
@@ -109,8 +110,6 @@ def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | No
     """Return a shot that was read with its fit; as it is where none is due.  Raises Cancelled."""
     if shot.motion is None:
         return shot
-    from analysis.fitted_shot import fit_again  # with model and diagnosis: readings do not wait for them
-
     _tell(progress, cancelled, "fitting the model", 0.6)
     started = time.perf_counter()
     shot = fit_again(shot, shot.settings.effects, cancelled)
@@ -121,6 +120,9 @@ def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | No
 def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) -> Shot:
     if shot.motion is None:
         return shot
+    from analysis.reading.read import NoImpact, read_impact
+    from analysis.reading.sense import check_collision
+
     _tell(progress, cancelled, "reading the impact", 0.5)
     started = time.perf_counter()
     if shot.settings.model != "driven":  # a slider under a known force strikes nothing

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from analysis.quantity import Quantity
-from analysis.reading import from_model
 from analysis.shot import Shot
 
 PULSE = ("force_peak_n", "force_fwhm_s", "contact_time_s", "deflection_max_m")
@@ -25,6 +24,8 @@ def readings_model(shot: Shot) -> ReadingsModel | None:
     fit = shot.readings_fit or shot.fit
     if fit is None or shot.impact is None:
         return None
+    from analysis.reading import from_model  # and all of the fit: not at every start
+
     readings = PULSE if from_model.FLAG in shot.impact.flags else ()
     if isinstance(shot.impact.cor_kinetic.contact, Quantity):
         readings = (*readings, CONTACT)

@@ -2,8 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as _installed_version
 from typing import Any
 
 from analysis.budget import budget
@@ -21,16 +19,9 @@ from analysis.readings_model import to_result as readings_model_result
 from analysis.series import series
 from analysis.series import to_result as series_result
 from analysis.shot import Shot
+from analysis.version import program_version
 
 SCHEMA = "levimass.result/1"
-
-
-def program_version() -> str:
-    """Return the installed version of the program, or "unknown" when run from an uninstalled tree."""
-    try:
-        return _installed_version("levimass")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def result(shots: Sequence[Shot], diagnosis: Diagnosis | None, foretold: Foretold | None = None) -> dict[str, Any]:

@@ -1,17 +1,18 @@
 """A driven record as its plots want it: the force that was measured beside the one that the fit makes of the motion."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drive.fit import noise_n
-from analysis.drive.regress import delay_of, regress
-from analysis.drive.repeat import Floor, floor
-from analysis.drive.run import prepare
-from analysis.drive.table import Table
 from analysis.fit import Fit
 from analysis.motion import Motion
+
+if TYPE_CHECKING:
+    from analysis.drive.repeat import Floor
 
 Floats = NDArray[np.float64]
 GAP = 1.5  # steps without a sample: there a curve is broken
@@ -43,6 +44,12 @@ def drive_curves(motion: Motion, fit: Fit) -> DriveCurves:
 
     Cost: the derivative filters over the record once, some 10 us a sample.
     """
+    from analysis.drive.fit import noise_n  # with the regression: a window knows the curves without it
+    from analysis.drive.regress import delay_of, regress
+    from analysis.drive.repeat import floor
+    from analysis.drive.run import prepare
+    from analysis.drive.table import Table
+
     table = Table.of(prepare([motion]))
     known = {name: quantity.value for name, quantity in fit.parameters.items()}
     held = regress(table, fit.effects, None, None, known)

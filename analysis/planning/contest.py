@@ -15,7 +15,6 @@ from analysis.diagnosis.hypothesis_fit import Fitted, finish, first_floor, fit, 
 from analysis.diagnosis.identifiability import separation
 from analysis.diagnosis.joint_data import joint_data, parameters_of, shakings_of, site_under
 from analysis.diagnosis.projector import projector
-from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.samples import FINE_RATE_HZ, RATE_HZ
 from analysis.diagnosis.screening import fixed_of
 from analysis.fit import Fit
@@ -24,7 +23,6 @@ from analysis.model.least_squares import Infeasible
 from analysis.motion import Motion
 from analysis.shot import AnalysisError, Stop
 
-_MOST = 4  # members that are compared
 _UNLIKELY = 9.0  # of chi^2 behind the best: three sigma, and a member need no longer be reckoned with as the true one
 
 
@@ -53,14 +51,6 @@ class Contest:
     def reached(self) -> float:
         """Get how far the likeliest member stands from the next, in noise norms: the root of what that leaves more."""
         return float(np.sqrt(max(0.0, self.members[1].chi2 - self.members[0].chi2)))
-
-
-def undecided(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return the first found effect that another could stand for, and these others; none where every name is sure."""
-    for effect in diagnosis.effects:
-        if effect.indistinguishable_from:
-            return (effect.name, *effect.indistinguishable_from[: _MOST - 1])
-    return ()
 
 
 def contest(given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: Stop = lambda: False) -> Contest | None:

@@ -9,11 +9,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the settings need what a rig can do, not the diagnosis
+    from analysis.diagnosis.result import Diagnosis
     from analysis.diagnosis.samples import Samples
     from analysis.motion import Motion
 
 SPEEDS_M_PER_S = (0.05, 0.10, 0.20, 0.35, 0.60)
 ADDED_KG = (0.0, 0.05)
+MOST_SHOTS = 3  # of a plan
+MOST_MEMBERS = 4  # that are compared
 _OTHER_WEIGHTS = 0.5  # of a shot's effort
 _LONGER = 0.1
 _SAME_MASS = 1e-5  # relative: weighed twice, not weighted
@@ -104,3 +107,11 @@ def usual_flights(shots: Sequence[Samples]) -> tuple[float, float]:
     before = min(shot.course.touch_time_s - float(shot.centre_s[0]) for shot in shots)
     after = min(float(shot.centre_s[-1]) - shot.course.release_time_s for shot in shots)
     return max(before, 2e-3), max(after, 5e-3)
+
+
+def undecided(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return the first found effect that another could stand for, and these others; none where every name is sure."""
+    for effect in diagnosis.effects:
+        if effect.indistinguishable_from:
+            return (effect.name, *effect.indistinguishable_from[: MOST_MEMBERS - 1])
+    return ()

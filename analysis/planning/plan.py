@@ -16,10 +16,9 @@ from typing import Any
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.planning.contest import Contest
 from analysis.planning.distances import Distances, Shots, refitted, screened, searched_anew
-from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
+from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, as_found_kg, effort, in_order, next_shots
 from analysis.shot import Cancelled, Progress, Stop
 
-MOST_SHOTS = 3
 SURE = 1.5  # noise norms above what is asked: what is reached scatters by one
 _KEPT = 8  # shots that go on into sequences of several
 _REFITTED = 3  # sequences of one length

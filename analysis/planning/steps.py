@@ -1,15 +1,19 @@
 """The log of shots that were planned and taken: what each was to show, and what it showed."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.motion import Motion
-from analysis.planning.contest import Contest, contest, undecided
-from analysis.planning.next_shot import NextShot, Reach
-from analysis.planning.plan import MOST_SHOTS, Plan, plan
+from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, undecided
 from analysis.shot import Progress, Stop
+
+if TYPE_CHECKING:  # what plans brings all of the diagnosis; a window shows plans long before it makes one
+    from analysis.planning.contest import Contest
+    from analysis.planning.plan import Plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +72,9 @@ def stand(
 
     ``left`` shots may still be taken: none plans no further.  Raises AnalysisError, Cancelled.
     """
+    from analysis.planning.contest import contest
+    from analysis.planning.plan import plan
+
     done, left_open = list(steps), undecided(diagnosis)
     now: Contest | None = None
     if done:

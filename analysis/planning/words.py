@@ -1,11 +1,15 @@
 """What a plan says to the one who is to take the shots."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analysis.diagnosis.words import ONE_WITH_TWO_READINGS, plain
 from analysis.planning.next_shot import NextShot
-from analysis.planning.plan import Plan
+
+if TYPE_CHECKING:
+    from analysis.planning.plan import Plan
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 

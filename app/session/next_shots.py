@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from analysis.awaited_fit import awaits_fit
-from analysis.planning.next_shot import NextShot
-from analysis.planning.plan import MOST_SHOTS
+from analysis.planning.next_shot import MOST_SHOTS, NextShot
 from analysis.planning.steps import Standing, Step, next_step, stand
 from analysis.shot import Shot
 from app.session.choices import Choices

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from analysis.diagnosis.samples import together
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s
 from analysis.recording import Setup
 from analysis.shot import Shot
@@ -18,6 +17,8 @@ def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None)
 
     ``rate_hz`` None takes the rate of the shots so far.
     """
+    from analysis.diagnosis.samples import together  # with all of the fit: not at every start
+
     rate_hz = rate_hz or next((one.sample_rate_hz for one in shots if one.sample_rate_hz), None) or _RATE_HZ
     samples = together([one.motion for one in shots if one.motion is not None and one.fit is not None])
     whole_s = shot.before_s + contact_s(shot, samples) + shot.after_s

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.diagnosis.foretold import foretell
 from analysis.shot import AnalysisError, Progress, Shot, Stop
 from app.session.model_in_use import load_model, model_words
 
@@ -13,6 +12,8 @@ def put_to_test(path: Path, shots: Sequence[Shot], progress: Progress, cancelled
 
     Raises RecordingError where the file is no model, AnalysisError where nothing can be foretold, Cancelled.
     """
+    from analysis.diagnosis.foretold import foretell  # and all of the diagnosis: not at every start
+
     progress("foretelling", 0.0)
     model = load_model(path)
     seen = [(shot.motion, shot) for shot in shots if shot.motion is not None and shot.settings.model == model.base]

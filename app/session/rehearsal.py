@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from analysis.motion import Motion
 from analysis.recording import Channel, Recording, Role, Setup
 from analysis.shot import Shot
-from instrument.live import warm
 
 Floats = NDArray[np.float64]
 
@@ -29,6 +28,7 @@ def readings() -> Shot:
     The shot goes over the disk, as a kernel for arrays that are only read is another one than for arrays of its own.
     """
     from analysis.pipeline import read
+    from instrument.live import warm
     from instrument.open_recording import analysed_while_hashed
     from instrument.recording_writer import write_recording
 

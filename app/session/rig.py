@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from analysis.pipeline import read
 from analysis.recording import Channel, Recording
@@ -16,12 +17,14 @@ from instrument.acquisition import Deadlines, State
 from instrument.analyst import fit_here
 from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import open_apart
-from instrument.capture import Capture
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.found_devices import FoundDevice, found_devices
 from instrument.network_scope import network_name
 from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
+
+if TYPE_CHECKING:
+    from instrument.capture import Capture
 
 Open = Callable[[str], Digitizer]
 Awaited = Callable[[Stage, Callable[[], bool]], None]  # returns when kernels are ready, or raises Cancelled
@@ -38,7 +41,7 @@ class _Running:
 
     source: str
     digitizer: Digitizer
-    capture: Capture
+    capture: "Capture"
     channels: tuple[Channel, ...]
     bits: int
     rate_hz: float | None
@@ -275,6 +278,8 @@ class Rig:
             self._problems.append(f"{running.source} did not end in time; re-plug it before it is used again")
 
     def _open_source(self, source: str) -> None:
+        from instrument.capture import Capture  # brings the numerics: only now, beside the screen
+
         self._fault = None
         try:
             digitizer = self._open(source)

@@ -1,14 +1,16 @@
-"""What the workbench has done with shots, as functions that can be sent to another process."""
+"""What the workbench has done with shots, as functions that can be sent to another process.
+
+What only some of them need is imported there: a window starts without it.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
+from analysis.disturbance import Shaking
 from analysis.fitted_shot import fit_again
+from analysis.motion import Motion
 from analysis.shot import AnalysisSettings, Progress, Shot
-from app.report.export import export
-from app.report.export_laws import export_laws
-from app.report.page import report_of
 from app.session.jobs import Asked
 from app.session.load import load_and_analyse
 from app.session.model_effects import ModelEffects
@@ -26,6 +28,30 @@ def open_shot(
 def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, cancelled: Asked) -> Shot:
     """Return a shot fitted with these effects."""
     return fit_again(shot, effects, cancelled)
+
+
+def diagnose_motions(
+    motions: Sequence[Motion],
+    *,
+    model: str,
+    accepted: Sequence[str],
+    laws: Sequence[str],
+    shakings: Sequence[Shaking | None],
+    progress: Progress,
+    cancelled: Asked,
+) -> Diagnosis:
+    """Return what the model of these motions lacks."""
+    from analysis.diagnosis.diagnose import diagnose  # and all that it needs: not at every start
+
+    return diagnose(
+        motions,
+        model=model,
+        accepted=accepted,
+        laws=laws,
+        shakings=shakings,
+        progress=progress,
+        cancelled=cancelled,
+    )
 
 
 def write_model(
@@ -66,6 +92,8 @@ def report_text(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[str], *, progress: Progress, cancelled: Asked
 ) -> str:
     """Return the report of these shots as HTML; ``tried`` are effects that no diagnosis named."""
+    from app.report.page import report_of
+
     progress("drawing the report", 0.2)
     return report_of(shots, diagnosis, tried=tried)
 
@@ -74,6 +102,9 @@ def write_csv(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Asked
 ) -> str:
     """Export these shots to a folder, with the laws that a diagnosis of them learned; return what was done in words."""
+    from app.report.export import export
+    from app.report.export_laws import export_laws
+
     progress("writing CSV", 0.1)
     written = export(shots, folder)
     if diagnosis is not None:

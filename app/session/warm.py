@@ -16,7 +16,6 @@ from app.session.jobs import Asked, Report
 from app.session.prepare import BENCH, LATER, Stage, complete, mark_complete, prepare
 from app.session.rehearsal import readings
 from instrument.apart.work import WorkApart
-from instrument.live import warm
 
 _LOOK_S = 0.05
 _BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # the simulated bench compiles its own where it is the source
@@ -65,6 +64,8 @@ class Kernels:
             if not complete(Stage.READINGS):
                 self._analyst.await_ready(cancelled)
                 mark_complete(Stage.READINGS)
+            from instrument.live import warm  # brings the numerics: only now, beside the screen
+
             warm()
         self._ready[Stage.READINGS].set()
 

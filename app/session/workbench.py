@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from analysis.awaited_fit import awaits_fit
-from analysis.diagnosis.diagnose import diagnose
 from analysis.fitted_shot import shaking_of
 from analysis.shot import AnalysisSettings, Shot
 from app.session.cut_off import cut_off
@@ -32,7 +31,7 @@ from app.session.results import Key, Results
 from app.session.saver import Saver
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
-from app.session.shot_work import open_shot
+from app.session.shot_work import diagnose_motions, open_shot
 from app.session.work import Work
 from app.words.verdict import verdict_words
 from instrument.apart.work import WorkApart
@@ -231,7 +230,7 @@ class Workbench:
         self._waiting += [Event(Kind.PROBLEM, problem) for problem in problems]
         shakings = [shaking_of(shot) for shot in shots]
         accepted = self.model.effects_of(model)
-        judging = partial(diagnose, motions, model=model, accepted=accepted, laws=laws, shakings=shakings)
+        judging = partial(diagnose_motions, motions, model=model, accepted=accepted, laws=laws, shakings=shakings)
 
         def work(report: Report, cancelled: Asked) -> Diagnosed:
             return Diagnosed(self._work.do(judging, report, cancelled), ids)

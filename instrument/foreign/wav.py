@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import wavfile
 
 from instrument.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents, bounded
 from instrument.recording_error import RecordingError, one_line
@@ -31,6 +30,8 @@ def columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
 
 def _read(path: Path) -> tuple[float, NDArray[np.floating[Any]] | NDArray[np.integer[Any]]]:
     """Return rate and samples, shape (n, channels), mapped where the width of the numbers allows it."""
+    from scipy.io import wavfile  # with readers of much else: not at every start
+
     for mapped in (True, False):  # 24-bit samples cannot be mapped, nor can a file cut short
         try:
             with warnings.catch_warnings():

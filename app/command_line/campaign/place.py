@@ -6,7 +6,7 @@ import uuid
 from collections.abc import Iterable
 from pathlib import Path
 
-from analysis.report import program_version
+from analysis.version import program_version
 
 _HOUSE = Path(__file__).resolve().parents[3]
 

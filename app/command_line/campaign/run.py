@@ -6,8 +6,9 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from analysis.report import SCHEMA, program_version
+from analysis.report import SCHEMA
 from analysis.shot import AnalysisError
+from analysis.version import program_version
 from app.command_line.campaign.crew import Crew, Processes
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.progress import Progress

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.report import program_version, shot_result
+from analysis.report import shot_result
 from analysis.shot import AnalysisSettings
+from analysis.version import program_version
 from app.report.export import motion_file_names, shot_row, write_motion
 from app.session.load import analysed, cause_of, unanalysed
 from instrument.foreign.remembered import remembered_mapping

@@ -4,8 +4,7 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.planning.contest import undecided
-from analysis.planning.next_shot import NextShot
+from analysis.planning.next_shot import NextShot, undecided
 from analysis.planning.steps import Standing, Step
 from analysis.planning.words import told
 from app.words.wording import local_words

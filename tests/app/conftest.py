@@ -10,11 +10,13 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 @pytest.fixture(scope="session")
 def warm_kernels():
     """Compile, or load from the cache, what the first shot needs; windows opened later in this process have it."""
-    from app.session import warm
+    from app.session import rehearsal, warm
 
-    warm.Kernels().work(lambda what, share: None, lambda: False)
+    rehearsal.readings()
+    rehearsal.fit()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(warm, "readings", lambda: None)  # each window would read a made-up shot to load them
+        patch.setattr(warm, "complete", lambda *_: True)  # and, where not all is on disk, compile all
         yield
 
 

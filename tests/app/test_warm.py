@@ -26,6 +26,7 @@ from tests.app import rigs
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "root", lambda: tmp_path)
     monkeypatch.setattr(warm, "readings", lambda: None)
+    monkeypatch.setattr(warm, "complete", prepare.complete)
     return tmp_path
 
 

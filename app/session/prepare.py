@@ -88,7 +88,7 @@ def prepare(
                     running[piece] = _started(piece)
             for piece in [piece for piece, process in running.items() if not process.is_alive()]:
                 well &= running.pop(piece).exitcode == 0
-            left = [*waiting, *running]
+            left = [*running, *waiting]
             while stages and not any(piece.stage is stages[0] for piece in left):
                 if well:
                     mark_complete(stages[0])

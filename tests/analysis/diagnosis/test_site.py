@@ -54,6 +54,22 @@ def test_what_the_site_likely_did_is_the_conditional_mean() -> None:
     np.testing.assert_allclose(sway.likely(left, 0.3, (0.0, 0.0)), expected, atol=1e-10)
 
 
+def test_the_likeliest_plate_is_the_conditional_mean_wherever_it_was_taken_to_be() -> None:
+    random = np.random.default_rng(4)
+    columns = random.standard_normal((60, 9)) * np.repeat([30.0, 5.0], [7, 2])
+    basis, _ = np.linalg.qr(columns)
+    sway = Sway(basis, basis.T @ columns, np.repeat([0, 1], [7, 2]), plate_std=(2e-7, 1e-4))
+    strengths, white_m = (0.4, -1.0), 0.3
+    sizes = np.exp(0.5 * np.array(strengths))[sway.band]
+    moved, left = columns * sizes, random.standard_normal(60)
+    numbers = moved.T @ np.linalg.solve(moved @ moved.T + white_m**2 * np.eye(60), left)
+    expected = (numbers * sizes)[-2:] * sway.plate_std
+    np.testing.assert_allclose(sway.likely_plate(left, (0.0, 0.0), white_m, strengths), expected, rtol=1e-6)
+    known = (3e-7, -2e-4)  # what it does is taken off the remainder then
+    beside = left - columns[:, -2:] @ np.divide(known, sway.plate_std)
+    np.testing.assert_allclose(sway.likely_plate(beside, known, white_m, strengths), expected, rtol=1e-6)
+
+
 def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shaking:
     frequency = np.arange(2.0, 400.0, 4.0)
     at, size = (np.array(column) for column in zip(*lines, strict=True)) if lines else (np.zeros(0), np.zeros(0))

@@ -6,10 +6,10 @@ from typing import Any
 
 from analysis.budget import budget
 from analysis.budget import to_result as budget_result
-from analysis.diagnosis.foretold import Foretold
-from analysis.diagnosis.foretold import to_result as foretold_result
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.result import to_result as diagnosis_result
+from analysis.diagnosis.verdict.foretold import Foretold
+from analysis.diagnosis.verdict.foretold import to_result as foretold_result
 from analysis.disturbance import Disturbance
 from analysis.fit import Fit
 from analysis.laws.own import called

@@ -6,27 +6,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.diagnosis import contact_words, words
-from analysis.diagnosis.acceptance import Settled, accepted_effects, clear, settle
-from analysis.diagnosis.as_fit import as_fit, effect_parameters
-from analysis.diagnosis.beyond_catalogue import beside, beyond_catalogue
-from analysis.diagnosis.competing_models import apart
-from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.cross_validation import Prediction, choose, predict
+from analysis.diagnosis import words
 from analysis.diagnosis.driven import diagnose_driven
-from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.forward_selection import Trail, without
-from analysis.diagnosis.free_parameters import TrialEffect, trial_effects
-from analysis.diagnosis.full_rate import seen_finely
-from analysis.diagnosis.hypothesis import JointData
-from analysis.diagnosis.hypothesis_fit import Fitted
-from analysis.diagnosis.identifiability import Separation, least_seen, missed_without
-from analysis.diagnosis.joint_data import shakings_of, site_under
-from analysis.diagnosis.profile import with_profile_std
-from analysis.diagnosis.projector import Projector
-from analysis.diagnosis.residual import Residual, describe, errors, judge, looks_like
+from analysis.diagnosis.fits.as_fit import as_fit, effect_parameters
+from analysis.diagnosis.fits.free_parameters import TrialEffect, trial_effects
+from analysis.diagnosis.fits.hypothesis import JointData
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.fits.profile import with_profile_std
+from analysis.diagnosis.learning import contact_words
+from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
+from analysis.diagnosis.noise.floor import Floor
+from analysis.diagnosis.noise.full_rate import seen_finely
+from analysis.diagnosis.noise.joint_data import shakings_of, site_under
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
-from analysis.diagnosis.search import Search, Searched
+from analysis.diagnosis.search.competing_models import apart
+from analysis.diagnosis.search.forward_selection import Trail, without
+from analysis.diagnosis.search.projector import Projector
+from analysis.diagnosis.search.search import Search, Searched
+from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear, settle
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.cross_validation import Prediction, choose, predict
+from analysis.diagnosis.verdict.identifiability import Separation, least_seen, missed_without
+from analysis.diagnosis.verdict.residual import Residual, describe, errors, judge, looks_like
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model.effects import findings

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.free_parameters import trial_effects
+from analysis.diagnosis.fits.free_parameters import trial_effects
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive.catalogue import LAWS
 from analysis.fit import Fit

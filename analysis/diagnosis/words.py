@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.fit import Fit
 from analysis.laws.own import from_key
 from analysis.model.effects import TAKEN_ALONG, named

@@ -5,18 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.diagnosis.competing_models import fitted_instead
-from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.forward_selection import Trail, without
-from analysis.diagnosis.free_parameters import trials_named
-from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.hypothesis_fit import Fitted, finish, first_floor, fit, search
-from analysis.diagnosis.identifiability import separation
-from analysis.diagnosis.joint_data import joint_data, parameters_of, shakings_of, site_under
-from analysis.diagnosis.projector import projector
-from analysis.diagnosis.samples import FINE_RATE_HZ, RATE_HZ
-from analysis.diagnosis.screening import fixed_of
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.free_parameters import trials_named
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, first_floor, fit, search
+from analysis.diagnosis.fits.samples import FINE_RATE_HZ, RATE_HZ
+from analysis.diagnosis.noise.floor import Floor
+from analysis.diagnosis.noise.joint_data import joint_data, parameters_of, shakings_of, site_under
+from analysis.diagnosis.search.competing_models import fitted_instead
+from analysis.diagnosis.search.forward_selection import Trail, without
+from analysis.diagnosis.search.projector import projector
+from analysis.diagnosis.search.screening import fixed_of
+from analysis.diagnosis.verdict.identifiability import separation
 from analysis.fit import Fit
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from itertools import count
 from math import inf, sqrt
 
-from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.free_parameters import trials_named
+from analysis.diagnosis.fits.free_parameters import trials_named
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.least_squares import Infeasible
 from analysis.planning.contest import Contest, rivals
 from analysis.planning.foreseen import Informs, as_if_taken, at_hand, blank, foretold, informs, refitted_chi2

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.cross_validation import shared_places
-from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.hypothesis_fit import Fitted, finish, search, square_of
-from analysis.diagnosis.samples import Samples
-from analysis.diagnosis.site import on_site
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, search, square_of
+from analysis.diagnosis.fits.samples import Samples
+from analysis.diagnosis.noise.floor import Floor
+from analysis.diagnosis.noise.site import on_site
+from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.model.least_squares import Infeasible
 from analysis.model.starts import Course
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s

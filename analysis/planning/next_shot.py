@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the settings need what a rig can do, not the diagnosis
+    from analysis.diagnosis.fits.samples import Samples
     from analysis.diagnosis.result import Diagnosis
-    from analysis.diagnosis.samples import Samples
     from analysis.motion import Motion
 
 SPEEDS_M_PER_S = (0.05, 0.10, 0.20, 0.35, 0.60)

@@ -13,7 +13,7 @@ from itertools import combinations_with_replacement
 from math import inf
 from typing import Any
 
-from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.planning.contest import Contest
 from analysis.planning.distances import Distances, Shots, refitted, screened, searched_anew
 from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, as_found_kg, effort, in_order, next_shots

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.cross_validation import shared_places
-from analysis.diagnosis.hypothesis_fit import Fitted
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.model.least_squares import Infeasible
 from analysis.planning.foreseen import at_hand, blank, foretold, informs
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.free_parameters import trials_named
-from analysis.diagnosis.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.samples import take
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.free_parameters import trials_named
+from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.fits.samples import take
 from analysis.fit import Fit
 from analysis.impact import Impact
 from analysis.model.least_squares import Infeasible

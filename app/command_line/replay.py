@@ -7,10 +7,10 @@ from pathlib import Path
 
 from analysis.combined import combined_of, stated
 from analysis.diagnosis.diagnose import diagnose as diagnose_motions
-from analysis.diagnosis.foretold import Foretold
-from analysis.diagnosis.foretold import foretell as foretell_motions
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.diagnosis.verdict.foretold import Foretold
+from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
 from analysis.fit import Fit
 from analysis.fitted_shot import fit_again, read_with, shaking_of
 from analysis.planning.next_shot import Reach

@@ -3,8 +3,8 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from analysis.diagnosis.foretold import Foretold
 from analysis.diagnosis.result import Errors
+from analysis.diagnosis.verdict.foretold import Foretold
 from app.report.export import write_table
 
 KEYS = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")

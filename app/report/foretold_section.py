@@ -1,7 +1,7 @@
 """What a saved model foretold of the report's shots, beside its base alone."""
 
-from analysis.diagnosis.foretold import Foretold
 from analysis.diagnosis.result import Errors
+from analysis.diagnosis.verdict.foretold import Foretold
 from app.report.diagnosis_section import error_rows
 from app.report.markup import Markup, joined, table, tag
 from app.words.physics_words import effect_words

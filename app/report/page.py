@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 from importlib import resources
 
 from analysis.budget import budget
-from analysis.diagnosis.foretold import Foretold
 from analysis.diagnosis.result import Diagnosis
+from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.instrument_uncertainty import InstrumentUncertainty
 from analysis.readings_model import readings_model
 from analysis.shot import Shot

@@ -17,7 +17,7 @@ def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None)
 
     ``rate_hz`` None takes the rate of the shots so far.
     """
-    from analysis.diagnosis.samples import together  # with all of the fit: not at every start
+    from analysis.diagnosis.fits.samples import together  # with all of the fit: not at every start
 
     rate_hz = rate_hz or next((one.sample_rate_hz for one in shots if one.sample_rate_hz), None) or _RATE_HZ
     samples = together([one.motion for one in shots if one.motion is not None and one.fit is not None])

@@ -12,7 +12,7 @@ def put_to_test(path: Path, shots: Sequence[Shot], progress: Progress, cancelled
 
     Raises RecordingError where the file is no model, AnalysisError where nothing can be foretold, Cancelled.
     """
-    from analysis.diagnosis.foretold import foretell  # and all of the diagnosis: not at every start
+    from analysis.diagnosis.verdict.foretold import foretell  # and all of the diagnosis: not at every start
 
     progress("foretelling", 0.0)
     model = load_model(path)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.foretold import foretell
 from analysis.diagnosis.model_file import from_text, saved, to_text
+from analysis.diagnosis.verdict.foretold import foretell
 from analysis.drive.fit import fit_driven
 from analysis.shot import AnalysisError
 from app.command_line.cli import main

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.samples import Samples, together
-from analysis.diagnosis.site import Site, Sway, swayed
+from analysis.diagnosis.fits.samples import Samples, together
+from analysis.diagnosis.noise.site import Site, Sway, swayed
 from analysis.disturbance import Shaking
 from analysis.model.fitting import base_named
 from analysis.motion import Motion

@@ -21,8 +21,8 @@ SCREENED_S = np.arange(1200) * 5e-5
 
 def tasks() -> dict[str, Callable[[], object]]:
     """Return what is timed, by name; each returns a displacement or what it has instead."""
-    from analysis.diagnosis.first_order import Shot, path_of
-    from analysis.diagnosis.quick_shot import Optics, respond
+    from analysis.diagnosis.fits.quick_shot import Optics, respond
+    from analysis.diagnosis.search.first_order import Shot, path_of
     from analysis.model import exact, general
     from analysis.model.effects import CATALOGUE
     from analysis.model.parameters import PAPER

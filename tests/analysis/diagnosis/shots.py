@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis import base_fit as begin
-from analysis.diagnosis.free_parameters import trial_effects
-from analysis.diagnosis.hypothesis import JointData
-from analysis.diagnosis.hypothesis_fit import Fitted
-from analysis.diagnosis.samples import together
+from analysis.diagnosis.fits import base_fit as begin
+from analysis.diagnosis.fits.free_parameters import trial_effects
+from analysis.diagnosis.fits.hypothesis import JointData
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.fits.samples import together
 from analysis.model.fitting import fit_shots
 from analysis.model.prepare import base_named
 from analysis.motion import Motion

@@ -2,8 +2,8 @@
 
 import pytest
 
-from analysis.diagnosis.as_fit import as_fit
-from analysis.diagnosis.base_fit import accept
+from analysis.diagnosis.fits.as_fit import as_fit
+from analysis.diagnosis.fits.base_fit import accept
 from analysis.model.fitting import fit_shots
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from analysis.diagnosis.base_fit import base_fit, explored
-from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.hypothesis import JointData
-from analysis.diagnosis.samples import together
+from analysis.diagnosis.fits.base_fit import base_fit, explored
+from analysis.diagnosis.fits.hypothesis import JointData
+from analysis.diagnosis.fits.samples import together
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.fitting import fit_shots
 from analysis.model.prepare import base_named
 from tests.analysis.diagnosis.shots import KINDS, calm, shots

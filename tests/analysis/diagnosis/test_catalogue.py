@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.diagnosis.free_parameters import trial_effects
+from analysis.diagnosis.fits.free_parameters import trial_effects
 from analysis.model.effects import CATALOGUE
 
 

@@ -1,11 +1,11 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
-from analysis.diagnosis.added_effect import refit
-from analysis.diagnosis.competing_models import challenged
-from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Trail
-from analysis.diagnosis.projector import projector
-from analysis.diagnosis.screening import scores
+from analysis.diagnosis.fits.added_effect import refit
+from analysis.diagnosis.search.competing_models import challenged
+from analysis.diagnosis.search.forward_selection import Trail
+from analysis.diagnosis.search.projector import projector
+from analysis.diagnosis.search.screening import scores
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.diagnosis.contact_words import told
+from analysis.diagnosis.learning.contact_words import told
 from analysis.diagnosis.result import FoundEffect, LearnedLaw
 from analysis.quantity import Quantity
 

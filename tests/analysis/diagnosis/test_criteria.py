@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Trail
+from analysis.diagnosis.search.forward_selection import Trail
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.effects import CATALOGUE
 
 DOCS = Path(__file__).parents[3] / "docs" / "how-a-diagnosis-decides.md"
@@ -52,7 +52,11 @@ WORDS = {"analysis/diagnosis/words.py"}
 ALLOWED = (
     ROWS
     | WORDS
-    | {"analysis/drive/catalogue.py", "analysis/diagnosis/driven_words.py", "analysis/diagnosis/contact_words.py"}
+    | {
+        "analysis/drive/catalogue.py",
+        "analysis/diagnosis/driven_words.py",
+        "analysis/diagnosis/learning/contact_words.py",
+    }
 )
 
 

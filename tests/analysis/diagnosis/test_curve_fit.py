@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from analysis.diagnosis import curve_fit
-from analysis.diagnosis.base_fit import base_fit
-from analysis.diagnosis.curve_motion import Ground, ground_of
-from analysis.diagnosis.hypothesis import JointData
-from analysis.diagnosis.samples import together
+from analysis.diagnosis.fits.base_fit import base_fit
+from analysis.diagnosis.fits.hypothesis import JointData
+from analysis.diagnosis.fits.samples import together
+from analysis.diagnosis.learning import curve_fit
+from analysis.diagnosis.learning.curve_motion import Ground, ground_of
 from analysis.laws.arguments import ARGUMENTS
 from analysis.model.fitting import fit_shots
 from analysis.model.prepare import base_named

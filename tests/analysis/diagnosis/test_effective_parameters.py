@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.diagnosis.effective_parameters import Point, to_actual, to_effective
-from analysis.diagnosis.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.samples import together
+from analysis.diagnosis.fits.effective_parameters import Point, to_actual, to_effective
+from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.fits.samples import together
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import PAPER
 from analysis.model.prepare import base_named

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.diagnosis import screening
-from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.first_order import Shot, path_of, responses, steps_for
-from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.free_parameters import trial_effect
-from analysis.diagnosis.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.hypothesis_fit import fit
-from analysis.diagnosis.projector import projector
-from analysis.diagnosis.quick_shot import Optics, respond
-from analysis.diagnosis.samples import together
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.free_parameters import trial_effect
+from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.fits.hypothesis_fit import fit
+from analysis.diagnosis.fits.quick_shot import Optics, respond
+from analysis.diagnosis.fits.samples import together
+from analysis.diagnosis.noise.floor import Floor
+from analysis.diagnosis.search import screening
+from analysis.diagnosis.search.first_order import Shot, path_of, responses, steps_for
+from analysis.diagnosis.search.projector import projector
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.model.first_order import along

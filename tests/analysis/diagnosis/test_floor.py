@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.diagnosis.floor import Floor, learn
+from analysis.diagnosis.noise.floor import Floor, learn
 
 FLOOR = Floor(1e-10, (4e-10, 0.0), (2.5e-3, 1e-2), 5e-5)
 

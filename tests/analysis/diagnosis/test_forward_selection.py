@@ -2,11 +2,11 @@
 
 import pytest
 
-from analysis.diagnosis.added_effect import refit, united
-from analysis.diagnosis.forward_selection import another_way, explore
-from analysis.diagnosis.hypothesis_fit import Fitted
-from analysis.diagnosis.projector import projector
-from analysis.diagnosis.screening import scores
+from analysis.diagnosis.fits.added_effect import refit, united
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.search.forward_selection import another_way, explore
+from analysis.diagnosis.search.projector import projector
+from analysis.diagnosis.search.screening import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 

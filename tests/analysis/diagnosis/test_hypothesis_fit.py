@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.diagnosis.hypothesis_fit import finish, lead_on, search, square_of
+from analysis.diagnosis.fits.hypothesis_fit import finish, lead_on, search, square_of
 from analysis.model.least_squares import Minimum
 from tests.analysis.diagnosis.shots import WHITE_M, base_fit, shots
 

@@ -4,12 +4,12 @@ import math
 
 import pytest
 
-from analysis.diagnosis.base_fit import base_fit
-from analysis.diagnosis.cross_validation import choose, predict
-from analysis.diagnosis.hypothesis import JointData
-from analysis.diagnosis.hypothesis_fit import Fitted
-from analysis.diagnosis.law_learning import Discovery, learn_laws
-from analysis.diagnosis.samples import together
+from analysis.diagnosis.fits.base_fit import base_fit
+from analysis.diagnosis.fits.hypothesis import JointData
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.fits.samples import together
+from analysis.diagnosis.learning.law_learning import Discovery, learn_laws
+from analysis.diagnosis.verdict.cross_validation import choose, predict
 from analysis.model.fitting import fit_shots
 from analysis.model.prepare import base_named
 from tests.law_rigs import LawRig

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis import words
-from analysis.diagnosis.law_telling import is_same_function
+from analysis.diagnosis.learning.law_telling import is_same_function
 from analysis.diagnosis.result import OtherForm
 from analysis.laws.arguments import ARGUMENTS
 from analysis.laws.forms import FORMS

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.floor import Floor
-from analysis.diagnosis.free_parameters import trial_effects
-from analysis.diagnosis.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.hypothesis_fit import fit
-from analysis.diagnosis.projector import projector
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.free_parameters import trial_effects
+from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.fits.hypothesis_fit import fit
+from analysis.diagnosis.fits.samples import together
+from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.samples import together
-from analysis.diagnosis.screening import scores
+from analysis.diagnosis.search.projector import projector
+from analysis.diagnosis.search.screening import scores
 from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.model.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
 from analysis.model.effects.row import Sensed

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.foretold import foretell
+from analysis.diagnosis.fits.samples import together
 from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.diagnosis.own_flights import own_flights
+from analysis.diagnosis.noise.own_flights import own_flights
 from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.samples import together
+from analysis.diagnosis.verdict.foretold import foretell
 from analysis.model.fitting import fit_shots
 from analysis.model.starts import read
 from analysis.motion import Motion

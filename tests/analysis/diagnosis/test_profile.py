@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.hypothesis_fit import fit
-from analysis.diagnosis.profile import with_profile_std
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import fit
+from analysis.diagnosis.fits.profile import with_profile_std
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 

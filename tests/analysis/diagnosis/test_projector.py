@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.diagnosis.added_effect import refit
-from analysis.diagnosis.hypothesis_fit import Fitted
-from analysis.diagnosis.projector import Projector, projector
-from analysis.diagnosis.screening import scores
+from analysis.diagnosis.fits.added_effect import refit
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.search.projector import Projector, projector
+from analysis.diagnosis.search.screening import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 ASKED = ("block_mode", "coulomb_friction", "contact_exponent", "sensor_drift", "plate_motion")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.diagnosis.quick_shot import Optics, respond
+from analysis.diagnosis.fits.quick_shot import Optics, respond
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import PAPER
 from analysis.model.response import PLATE_NAMES

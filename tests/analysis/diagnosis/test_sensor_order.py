@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.diagnosis.quick_shot import Optics, respond
+from analysis.diagnosis.fits.quick_shot import Optics, respond
 from analysis.model.parameters import PAPER
 
 LAG, RIPPLE = {"time_s": 8e-6}, {"amplitude_m": 1e-9, "order": 2.0, "phase_rad": 0.3}

@@ -7,14 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.diagnosis import site_strengths
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.effective_parameters import Point
-from analysis.diagnosis.hypothesis import Hypothesis
-from analysis.diagnosis.hypothesis_fit import residuals
-from analysis.diagnosis.joint_data import joint_data, parameters_of, shakings_of, site_under, with_plates
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import residuals
+from analysis.diagnosis.noise import site_strengths
+from analysis.diagnosis.noise.joint_data import joint_data, parameters_of, shakings_of, site_under, with_plates
+from analysis.diagnosis.noise.site import Site, Sway, site_of
 from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.site import Site, Sway, site_of
 from analysis.disturbance import Shaking
 from analysis.model.fitting import fit_shots
 from analysis.quantity import Quantity

@@ -1,0 +1,70 @@
+"""Exact derivatives of a vector: the model's own tangents, chained to the coordinates of the search.
+
+The base model has directions in which the displacement moves ten thousand times less than in others.  A search that
+differences trajectories loses them in the error of the difference and stops in the middle of a valley; the tangents
+that the integrator carries along do not.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.quick_shot import Values, too_fast
+from analysis.diagnosis.fits.search_vector import SearchVector
+from analysis.model.effects import Effect, named
+from analysis.model.least_squares import Infeasible
+from analysis.model.response import Model, Response, respond
+
+Floats = NDArray[np.float64]
+_STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
+
+
+def solved(
+    vector: SearchVector,
+    index: int,
+    point: Point,
+    *,
+    derivatives: bool = False,
+    averaged: bool = True,
+    laws: Sequence[Effect] = (),
+) -> tuple[Model, Response]:
+    """Return one shot's motion, averaged like the data or on the motion's own grid; Infeasible where there is none.
+
+    ``laws`` act beside the vector's effects, with parameters that are not searched.
+
+    Cost: 0.3 ms, with derivatives 0.5 to 1 ms; where a law is not linear in the state 1 to 2 ms and 4 to 11 ms.
+    """
+    values = point.values[index]
+    shot = vector.data.shots[index]
+    at = vector.shot_at(index, point)
+    # What the model can follow and no sample can show is no place for a search.
+    if too_fast(at.base, at.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+        raise Infeasible("something would swing faster than any record can show")
+    rows = (*(named(kind.name) for kind in vector.effects), *laws)
+    model = Model(vector.data.base, rows, _chosen(vector, values))
+    shared = [*point.base, *(_value(values, name) for name in model.shared_effect_names)]
+    own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
+    block = shot.factor if averaged else 1
+    return model, respond(
+        model, shot.for_model, np.array(shared), np.array(own), derivatives=derivatives, stride=_STRIDE, block=block
+    )
+
+
+def linearised_shot(vector: SearchVector, index: int, z: Floats, laws: Sequence[Effect] = ()) -> tuple[Floats, Floats]:
+    """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""
+    _, response = solved(vector, index, vector.unpack(z), derivatives=True, laws=laws)
+    physical = np.zeros((response.displacement_m.size, vector.size))
+    physical[:, vector.places(index)] = response.derivatives
+    return response.displacement_m, physical @ vector.slope(z)
+
+
+def _chosen(vector: SearchVector, values: Values) -> tuple[tuple[str, float], ...]:
+    """Return what is not searched, as the point has it: a screen tries one order after another."""
+    return tuple((f"{name}.{key}", values[name][key]) for name, given in vector.fixed.items() for key in given)
+
+
+def _value(values: Values, full: str) -> float:
+    name, _, parameter = full.rpartition(".")
+    return values[name][parameter]

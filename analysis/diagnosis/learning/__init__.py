@@ -1,0 +1,1 @@
+"""Laws that no catalogue holds: curves, the forms they have, and how they are told."""

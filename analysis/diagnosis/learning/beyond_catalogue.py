@@ -1,0 +1,142 @@
+"""Where the catalogue leaves something: learned laws, alone or beside the effects that were found or came nearest."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from analysis.diagnosis import words
+from analysis.diagnosis.fits.as_fit import effect_parameters
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
+from analysis.diagnosis.learning.law_learning import Discovery, learn_another, learn_law, learn_laws
+from analysis.diagnosis.learning.law_telling import retold
+from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.search.forward_selection import without_effect
+from analysis.diagnosis.search.projector import Projector, projector
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.verdict.identifiability import missed_without, snr
+from analysis.diagnosis.verdict.residual import Residual, judge
+from analysis.quantity import Quantity
+from analysis.shot import Progress, Stop
+
+
+@dataclass(frozen=True, slots=True)
+class Beyond:
+    """What explains something, or all, though no effect was named; ``foretold`` without it and with it."""
+
+    fitted: Fitted
+    verdict: Verdict
+    effects: list[FoundEffect]
+    laws: tuple[LearnedLaw, ...]
+    foretold: tuple[Prediction, Prediction]
+    rest: Residual
+
+
+def beyond_catalogue(
+    before: Fitted,
+    nearest: Fitted,
+    effects: Sequence[FoundEffect],
+    held: tuple[int, ...],
+    tell: Progress,
+    stop: Stop,
+) -> Beyond | None:
+    """Return what lowers the error of the held-out shots, or None where nothing does.
+
+    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  A law is learned from what the base
+    model leaves, and one from what those effects leave; a second beside the likelier of them, and beside the other
+    where that does not explain all.
+    """
+    tell("learning a law", 0.8)
+    alone = learn_law(before, held, tell, stop)
+    if alone is not None and alone.explains:
+        return _alone(alone)
+    helped = _helps(before, nearest, held, stop)
+    ways: list[tuple[Discovery, Prediction | None]] = [(alone, None)] if alone is not None else []
+    if helped is not None:
+        tell("learning a law beside the effects that came nearest", 0.83)
+        joined = learn_law(nearest, held, tell, stop)
+        ways += [(joined, helped[0])] if joined is not None else []
+    found = []
+    for first, base in sorted(ways, key=lambda way: way[0].fitted.bic):
+        laws = first if first.explains else learn_another(first, held, tell, stop)
+        found.append(_alone(laws) if base is None else _together(laws, effects, base, held, stop))
+        if found[-1].verdict is Verdict.LAW_LEARNED:
+            return found[-1]
+    if helped is not None:
+        rest = judge(nearest, projector(nearest))
+        found.append(Beyond(nearest, Verdict.PARTLY_EXPLAINED, list(effects), (), helped, rest))
+    return min(found, key=lambda one: one.fitted.bic, default=None)
+
+
+def beside(
+    named: Fitted, effects: Sequence[FoundEffect], before: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop
+) -> Beyond | None:
+    """Return a law beside ``effects`` that passed every test and left something, or None where there is none.
+
+    ``named`` is the fit with those effects, ``before`` the base model's.
+    """
+    tell("learning a law beside the effects that were found", 0.8)
+    found = learn_laws(named, held, tell, stop)
+    if found is None:
+        return None
+    base = predict(before, held, named.floor, stop) or found.foretold[0]
+    return _together(found, effects, base, held, stop)
+
+
+def _alone(found: Discovery) -> Beyond:
+    return Beyond(found.fitted, _verdict(found.explains), [], found.laws, found.foretold, found.rest)
+
+
+def _verdict(explains: bool) -> Verdict:
+    return Verdict.LAW_LEARNED if explains else Verdict.PARTLY_EXPLAINED
+
+
+def _together(
+    found: Discovery, effects: Sequence[FoundEffect], base: Prediction, held: tuple[int, ...], stop: Stop
+) -> Beyond:
+    """Return laws and effects as the fit that holds both has them.
+
+    An effect that only stood in for the law no longer pays beside it, and goes; the numbers of the others are those
+    of the joint fit, not of the one before the law was found.
+    """
+    fitted, kept = found.fitted, list(effects)
+    while True:
+        fewer = {effect.name: without_effect(fitted, effect.name, stop) for effect in kept}
+        idle = min(fewer, key=lambda name: _worth(fitted, fewer[name]), default="")
+        trial = fewer.get(idle)
+        if trial is None or _worth(fitted, trial) >= CRITERIA.least_fall:
+            break
+        fitted, kept = trial, [effect for effect in kept if effect.name != idle]
+    fitted = lead_on(fitted, cancelled=stop)
+    told, rest, at = found.foretold[1], found.rest, projector(fitted)
+    if fitted is not found.fitted:
+        told, rest = predict(fitted, held, fitted.floor, stop) or told, judge(fitted, at)
+    explains = found.explains and not rest.significant
+    laws = tuple(retold(law, fitted, law.form is not None) for law in found.laws)
+    parameters = effect_parameters(fitted)
+    named = [_anew(effect, parameters[effect.name], fitted, at, fewer[effect.name]) for effect in kept]
+    return Beyond(fitted, _verdict(explains), named, laws, (base, told), rest)
+
+
+def _worth(fitted: Fitted, fewer: Fitted | None) -> float:
+    """Return what the criterion rises by without an effect; infinite where there is no fit without it."""
+    return float("inf") if fewer is None else fewer.bic - fitted.bic
+
+
+def _anew(
+    effect: FoundEffect, parameters: Mapping[str, Quantity], fitted: Fitted, at: Projector, fewer: Fitted | None
+) -> FoundEffect:
+    """Return an effect with its numbers and evidence in another fit."""
+    evidence = {
+        "snr": min(snr(fitted, at, effect.name), missed_without(fitted, fewer)),
+        "delta_bic": -_worth(fitted, fewer) if fewer is not None else effect.evidence["delta_bic"],
+    }
+    sentence = words.found(effect.name, parameters, effect.indistinguishable_from)
+    return replace(effect, parameters=parameters, evidence={**effect.evidence, **evidence}, sentence=sentence)
+
+
+def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:
+    """Return what is foretold without and with the effects that came nearest, or None where they do not help."""
+    if nearest is before or not held or not nearest.converged:
+        return None
+    first, told = (predict(fitted, held, nearest.floor, stop) for fitted in (before, nearest))
+    return (first, told) if first is not None and told is not None and told.beats(first) else None

@@ -1,0 +1,169 @@
+"""From a curve to closed forms: which of them lie within what the shots know of the curve.
+
+What the shots know is the curvature of their likelihood in the curve's coefficients, base and starts moved out of the
+way; distance is measured in it.  Curves that the base model holds already (a law linear in the bend is k_p) cost
+nothing: they stand beside every form as columns of their own.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from analysis.diagnosis.learning.curve_fit import Learned
+from analysis.diagnosis.search.projector import orthonormal
+from analysis.laws.arguments import Argument
+from analysis.laws.forms import FORMS, Form
+
+Floats = NDArray[np.float64]
+_BEYOND = 1e60  # of a curve of size 1: no form of this range
+_FINE = 12  # samples a piece of the basis, at which a form is taken into the splines
+
+
+@dataclass(frozen=True, slots=True)
+class Fitting:
+    """A form laid over a curve: its parameters, its squared distance in units of the noise, and what the base takes.
+
+    ``base_step``, shape (z,), is what base and starts must move by so that with the form in place of the curve the
+    shots are met as well as they can be, to first order: what the base holds already goes there.
+    """
+
+    form: Form
+    parameters: dict[str, float]
+    distance: float
+    base_step: Floats
+
+
+def compress(learned: Learned, which: int = 0) -> list[Fitting]:
+    """Return every form laid over the ``which``-th curve of a fit, the one nearest for its parameters first."""
+    term = learned.terms[which]
+    knots = np.array(term.basis.knots)
+    fine = np.unique(np.concatenate([np.linspace(a, b, _FINE) for a, b in itertools.pairwise(knots)]))
+    into = np.asarray(np.linalg.pinv(term.basis.design(fine)), dtype=np.float64)  # a curve at ``fine`` to coefficients
+    root = _root(information(learned, which))
+    target = root @ term.coefficients
+    columns = root @ (into @ gauge(term.argument, fine))
+    basis = orthonormal(columns) if columns.shape[1] else columns
+    target = target - basis @ (basis.T @ target)
+
+    def seen(curve: Floats) -> Floats:
+        row = root @ (into @ curve)
+        return np.asarray(row - basis @ (basis.T @ row))
+
+    low, high = float(knots[0]), float(knots[-1])
+    laid = [(form, *_laid(form, fine, seen, target, low, high)) for form in FORMS if _apt(form, low, high)]
+    toll = _toll(learned, which)
+    found = [
+        Fitting(form, values, distance, toll @ (into @ form.values(fine, values) - term.coefficients))
+        for form, values, distance in laid
+    ]
+    samples = learned.samples
+    return sorted(found, key=lambda one: one.distance + (1 + len(one.form.bent)) * np.log(samples))
+
+
+def _toll(learned: Learned, which: int) -> Floats:
+    """Return what base and starts move by for each coefficient of a curve that is changed, shape (z, count)."""
+    size = learned.z.size
+    start = size + sum(term.basis.count for term in learned.terms[:which])
+    mine = slice(start, start + learned.terms[which].basis.count)
+    inner, cross = learned.curvature[:size, :size], learned.curvature[:size, mine]
+    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    solved = np.linalg.pinv(inner / np.outer(scale, scale), rcond=1e-13, hermitian=True) @ (cross / scale[:, None])
+    return np.asarray(-solved / scale[:, None])
+
+
+def information(learned: Learned, which: int = 0) -> Floats:
+    """Return what the shots know of a curve's coefficients, all else moved out of the way, shape (count, count)."""
+    sizes = [learned.z.size, *(term.basis.count for term in learned.terms)]
+    edges = np.cumsum([0, *sizes])
+    mine = np.arange(edges[which + 1], edges[which + 2])
+    other = np.setdiff1d(np.arange(edges[-1]), mine)
+    whole = learned.curvature
+    scale = np.sqrt(np.maximum(np.diag(whole)[other], 1e-300))
+    inner = whole[np.ix_(other, other)] / np.outer(scale, scale)
+    cross = whole[np.ix_(other, mine)] / scale[:, None]
+    left = whole[np.ix_(mine, mine)] - cross.T @ np.linalg.pinv(inner, rcond=1e-13, hermitian=True) @ cross
+    return np.asarray(0.5 * (left + left.T))
+
+
+def _root(information_: Floats) -> Floats:
+    values, vectors = np.linalg.eigh(information_)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))).T)
+
+
+def gauge(argument: Argument, at: Floats) -> Floats:
+    """Return curves of ``argument`` that the base model holds already, at ``at``, shape (n,): shape (n, k)."""
+    if argument.where == "block" and argument.name == "place":
+        inside = (at < 0).astype(np.float64)  # in contact place is bend: a constant moves the rest, a slope is k_p
+        return np.column_stack([inside, inside * at])
+    columns = {"1": np.ones_like(at), "x": at}
+    return np.column_stack([columns[name] for name in argument.gauge]) if argument.gauge else np.zeros((at.size, 0))
+
+
+def _apt(form: Form, low: float, high: float) -> bool:
+    one_sided = low > -0.02 * high or high < -0.02 * low
+    twins = ("quadratic, odd", "power, odd", "falling exponential" if high <= 0 else "rising exponential")
+    return not (one_sided and form.name in twins)
+
+
+def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: float) -> tuple[dict[str, float], float]:  # type: ignore[no-untyped-def]
+    """Return the parameters with which a form lies nearest to the curve, and its squared distance."""
+    span = max(abs(low), abs(high))
+    names = form.bent
+    unit = np.array([1.0 if name in form.powers else span for name in names])
+
+    def size_and_rest(u: Floats) -> tuple[float, Floats]:
+        values = {"a": 1.0} | {
+            name: float(np.exp(v) if name in form.positive else v * w)
+            for name, v, w in zip(names, u, unit, strict=True)
+        }
+        values |= {name: values[name] * span for name in form.positive}
+        with np.errstate(all="ignore"):
+            curve = form.values(fine, values)
+        if not np.all(np.abs(curve) < _BEYOND):
+            return 0.0, target
+        row = seen(curve)
+        square = float(row @ row)
+        a = float(row @ target) / square if square > 0 else 0.0
+        return a, target - a * row
+
+    if not names:
+        a, rest = size_and_rest(np.zeros(0))
+        return {"a": a}, float(rest @ rest)
+    begins = []
+    for start in form.starts(low, high):
+        u = np.array(
+            [np.log(start[n] / span) if n in form.positive else start[n] / w for n, w in zip(names, unit, strict=True)]
+        )
+        rest = size_and_rest(u)[1]
+        begins.append((float(rest @ rest), u))
+    best: tuple[float, Floats] | None = None
+    for _, u in sorted(begins, key=lambda begin: begin[0])[:3]:
+        bounds = _bounds(form, names, low, high, span)
+        inside = np.clip(u, bounds[0] + 1e-9, bounds[1] - 1e-9)
+        found = least_squares(lambda v: size_and_rest(v)[1], inside, bounds=bounds, xtol=1e-10, ftol=1e-12, max_nfev=60)
+        if best is None or 2 * found.cost < best[0]:
+            best = (2 * float(found.cost), found.x)
+    assert best is not None
+    u = best[1]
+    values = {
+        n: float(np.exp(v) * span if n in form.positive else v * w) for n, v, w in zip(names, u, unit, strict=True)
+    }
+    return {"a": size_and_rest(u)[0], **values}, best[0]
+
+
+def _bounds(form: Form, names: tuple[str, ...], low: float, high: float, span: float) -> tuple[Floats, Floats]:
+    lower, upper = [], []
+    for name in names:
+        if name in form.positive:
+            lower.append(np.log(1e-4))
+            upper.append(np.log(1e2))
+        elif name in form.powers:
+            lower.append(-7.0 if form.name == "sine" else 0.1)
+            upper.append(7.0 if form.name == "sine" else 10.0)
+        else:
+            lower.append(low / span - 0.1)
+            upper.append(high / span + 0.1)
+    return np.array(lower), np.array(upper)

@@ -1,0 +1,222 @@
+"""A law whose form is not known: for every argument the curve that explains the shots best, fitted with the base.
+
+A curve of B-splines is fitted together with base and starts on the exact solver, by Gauss-Newton steps whose
+smoothing is set anew at every step (``curve_step``).  A law does little to where the shots go, so derivatives serve
+for many steps: they are taken anew where a step brings less than they promised.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import learn_floor
+from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
+from analysis.diagnosis.learning.curve_step import damped, penalised_step
+from analysis.diagnosis.noise.floor import Floor, white_floor
+from analysis.laws.arguments import Argument
+from analysis.laws.curve import graded
+from analysis.model.least_squares import Infeasible
+from analysis.shot import Cancelled, Stop
+
+Floats = NDArray[np.float64]
+_DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after another until one leads down
+_EASING = 1e-2  # of the damping, from step to step
+_SETTLED = 0.5  # of chi^2: a step that brings no more is the last
+_FAITHFUL = 0.8  # of the fall of chi^2 that derivatives promise: with less they are taken anew
+_BEYOND = 1e100  # noise norms: no motion of this rig
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A fit of base, starts and one or two curves.
+
+    ``z`` is the search vector of base and starts; ``residual_m`` averaged, shot by shot; ``curvature`` of all numbers
+    (z, then coefficients) in units of ``floor`` without any smoothing, ``penalty`` the smoothing that was added;
+    ``freedom`` the effective number of coefficients; ``log_likelihood`` with ``floor``.
+    """
+
+    hypothesis: Hypothesis
+    terms: tuple[Term, ...]
+    z: Floats
+    floor: Floor
+    residual_m: tuple[Floats, ...]
+    log_likelihood: float
+    curvature: Floats
+    penalty: Floats
+    freedom: float
+
+    @property
+    def samples(self) -> int:
+        """Get the number of valid averaged samples."""
+        return sum(int(shot.valid.sum()) for shot in self.hypothesis.data.shots)
+
+    def penalty_of(self, which: int) -> Floats:
+        """Return the smoothing of one curve's coefficients, shape (count, count)."""
+        edges = np.cumsum([0, *(term.basis.count for term in self.terms)])
+        part = slice(edges[:-1][which], edges[1:][which])
+        return self.penalty[part, part]
+
+    @property
+    def bic(self) -> float:
+        """Get the Bayesian information criterion, the curves' effective freedom among the parameters."""
+        return (self.z.size + self.freedom) * math.log(self.samples) - 2 * self.log_likelihood
+
+
+def screen(ground: Ground, argument: Argument, pieces: int, stop: Stop, *, steps: int = 7) -> Learned:
+    """Fit a curve of ``argument`` in about ``pieces`` pieces to what a fit leaves; Infeasible, Cancelled.
+
+    Its curvature may be that of a place a few steps back.
+    """
+    start = ground.fitted
+    low, high = ground.visited(argument)
+    basis = graded(low, high, pieces)
+    term = Term(argument, basis, np.zeros(basis.count))
+    left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, start.hypothesis.data.shots, strict=True)])
+    rms = float(np.sqrt(np.mean(left**2)))
+    rough = white_floor(rms, start.floor.spacing_s)
+    return _fitted(start.hypothesis, start.z, (term,), rough, stop, steps, ground.beside(term), to_the_end=False)
+
+
+def refine(learned: Learned, pieces: int, stop: Stop, *, steps: int) -> Learned:
+    """Fit on with the last curve in about ``pieces`` pieces, from where it stands; Infeasible, Cancelled."""
+    *others, term = learned.terms
+    knots = np.array(term.basis.knots)
+    basis = graded(float(knots[0]), float(knots[-1]), pieces)
+    fine = np.unique(np.concatenate([knots, np.linspace(knots[0], knots[-1], 8 * basis.count), basis.knots]))
+    coefficients = np.linalg.lstsq(basis.design(fine), term.curve(fine), rcond=None)[0]
+    finer = (*others, Term(term.argument, basis, np.asarray(coefficients, dtype=np.float64)))
+    return fit_terms(learned.hypothesis, learned.z, finer, learned.floor, stop, steps=steps)
+
+
+def fit_terms(
+    hypothesis: Hypothesis, z: Floats, terms: tuple[Term, ...], floor: Floor, stop: Stop, *, steps: int
+) -> Learned:
+    """Fit base, starts and curves by penalised Gauss-Newton steps; the noise begins as ``floor`` and is learned."""
+    begin = motions(hypothesis, z, terms)
+    return _fitted(hypothesis, z, terms, floor, stop, steps, begin, to_the_end=True)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a fit stands; ``fresh``: the derivatives are those of this very place."""
+
+    z: Floats
+    terms: tuple[Term, ...]
+    motions: Motions
+    fresh: bool
+
+    def left_m(self, hypothesis: Hypothesis) -> tuple[Floats, ...]:
+        """Return measured minus model, averaged, shot by shot."""
+        shots = hypothesis.data.shots
+        return tuple(shot.displacement_m - x for shot, x in zip(shots, self.motions.displacement_m, strict=True))
+
+    def rows(self, hypothesis: Hypothesis, floor: Floor) -> Floats:
+        """Return (measured - model, derivatives), whitened, all shots one after another."""
+        both = zip(self.left_m(hypothesis), self.motions.derivatives, strict=True)
+        return _whitened(hypothesis, [np.column_stack([left, j]) for left, j in both], floor)
+
+    def with_derivatives(self, hypothesis: Hypothesis) -> "_Place":
+        """Return this place with derivatives of its own."""
+        return self if self.fresh else _Place(self.z, self.terms, motions(hypothesis, self.z, self.terms), fresh=True)
+
+
+def _fitted(
+    hypothesis: Hypothesis,
+    z: Floats,
+    terms: tuple[Term, ...],
+    floor: Floor,
+    stop: Stop,
+    steps: int,
+    begin: Motions,
+    *,
+    to_the_end: bool,
+) -> Learned:
+    here, damping = _Place(z, terms, begin, fresh=True), 0.0
+    for step in range(steps):
+        if stop():
+            raise Cancelled
+        went = _downhill(hypothesis, here, floor, damping)
+        if went.there is None and not here.fresh and went.promised > _SETTLED:
+            here = here.with_derivatives(hypothesis)
+            went = _downhill(hypothesis, here, floor, damping)
+        if went.there is None:
+            break
+        here, damping = went.there, went.damping
+        if step >= 1:
+            floor, _ = learn_floor(hypothesis.data, here.left_m(hypothesis), floor)
+        if step >= 2 and went.fell < _SETTLED and damping <= _DAMPINGS[1]:
+            break
+        if went.fell < _FAITHFUL * went.promised and went.promised > _SETTLED and step < steps - 1:
+            here = here.with_derivatives(hypothesis)
+        damping *= _EASING if damping > _DAMPINGS[1] else 0.0
+    if to_the_end:
+        here = here.with_derivatives(hypothesis)
+    left = here.left_m(hypothesis)
+    floor, value = learn_floor(hypothesis.data, left, floor)
+    rows = here.rows(hypothesis, floor)
+    _, penalty, freedom = penalised_step(rows, z.size, here.terms)
+    jacobian = rows[:, 1:]
+    curvature = jacobian.T @ jacobian
+    return Learned(hypothesis, here.terms, here.z, floor, left, value, curvature, penalty, freedom)
+
+
+class _Went(NamedTuple):
+    """Where a step led, if anywhere; its damping; by how much penalised chi^2 fell, and was to fall."""
+
+    there: _Place | None
+    damping: float
+    fell: float
+    promised: float
+
+
+def _downhill(hypothesis: Hypothesis, here: _Place, floor: Floor, damping: float) -> _Went:
+    rows, size = here.rows(hypothesis, floor), here.z.size
+    moves, penalty, _ = penalised_step(rows, size, here.terms)
+    chi2 = _penalised(rows[:, 0], here.terms, penalty)
+
+    def promised(by: Floats) -> float:
+        return chi2 - _penalised(rows[:, 0] - rows[:, 1:] @ by, _moved(here.terms, by[size:]), penalty)
+
+    for trial in (d for d in _DAMPINGS if d >= damping):
+        by = moves if trial == 0.0 else damped(rows, here.terms, penalty, trial)
+        if by is None:
+            continue
+        z, terms = here.z + by[:size], _moved(here.terms, by[size:])
+        try:
+            shown = displacements(hypothesis, z, terms)
+            there = _Place(z, terms, Motions(shown, here.motions.derivatives), fresh=False)
+            left = _whitened(hypothesis, [x[:, None] for x in there.left_m(hypothesis)], floor)[:, 0]
+        except Infeasible:
+            continue
+        fell = chi2 - _penalised(left, terms, penalty)
+        if fell > 0.0:
+            return _Went(there, trial, fell, promised(by))
+    return _Went(None, damping, 0.0, promised(moves))
+
+
+def _moved(terms: tuple[Term, ...], by: Floats) -> tuple[Term, ...]:
+    out, at = [], 0
+    for term in terms:
+        count = term.basis.count
+        out.append(replace(term, coefficients=term.coefficients + by[at : at + count]))
+        at += count
+    return tuple(out)
+
+
+def _whitened(hypothesis: Hypothesis, columns: Sequence[Floats], floor: Floor) -> Floats:
+    """Return ``columns``, shot by shot of shape (n, k), whitened, all shots one after another."""
+    shots = hypothesis.data.shots
+    joined = np.concatenate([shot.whitened(floor, c) for shot, c in zip(shots, columns, strict=True)])
+    if not np.all(np.abs(joined) < _BEYOND):
+        raise Infeasible("the trajectory leads nowhere")
+    return joined
+
+
+def _penalised(left: Floats, terms: Sequence[Term], penalty: Floats) -> float:
+    c = np.concatenate([term.coefficients for term in terms])
+    return float(left @ left + c @ penalty @ c)

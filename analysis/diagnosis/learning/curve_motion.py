@@ -1,0 +1,134 @@
+"""What laws of free curves do to the shots: their motion on the exact solver, and its derivatives.
+
+The derivatives by a curve's coefficients are the responses of the linearised path to forces along it, those by base
+and starts the solver's own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.fits.derivatives import linearised_shot, solved
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.laws.arguments import Argument
+from analysis.laws.curve import Basis, Curve, spread
+from analysis.model import general
+from analysis.model.effects import named
+from analysis.model.effects.kernel import TOUCHING
+from analysis.model.effects.row import Effect
+from analysis.model.first_order import along
+from analysis.model.least_squares import Infeasible
+from analysis.model.linear_path import LinearPath, linear_path
+from analysis.model.parameters import Collision
+from analysis.side_by_side import side_by_side
+
+Floats = NDArray[np.float64]
+Path = tuple[LinearPath, Collision]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One law of a fit: what it depends on, in which splines, with which coefficients, shape (count,)."""
+
+    argument: Argument
+    basis: Basis
+    coefficients: Floats
+
+    @property
+    def curve(self) -> Curve:
+        """Get the law's curve."""
+        return self.basis.curve(self.coefficients)
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Averaged displacement of every shot, shape (n,), and its derivatives by all numbers, shape (n, p)."""
+
+    displacement_m: tuple[Floats, ...]
+    derivatives: tuple[Floats, ...]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A fit to which laws are added: its motions and paths, which are the same for every law that is still nothing."""
+
+    fitted: Fitted
+    motions: Motions
+    paths: tuple[Path, ...]
+
+    def visited(self, argument: Argument) -> tuple[float, float]:
+        """Return the range of the argument that the shots visit where a law of it acts."""
+        values = []
+        for path, _ in self.paths:
+            told = path.told[:, 1] if argument.where == "block" else path.told[~path.early, 1]
+            if argument.touching:
+                told = told[told[:, TOUCHING] > 0.5]
+            values.append(argument.value(told))
+        return spread(values)
+
+    def beside(self, term: Term) -> Motions:
+        """Return the motions with a law that is still nothing; Infeasible where it cannot be followed."""
+        row = term.argument.row(term.curve)
+        shown = zip(self.motions.derivatives, self.paths, strict=True)
+        columns = side_by_side(lambda one: np.hstack([one[0], _columns(term, row, one[1], one[0].shape[0])]), shown)
+        return Motions(self.motions.displacement_m, tuple(columns))
+
+
+def ground_of(fitted: Fitted) -> Ground:
+    """Return the ground that laws are laid on beside a fit."""
+    hypothesis = fitted.hypothesis
+    lines = hypothesis.linearised(fitted.z)
+    paths = [_path(hypothesis, fitted.point, (), index) for index in range(len(hypothesis.data.shots))]
+    return Ground(fitted, Motions(tuple(x for x, _ in lines), tuple(j for _, j in lines)), tuple(paths))
+
+
+def displacements(hypothesis: Hypothesis, z: Floats, terms: Sequence[Term]) -> tuple[Floats, ...]:
+    """Return every shot's averaged displacement, shape (n,); a tenth of the cost of ``motions``."""
+    rows = _rows(terms)
+    point = hypothesis.unpack(z)
+    shots = range(len(hypothesis.data.shots))
+    return tuple(side_by_side(lambda i: solved(hypothesis, i, point, laws=rows)[1].displacement_m, shots))
+
+
+def motions(hypothesis: Hypothesis, z: Floats, terms: Sequence[Term]) -> Motions:
+    """Return the shots' motions with curves, and their derivatives; some 30 ms a shot."""
+    rows = _rows(terms)
+    point = hypothesis.unpack(z)
+
+    def one(index: int) -> tuple[Floats, Floats]:
+        shown, of_base = linearised_shot(hypothesis, index, z, rows)
+        path = _path(hypothesis, point, rows, index)
+        of_terms = [_columns(term, row, path, shown.size) for term, row in zip(terms, rows, strict=True)]
+        return shown, np.hstack([of_base, *of_terms])
+
+    both = side_by_side(one, range(len(hypothesis.data.shots)))
+    return Motions(tuple(x for x, _ in both), tuple(j for _, j in both))
+
+
+def _rows(terms: Sequence[Term]) -> list[Effect]:
+    return [term.argument.row(term.curve) for term in terms]
+
+
+def _columns(term: Term, row: Effect, path: Path, samples: int) -> Floats:
+    """Return the derivatives of a shot by a law's coefficients, shape (samples, count)."""
+    parameters = np.zeros((term.basis.count, 3))
+    parameters[:, 0] = 1.0
+    parameters[:, 1] = [member.address for member in term.basis.members]
+    added = along(path[0], row, path[1], parameters, samples)
+    if added is None:
+        raise Infeasible("a law that cannot be followed to first order")
+    return added
+
+
+def _path(hypothesis: Hypothesis, point: Point, laws: Sequence[Effect], index: int) -> Path:
+    shot, own = hypothesis.data.shots[index], point.own[index]
+    collision = hypothesis.data.base.collision(point.base, own[0], shot.moving_mass_kg)
+    acting = [row for row in (named(kind.name) for kind in hypothesis.effects) if row.kernel is not None]
+    active = [general.Active(r, tuple(point.values[index][r.name][p.name] for p in r.parameters)) for r in acting]
+    active += [general.Active(row, tuple(p.scale for p in row.parameters)) for row in laws]
+    active.sort(key=lambda one: one.effect.hidden == 0)
+    return linear_path(collision, active, shot.centre_s - own[1]), collision

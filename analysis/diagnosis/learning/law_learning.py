@@ -1,0 +1,206 @@
+"""A law that the catalogue does not hold, learned from the shots: its argument, its curve, and the form it has.
+
+Every argument is given a free curve (``curve_fit``); the best ones finer knots, until that no longer pays; their curves
+are read as closed forms (``closed_forms``), and the nearest forms are fitted to the shots like any effect of the
+catalogue, on the same solver, judged by the same tests and on the same held-out shots.  Decided is after that: two
+arguments whose curves end in forms are compared as forms.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.free_parameters import trial_effect
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit, lead_on
+from analysis.diagnosis.learning.closed_forms import Fitting, compress
+from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
+from analysis.diagnosis.learning.curve_motion import ground_of
+from analysis.diagnosis.learning.law_telling import FormFit, retold, told
+from analysis.diagnosis.result import LearnedLaw
+from analysis.diagnosis.search.projector import projector
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.verdict.residual import Residual, judge
+from analysis.laws.arguments import ARGUMENTS, Argument
+from analysis.laws.own import LawError
+from analysis.model.least_squares import Infeasible
+from analysis.shot import Cancelled, Progress, Stop
+from analysis.side_by_side import side_by_side
+
+FIRST_PIECES, MOST_PIECES = 12, 96
+_FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front
+_FINER_STEPS = 4  # from the curve in half as many pieces
+_GO_ON = 6  # arguments that are searched to the end
+FINER_PAYS = 10.0  # of the criterion: worth twice the knots
+FOLLOWED = 3  # arguments that are given finer knots
+FORMS_FITTED = 6  # of an argument, by their distance from its curve
+_NEAR, _NEAR_NORMS = 4.0, 200.0  # times the nearest form's distance, and more: fitted before the others
+
+
+@dataclass(frozen=True, slots=True)
+class Discovery:
+    """Learned laws: how they are told, the fit that holds them, what that leaves over, how the held-out shots fare."""
+
+    laws: tuple[LearnedLaw, ...]
+    fitted: Fitted
+    rest: Residual
+    foretold: tuple[Prediction, Prediction]  # without the laws and with them
+
+    @property
+    def explains(self) -> bool:
+        """Return whether the laws account for everything down to the noise, each in a closed form that meets it."""
+        named = all(law.form is not None for law in self.laws)
+        return named and self.fitted.converged and not self.rest.significant
+
+
+def learn_law(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery | None:
+    """Return the law that ``start`` lacks, if the shots show any; Cancelled when asked to stop.
+
+    ``held`` are the shots that are foretold in turn.  A single shot shows no law: it could not be tested.
+    """
+    return _learn(start, held, None, tell, stop)
+
+
+def learn_laws(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery | None:
+    """Return the law that ``start`` lacks, or the two: a second is asked where the first leaves more than noise."""
+    first = learn_law(start, held, tell, stop)
+    return first if first is None or first.explains else learn_another(first, held, tell, stop)
+
+
+def learn_another(first: Discovery, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery:
+    """Return a law with a second one beside it, or itself where there is none; Cancelled when asked to stop.
+
+    A form that fell short of its curve only for what the second explains is then the first law's after all.
+    """
+    law = first.laws[0]
+    tell("learning a second law", 0.86)
+    second = _learn(first.fitted, held, law, tell, stop)
+    if second is None:
+        return first
+    both = (retold(law, second.fitted, law.form is not None or second.explains), *second.laws)
+    return Discovery(both, second.fitted, second.rest, (first.foretold[0], second.foretold[1]))
+
+
+def _learn(
+    start: Fitted, held: tuple[int, ...], beside: LearnedLaw | None, tell: Progress, stop: Stop
+) -> Discovery | None:
+    if len(start.hypothesis.data.shots) < 2 or not held:
+        return None
+    one_body = start.hypothesis.data.base.one_body
+    known = (beside.where, beside.argument) if beside is not None else None
+    arguments = [a for a in ARGUMENTS if (a.where, a.name) != known and not (one_body and a.where == "plate")]
+    curves = _screened(start, arguments, tell, stop)
+    if not curves or curves[0].bic > start.bic - CRITERIA.law_fall:
+        return None
+    fits: list[FormFit] = []
+    for place, learned in enumerate(curves[:FOLLOWED]):
+        tell(f"reading the curve of the {_argument(learned).name}", 0.84 + 0.03 * place)
+        forms = [form for form in compress(learned) if _is_law(form, _argument(learned))][:FORMS_FITTED]
+        near = [form for form in forms if form.distance <= _NEAR * forms[0].distance + _NEAR_NORMS]
+        met = _refined(start, learned, near, stop)
+        if not any(_meets(one, curves) for one in met):  # distances were to first order
+            met += _refined(start, learned, [form for form in forms if form not in near], stop)
+        fits += met
+    if not fits:
+        return None
+    fits.sort(key=lambda one: one.bic)
+    within = fits[0].bic + CRITERIA.form_excluded
+    fits = side_by_side(lambda one: _led_on(one, stop) if one.bic < within else one, fits)
+    fits.sort(key=lambda one: one.bic)
+    best = fits[0].fitted
+    if best.bic > start.bic - CRITERIA.law_fall:
+        return None
+    at = projector(best)
+    rest = judge(best, at)
+    before, after = (predict(f, held, best.floor, stop) for f in (start, best))
+    if before is None or after is None or not after.beats(before):
+        return None
+    named = _meets(fits[0], curves)
+    return Discovery((told(start, fits, named, after, held),), best, rest, (before, after))
+
+
+def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
+    """Return whether a closed form tells as much as the best free curve."""
+    return one.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
+
+
+def _is_law(form: Fitting, argument: Argument) -> bool:
+    """Return whether a form is news: a constant is, in contact alone (a force while they touch, and only then)."""
+    return form.form.name != "constant" or (argument.where == "contact" and not argument.factor)
+
+
+def _argument(learned: Learned) -> Argument:
+    return learned.terms[-1].argument
+
+
+def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop: Stop) -> list[Learned]:
+    """Return the curves that explain most, best first, those in front with the knots they ask for."""
+    ground = ground_of(start)
+
+    def one(argument: Argument) -> Learned | None:
+        if stop():
+            raise Cancelled
+        tell(f"trying a force of the {argument.name}", 0.8)
+        try:
+            return screen(ground, argument, FIRST_PIECES, stop, steps=_FIRST_STEPS)
+        except (Infeasible, ValueError, np.linalg.LinAlgError):
+            return None
+
+    def further(learned: Learned) -> Learned:
+        try:
+            rest = _ALL_STEPS - _FIRST_STEPS
+            return fit_terms(learned.hypothesis, learned.z, learned.terms, learned.floor, stop, steps=rest)
+        except (Infeasible, np.linalg.LinAlgError):
+            return learned
+
+    def finer(learned: Learned) -> Learned:
+        pieces = FIRST_PIECES
+        while 2 * pieces <= MOST_PIECES:
+            pieces *= 2
+            try:
+                trial = refine(learned, pieces, stop, steps=_FINER_STEPS)
+            except (Infeasible, ValueError, np.linalg.LinAlgError):
+                break
+            if trial.bic > learned.bic - FINER_PAYS:
+                break
+            learned = trial
+        return learned
+
+    rough = side_by_side(one, arguments)
+    first = sorted((curve for curve in rough if curve is not None), key=lambda curve: curve.bic)
+    found = sorted(side_by_side(further, first[:_GO_ON]), key=lambda curve: curve.bic)
+    ahead = [curve for curve in found[:FOLLOWED] if curve.bic < start.bic - CRITERIA.law_fall]
+    curves = sorted(side_by_side(finer, ahead), key=lambda curve: curve.bic)
+    # A form that meets its curve saves no more than the curve's freedom costs: others cannot come to the front.
+    return [c for c in curves if c.bic - c.freedom * math.log(c.samples) < curves[0].bic + CRITERIA.form_excluded]
+
+
+def _refined(start: Fitted, learned: Learned, forms: Sequence[Fitting], stop: Stop) -> list[FormFit]:
+    """Return the fits of closed forms to the shots."""
+
+    def one(form: Fitting) -> FormFit | None:
+        try:
+            base = start.hypothesis.unpack(learned.z + form.base_step)
+            law = form.form.law(_argument(learned), form.parameters, _span(learned))
+            kind = trial_effect(law.effect)
+            hypothesis = Hypothesis(start.hypothesis.data, (*start.hypothesis.effects, kind), start.hypothesis.fixed)
+            values = tuple({**v, kind.name: dict(kind.starts[0])} for v in base.values)
+            z = hypothesis.pack(Point(base.base, base.own, values))
+            return FormFit(fit(hypothesis, z, learned.floor, evaluations=40, cancelled=stop), learned, form)
+        except (Infeasible, LawError, np.linalg.LinAlgError):
+            return None
+
+    return [found for found in side_by_side(one, forms) if found is not None]
+
+
+def _led_on(one: FormFit, stop: Stop) -> FormFit:
+    return replace(one, fitted=lead_on(one.fitted, cancelled=stop))
+
+
+def _span(learned: Learned) -> float:
+    knots = learned.terms[-1].basis.knots
+    return max(abs(knots[0]), abs(knots[-1]))

@@ -1,0 +1,145 @@
+"""How a learned law is told: its numbers, its curve with its band, and what else the shots cannot exclude."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.learning.closed_forms import Fitting, gauge, information
+from analysis.diagnosis.learning.curve_fit import Learned
+from analysis.diagnosis.result import LearnedLaw, OtherForm
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.cross_validation import Prediction
+from analysis.laws.own import from_key
+from analysis.quantity import Quantity
+
+Floats = NDArray[np.float64]
+_SHOWN = 81  # points of a curve that is told
+_SAME = 1e-3  # of the largest force: what may lie between two readings of one function
+
+
+@dataclass(frozen=True, slots=True)
+class FormFit:
+    """A closed form fitted to the shots, and the curve that it was read from."""
+
+    fitted: Fitted
+    learned: Learned
+    form: Fitting
+
+    @property
+    def bic(self) -> float:
+        """Get the criterion by which forms are compared."""
+        return self.fitted.bic
+
+    @property
+    def key(self) -> str:
+        """Get the name under which the model holds the law."""
+        return self.fitted.names[-1]
+
+    def values(self) -> dict[str, float]:
+        """Return the law's parameters as fitted."""
+        return dict(self.fitted.point.values[0][self.key])
+
+    def curve(self, at: Floats) -> Floats:
+        """Return the form's curve in N at arguments ``at``, any shape."""
+        return self.form.form.values(at, self.values())
+
+
+def told(start: Fitted, fits: Sequence[FormFit], named: bool, after: Prediction, held: tuple[int, ...]) -> LearnedLaw:
+    """Return the law of the first of ``fits`` (best first) as it is told, the others as what it may be instead."""
+    best = fits[0]
+    learned, fitted = best.learned, best.fitted
+    term = learned.terms[-1]
+    argument = term.argument
+    low, high = term.basis.knots[0], term.basis.knots[-1]
+    at = np.linspace(low, high, _SHOWN)
+    design = term.basis.design(at)
+    known = np.linalg.pinv(information(learned, len(learned.terms) - 1) + learned.penalty_of(-1), hermitian=True)
+    std = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", design, known, design), 0.0))
+    shown = best.curve(at)
+    near = [one for one in fits[1:] if one.bic < best.bic + CRITERIA.form_excluded and one.key != best.key]
+    others = [_other(one, best, at, shown) for one in near]
+    twins = [other for other in others if is_same_function(other, shown)]
+    curve = term.curve(at)
+    return LearnedLaw(
+        name=best.key,
+        where=argument.where,
+        argument=argument.name,
+        form=best.form.form.name if named else None,
+        formula=from_key(best.key).formula.text if named else None,
+        nearest_form=best.form.form.name,
+        parameters=_parameters(best.key, fitted) if named else {},
+        other_forms=tuple(other for other in others if not is_same_function(other, shown)),
+        same_by_gauge=tuple(
+            filter(None, (argument.unseen, *(f"{t.form}, {t.formula}: the same over the range visited" for t in twins)))
+        ),
+        curve_argument=at,
+        curve_unit=argument.unit,
+        curve_force_n=_as(curve, shown, gauge(argument, at), std),
+        curve_std_n=std,
+        visited=(low, high),
+        not_observable=tuple(filter(None, (argument.unseen, "any part outside the range visited"))),
+        evidence={
+            "delta_bic": best.bic - start.bic,
+            "held_out_chi2": _held_out_chi2(fitted, after, held),
+            "degrees_of_freedom": learned.freedom,
+        },
+        form_force_n=shown,
+    )
+
+
+def retold(law: LearnedLaw, beside: Fitted, named: bool) -> LearnedLaw:
+    """Return a law as it is when another was found beside it: its numbers from the fit that holds both."""
+    if not named:
+        return law
+    formula = from_key(law.name).formula.text
+    return replace(law, form=law.nearest_form, formula=formula, parameters=_parameters(law.name, beside))
+
+
+def _parameters(key: str, fitted: Fitted) -> dict[str, tuple[Quantity, str]]:
+    values = fitted.point.values[0][key]
+    places = {
+        free.name: fitted.hypothesis.offset + k
+        for k, (name, free, _) in enumerate(fitted.hypothesis.free_parameters)
+        if name == key
+    }
+    return {
+        p.name: (Quantity(values[p.name], float(fitted.std[places[p.name]]), "fit of the law"), p.unit)
+        for p in from_key(key).parameters
+    }
+
+
+def _other(one: FormFit, best: FormFit, at: Floats, shown: Floats) -> OtherForm:
+    argument = one.learned.terms[-1].argument
+    same = argument is best.learned.terms[-1].argument
+    curve = _as(one.curve(at), shown, gauge(argument, at), np.ones(at.size)) if same else None
+    form = one.form.form
+    return OtherForm(argument.where, argument.name, form.name, form.formula(argument).text, one.bic - best.bic, curve)
+
+
+def is_same_function(other: OtherForm, shown: Floats) -> bool:
+    """Return whether another form is the same curve over the range visited, as y|y| is y^2 of what has one sign."""
+    if other.curve_force_n is None:
+        return False
+    return bool(np.max(np.abs(other.curve_force_n - shown)) <= _SAME * float(np.max(np.abs(shown))))
+
+
+def _as(curve: Floats, shown: Floats, columns: Floats, std: Floats) -> Floats:
+    """Return a curve moved by what the base model holds already, so that it lies on ``shown`` as well as it can."""
+    if not columns.shape[1]:
+        return curve
+    weight = 1.0 / np.maximum(std, 1e-3 * float(std.max()) or 1.0)
+    scale = np.maximum(np.linalg.norm(columns * weight[:, None], axis=0), 1e-300)
+    moved = np.linalg.lstsq(columns * weight[:, None] / scale, (curve - shown) * weight, rcond=None)[0] / scale
+    return np.asarray(curve - columns @ moved)
+
+
+def _held_out_chi2(fitted: Fitted, after: Prediction, held: tuple[int, ...]) -> float:
+    measured = [fitted.hypothesis.data.shots[i] for i in held]
+    white = [
+        s.whitened(fitted.floor, (s.displacement_m - s.averaged(x))[:, None])
+        for s, x in zip(measured, after.displacement_m, strict=True)
+    ]
+    return float(sum(np.sum(w**2) for w in white) / sum(w.size for w in white))

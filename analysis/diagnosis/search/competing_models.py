@@ -1,0 +1,149 @@
+"""What would do almost as well: an effect's nearest look-alikes, fitted in its place.
+
+To first order one effect may stand well apart from another that a bent path leads to: a soft support is a second plate
+mode at a frequency of its own.  So the nearest are fitted, from where they imitate the effect best.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+from analysis.diagnosis.fits.added_effect import refit, times
+from analysis.diagnosis.fits.free_parameters import TrialEffect
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit
+from analysis.diagnosis.search.forward_selection import Trail, better, without
+from analysis.diagnosis.search.projector import Projector
+from analysis.diagnosis.search.screening import scores
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.identifiability import Separation, separation
+from analysis.diagnosis.verdict.residual import Residual, judge
+from analysis.model.effects import named
+from analysis.shot import Cancelled, Stop
+from analysis.side_by_side import side_by_side
+
+Separations = Mapping[str, Separation]
+Start = tuple[Mapping[str, float], ...]  # an effect's values a shot
+
+_FITTED = 2  # look-alikes of an effect at most
+_ALIKE = 0.6  # of an effect's size is left beside a look-alike that is worth a fit
+_ONE_LINE = 0.03  # of the frequency
+_STRONGER = 10.0
+_HOPELESS = 150.0  # of the criterion behind the best after a short search
+
+
+def apart(best: Fitted, at: Projector, trail: Trail) -> Separations:
+    """Return how far each effect that the start lacks stands from everything else in the catalogue."""
+    out = {}
+    for name in trail.added(best):
+        trail.go_on()
+        out[name] = separation(best, at, name, trail.catalogue)
+    return out
+
+
+def challenged(
+    best: Fitted, at: Projector, trail: Trail, foretells: Callable[[Fitted], bool]
+) -> tuple[Fitted, Projector, Separations]:
+    """Fit every effect's nearest look-alikes in its place, and return what is best then, with its separations.
+
+    One that takes the place must predict the held-out shots, as the effect did.
+    """
+    far = apart(best, at, trail)
+    kept = best
+    for name, distances in far.items():
+        fewer = without(best, name, trail)
+        if fewer is None:
+            continue
+        frequency = best.point.values[0][name].get("frequency_hz")
+        near = _nearest(distances, trail.catalogue)
+        known = {kind.name: _known(trail, fewer, kind, frequency) for kind in near}
+        left = [kind for kind in near if known[kind.name] is None]
+        fitted = [one for one in known.values() if one is not None]
+        if left:
+            instead = partial(fitted_instead, best, trail.projector_of(fewer), distances, frequency, trail.stop)
+            fitted += [one for one in side_by_side(instead, left) if one is not None]
+        for one in fitted:
+            trail.keep(one)
+            if better(one, kept):
+                kept = one
+    if kept is best or not foretells(kept):
+        return best, at, far
+    kept = fit(kept.hypothesis, kept.z, kept.floor, evaluations=60, cancelled=trail.stop)
+    trail.keep(kept)
+    at = trail.projector_of(kept)
+    return kept, at, apart(kept, at, trail)
+
+
+def unmissed(
+    best: Fitted, at: Projector, rest: Residual, trail: Trail, foretells: Callable[[Fitted], bool]
+) -> tuple[Fitted, Projector, Residual]:
+    """Return another fit, nearly as likely and with as many effects, that misses nothing where the best does."""
+    near = [
+        other
+        for key, other in trail.fits.items()
+        if len(key) == len(best.names)
+        and len(set(key) - set(best.names)) == 1
+        and other.converged
+        and other.bic < best.bic + CRITERIA.nearly
+    ]
+    for other in sorted(near, key=lambda fitted: fitted.bic)[:_FITTED]:
+        trail.go_on()
+        there = trail.projector_of(other)
+        left = judge(other, there)
+        if not left.significant and foretells(other):
+            return other, there, left
+    return best, at, rest
+
+
+def _nearest(distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
+    """Return the effects that do most of what one does, nearest first."""
+    near = sorted(
+        (distance, name) for name, distance in distances.from_other.items() if distance < _ALIKE * distances.snr
+    )
+    return [kind for _, name in near[:_FITTED] for kind in catalogue if kind.name == name]
+
+
+def _known(trail: Trail, fewer: Fitted, kind: TrialEffect, frequency_hz: float | None) -> Fitted | None:
+    """Return the fit with ``kind`` beside ``fewer`` if it was made and arrived: for a line, at that frequency."""
+    known = trail.of((*fewer.names, kind.name))
+    if known is None:
+        return None
+    values = known.point.values[0][kind.name]
+    if frequency_hz is None or "frequency_hz" not in values:
+        return known if known.converged else None
+    return known if _close(values, frequency_hz) else None
+
+
+def fitted_instead(
+    best: Fitted, at: Projector, far: Separation, frequency_hz: float | None, stop: Stop, kind: TrialEffect
+) -> Fitted | None:
+    """Return the fit with ``kind`` in place of an effect that ``at`` lacks; None where there is no trajectory.
+
+    It starts from the fit without the effect, since the base gives way to each in its own manner: one line at the
+    frequency of the other, anything else where it imitates the effect best.
+    """
+    if stop():
+        raise Cancelled
+    starts = [far.starts[kind.name]]
+    if frequency_hz is not None and "frequency_hz" in starts[0][0]:
+        starts = _of_one_line(at, kind, starts[0], frequency_hz)
+    trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
+    trial = min(trials, key=lambda fitted: fitted.bic, default=None)
+    if trial is None or trial.bic > best.bic + _HOPELESS:
+        return trial
+    return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
+
+
+def _of_one_line(at: Projector, kind: TrialEffect, start: Start, frequency_hz: float) -> list[Start]:
+    """Return starts of a line at the frequency of another; no further off than a line is wide, or it ends on a lobe.
+
+    What rings and bends the base with it is found more surely from a mode that is too strong than from a weak one.
+    """
+    near = [score.start for score in scores(at, kind) if _close(score.start[0], frequency_hz)]
+    nearest = min(near, key=lambda one: abs(one[0]["frequency_hz"] - frequency_hz), default=start)
+    if not named(kind.name).hidden:
+        return [nearest]
+    strong = tuple(times(kind, {**values, "frequency_hz": frequency_hz}, _STRONGER) for values in nearest)
+    return [nearest, strong]
+
+
+def _close(values: Mapping[str, float], frequency_hz: float) -> bool:
+    return abs(values["frequency_hz"] / frequency_hz - 1) < _ONE_LINE

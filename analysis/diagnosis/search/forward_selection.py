@@ -1,0 +1,247 @@
+"""Which effects, and how many: score all, refit the best jointly from several starts, keep what pays its way."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.fits.added_effect import refit, united
+from analysis.diagnosis.fits.effective_parameters import Point, to_effective
+from analysis.diagnosis.fits.free_parameters import TrialEffect
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit
+from analysis.diagnosis.noise.floor import Floor
+from analysis.diagnosis.search.projector import Projector, projector
+from analysis.diagnosis.search.screening import Score, scores
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.model.least_squares import Infeasible
+from analysis.shot import Cancelled, Stop
+from analysis.side_by_side import side_by_side
+
+Floats = NDArray[np.float64]
+REFITTED = 5
+STRONGER = 3  # more, where what is left is no mere noise
+WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search: worth a longer one
+WORTH_FITTING = 8.0  # of gain; a step that promises less never makes the fall that is asked for
+UNDER_THE_FLOOR = 3  # more, of those that would do best if the floor did not wander
+OTHER_FIRSTS = 2  # to begin with where what was found leaves something unexplained
+NARROW = 3  # of those that score best are fitted on such a way, where the right one stands in front
+CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
+
+
+@dataclass
+class Trail:
+    """A search from ``start`` through ``catalogue``: every effect's first score, and every best fit on the way."""
+
+    start: Fitted
+    catalogue: Sequence[TrialEffect]
+    stop: Stop
+    scores: dict[str, Score] = field(default_factory=dict)
+    fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
+    last: Projector | None = None  # of the last round
+    asked: set[tuple[str, ...]] = field(default_factory=set)  # fitted from a fit with one effect more, too
+
+    def __post_init__(self) -> None:
+        self.keep(self.start)
+
+    def go_on(self) -> None:
+        """Raise Cancelled if asked to stop."""
+        if self.stop():
+            raise Cancelled
+
+    def added(self, fitted: Fitted) -> list[str]:
+        """Return the names of the effects that a fit has and the start has not."""
+        return [name for name in fitted.names if name not in self.start.names]
+
+    def least_fall(self, floor: Floor | None = None) -> float:
+        """Return by how much the best of the catalogue must lower the criterion to join, beside ``floor``."""
+        # One number gains three times by chance beside a floor that wanders what it gains beside white noise.
+        return CRITERIA.fall(len(self.catalogue), wandering=floor is not None and floor.wanders)
+
+    def pays(self, fitted: Fitted, fewer: Fitted) -> bool:
+        """Return whether a fit is worth its effects more than ``fewer`` has."""
+        return fewer.bic - fitted.bic >= self.least_fall(fitted.floor)
+
+    def keep(self, fitted: Fitted) -> None:
+        """Keep a fit unless a better one of the same effects is there."""
+        key = tuple(sorted(fitted.names))
+        if key not in self.fits or fitted.bic < self.fits[key].bic:
+            self.fits[key] = fitted
+
+    def projector_of(self, fitted: Fitted) -> Projector:
+        """Return a fit's projector, with what the last one's trajectories tell of it; that one itself if it is its."""
+        if self.last is not None and self.last.fitted is fitted:
+            return self.last
+        return projector(fitted, near=self.last)
+
+    def of(self, names: Sequence[str]) -> Fitted | None:
+        """Return the best fit of these effects, if there is one."""
+        return self.fits.get(tuple(sorted(names)))
+
+
+def explore(
+    start: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, *, most: int = CRITERIA.most_effects
+) -> tuple[Fitted, Trail]:
+    """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
+    trail = Trail(start, catalogue, stop)
+    return climb(start, trail, most), trail
+
+
+def another_way(best: Fitted, trail: Trail) -> Fitted:
+    """Return the best fit that begins with another first effect: two that lean on each other look like a third."""
+    single = len(trail.start.names) + 1
+    firsts = [
+        fitted
+        for key, fitted in trail.fits.items()
+        if len(key) == single and len(trail.added(fitted)) == 1 and not set(key) <= set(best.names)
+    ]
+    some = sorted(firsts, key=lambda fitted: fitted.bic)[:OTHER_FIRSTS]
+    ends = [climb(polish(first, trail), trail, CRITERIA.most_effects - 1, NARROW) for first in some]
+    return min([best, *ends], key=lambda fitted: fitted.bic)
+
+
+def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: int = REFITTED + STRONGER) -> Fitted:
+    """Return the best fit with at most ``most`` effects more than ``here``, one at a time, of ``width`` at most."""
+    for _ in range(most):
+        best = extend(here, trail, first=len(here.names) == len(trail.start.names), width=width)
+        # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
+        if best is None or here.bic - best.bic < trail.least_fall():
+            break
+        here = polish(prune(best, trail), trail)
+    return here
+
+
+def better(fitted: Fitted, other: Fitted) -> bool:
+    """Return whether a fit is more likely than another by more than where a search happens to stop."""
+    return fitted.bic < other.bic - CRITERIA.same_end
+
+
+def polish(fitted: Fitted, trail: Trail) -> Fitted:
+    """Return the fit brought to its very minimum: what a short search leaves over would call for one effect more."""
+    better = fit(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, cancelled=trail.stop)
+    if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
+        return fitted
+    trail.fits[tuple(sorted(better.names))] = better
+    return better
+
+
+def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFITTED + STRONGER) -> Fitted | None:
+    """Return the best fit with one effect more of the ``width`` that score best, or None where nothing scored."""
+    at = trail.projector_of(here)
+    trail.last = at
+    free = [kind for kind in trail.catalogue if kind.name not in here.names]
+    if here.hypothesis.data.base.one_body:
+        free = [kind for kind in free if kind.one_body]
+    ranked = _ranked(at, free, trail)
+    if first:
+        trail.scores.update({listed[0].kind.name: listed[0] for listed in ranked})
+    strong = float(at.left @ at.left) > 1.5 * at.left.size or not here.converged
+    # The first round compares, later ones only look for more.
+    compared = (REFITTED if ranked and ranked[0][0].gain > WORTH_FITTING else 2) if first else 0
+    tried = [
+        score
+        for place, listed in enumerate(ranked[: min(width, REFITTED + STRONGER if strong else REFITTED)])
+        if strong or place < compared or listed[0].gain > WORTH_FITTING
+        for score in _starts(listed)[: 1 if place >= 2 else 2]
+    ]
+    if here.floor.wanders:
+        # The floor was learnt from what is left and may have taken it for noise: ask as if nothing wandered, too.
+        names = {score.kind.name for score in tried}
+        other = _ranked(at.under(here.floor.still), free, trail)[:UNDER_THE_FLOOR]
+        tried += [listed[0] for listed in other if listed[0].kind.name not in names]
+    refitted = side_by_side(lambda score: refit(at, score.kind, score.start, trail.stop), tried)
+    known = {score.kind.name: trail.of((*trail.start.names, score.kind.name)) for score in tried if not first}
+    alone = [fitted for fitted in known.values() if fitted is not None and trail.pays(fitted, trail.start)]
+    refitted += side_by_side(lambda fitted: united(here, fitted, trail.start, trail.stop), alone)
+    quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
+
+    def finished(place: int) -> Fitted:
+        trial = quick[place]
+        near = trial.bic < quick[0].bic + WORTH_FINISHING and place < REFITTED
+        if near or place < 1 or (strong and place < 2):
+            return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=trail.stop)
+        return trial
+
+    best: Fitted | None = None
+    for trial in side_by_side(finished, range(len(quick))):
+        trail.keep(trial)
+        if best is None or trial.bic < best.bic:
+            best = trial
+    return best
+
+
+def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[list[Score]]:
+    """Return the scores of every effect that has any, the one most worth its parameters first."""
+
+    def scored(kind: TrialEffect) -> list[Score]:
+        trail.go_on()
+        return scores(at, kind)
+
+    # The longest first: nobody is left to work alone for long.
+    found = side_by_side(scored, sorted(free, key=lambda kind: -len(kind.starts)))
+    return sorted(filter(None, found), key=lambda listed: -listed[0].worth(at.left.size))
+
+
+def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
+    """Return the fit with one effect taken out, from the trail or made now; the better of both where that is in doubt.
+
+    A fit made before the others were found may have stopped in another valley.
+    """
+    names = tuple(n for n in fitted.names if n != name)
+    known = trail.of(names)
+    sure = not names or tuple(sorted(names)) in trail.asked
+    if known is not None and (sure or (known.converged and known.bic < fitted.bic + CLOSE)):
+        return known
+    trail.asked.add(tuple(sorted(names)))
+    trial = without_effect(fitted, name, trail.stop)
+    if trial is None:
+        return known
+    trail.keep(trial)
+    return trail.of(names)
+
+
+def without_effect(fitted: Fitted, name: str, stop: Stop) -> Fitted | None:
+    """Return the fit with one effect taken out, begun where it stands; None where nothing can be fitted."""
+    hypothesis = Hypothesis(
+        fitted.hypothesis.data,
+        tuple(kind for kind in fitted.hypothesis.effects if kind.name != name),
+        {key: value for key, value in fitted.hypothesis.fixed.items() if key != name},
+    )
+    effective = to_effective(fitted.point)
+    values = tuple({key: value for key, value in v.items() if key != name} for v in effective.values)
+    z = hypothesis.pack_effective(Point(effective.base, effective.own, values))
+    try:
+        return fit(hypothesis, z, fitted.floor, cancelled=stop)
+    except Infeasible:
+        return None
+
+
+def prune(fitted: Fitted, trail: Trail) -> Fitted:
+    """Take out again what an effect found later has made needless."""
+    while True:
+        removable = trail.added(fitted)
+        if len(removable) < 2:
+            return fitted
+        tried = side_by_side(partial(without, fitted, trail=trail), removable)
+        fewer = [f for f in tried if f is not None]
+        best = min(fewer, key=lambda f: f.bic, default=None)
+        if best is None or trail.pays(fitted, best):
+            return fitted
+        fitted = best
+
+
+def _starts(listed: Sequence[Score]) -> list[Score]:
+    """Return starts that lie apart: the best, and the next that is not its neighbour on a frequency grid."""
+    out = [listed[0]]
+    for score in listed[1:]:
+        mine = score.start[0]
+        apart = [k for k in mine if k in ("frequency_hz", "relaxation_time_s", "range_m", "order")]
+        near = any(all(abs(math.log(mine[k] / other.start[0][k])) < 0.12 for k in apart) for other in out)
+        if score.gain > 0.3 * listed[0].gain and apart and not near:
+            out.append(score)
+            if len(out) == 3:
+                break
+    return out

@@ -1,0 +1,72 @@
+"""The search through the catalogue, under a noise that the shots may have: a path that wanders, or a building.
+
+The two look alike in flight; in contact they do not.  A law that the model lacks bends flights, too, and may pass for
+either.  So where the readings tell of a site, the shots are searched with it and without it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from analysis.diagnosis.fits.base_fit import accept, base_fit, explored, pays_along
+from analysis.diagnosis.fits.free_parameters import TrialEffect
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.noise.full_rate import swayed_from_there
+from analysis.diagnosis.noise.joint_data import joint_data
+from analysis.diagnosis.noise.own_flights import own_flights
+from analysis.diagnosis.noise.site import Site, may_be_of_a_site
+from analysis.diagnosis.search.forward_selection import Trail, climb
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.fit import Fit
+from analysis.model.effects import named
+from analysis.motion import Motion
+from analysis.shot import Progress, Stop
+
+
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """The best fit under one noise, how it was come to, and the catalogue that was asked."""
+
+    best: Fitted
+    trail: Trail
+    catalogue: Sequence[TrialEffect]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What is searched: ``given`` is a base fit of ``motions``, ``accepted`` effects are part of the model."""
+
+    motions: Sequence[Motion]
+    given: Fit
+    catalogue: Sequence[TrialEffect]
+    accepted: Sequence[str]
+    tell: Progress
+    stop: Stop
+
+    def under(self, site: Site | None) -> Searched:
+        """Search under one noise; what shakes the frame is the site then, and no finding."""
+        data = joint_data(self.motions, self.given, site)
+        catalogue = [
+            kind
+            for kind in self.catalogue
+            if site is None or kind.name in self.accepted or not may_be_of_a_site(named(kind.name))
+        ]
+
+        def along_with(along: Sequence[str]) -> tuple[Fitted, Trail]:
+            base = base_fit(data, self.given, self.stop, along)
+            start = accept(base, self.catalogue, self.accepted, self.stop)
+            self.tell("scoring the catalogue", 0.15)
+            if site is None:
+                return explored(start, self.given, self.motions, catalogue, self.stop)
+            # What plates seem to do beside a missing effect would call for a second one.
+            first, trail = explored(start, self.given, self.motions, catalogue, self.stop, most=1)
+            first, trail = swayed_from_there(first, trail)
+            more = CRITERIA.most_effects - len(trail.added(first))
+            return (climb(first, trail, more) if trail.added(first) else first), trail
+
+        along = own_flights(data.shots)
+        best, trail = along_with(along)
+        if along:  # bends of each shot's own take up what one law of all does, at the price of a number each
+            plain, plain_trail = along_with(())
+            if plain.bic <= best.bic or not pays_along(best, along, self.stop):
+                best, trail = plain, plain_trail
+        return Searched(best, trail, catalogue)

@@ -1,0 +1,138 @@
+"""The gates an effect must pass to be named: it pays on held-out shots, stands out, and leaves nothing unlike it.
+
+What stands of the effects that a search found follows: after held-out shots, size, look-alikes and what is left.
+"""
+
+from dataclasses import dataclass
+
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.diagnosis.search.competing_models import Separations, apart, challenged, unmissed
+from analysis.diagnosis.search.forward_selection import Trail, another_way, better, without
+from analysis.diagnosis.search.projector import Projector
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.verdict.identifiability import missed_without, snr
+from analysis.diagnosis.verdict.residual import Residual, judge
+from analysis.shot import Progress
+
+Told = tuple[Prediction, Prediction]
+
+
+def paying(best: Fitted, held: tuple[int, ...], trail: Trail) -> tuple[Fitted, Told | None]:
+    """Return the fit without the effects that do not pay on the held-out shot, and what is foretold of it.
+
+    All foretelling is compared under the best fit's floor.
+    """
+    if not held:
+        return best, None
+    before, floor = trail.start, best.floor
+    first = predict(before, held, floor, trail.stop)
+    while best is not before:
+        told = predict(best, held, floor, trail.stop)
+        if first is None or told is None:
+            return best, None
+        added = trail.added(best)
+        if len(added) == 1:
+            return (best, (first, told)) if told.beats(first) else (before, (first, first))
+        shorter = [(f, predict(f, held, floor, trail.stop)) for f in (without(best, n, trail) for n in added) if f]
+        worse = [(f.bic, f) for f, t in shorter if t is not None and not told.beats(t)]
+        if not worse:
+            return best, (first, told)
+        best = min(worse, key=lambda pair: pair[0])[1]
+    return before, (first, first) if first is not None else None
+
+
+def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
+    """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
+    at = trail.projector_of(best)
+    while added := trail.added(best):
+        fewer = {name: without(best, name, trail) for name in added}
+        sizes = {name: min(snr(best, at, name), missed_without(best, fewer[name])) for name in added}
+        faintest = min(added, key=sizes.__getitem__)
+        if sizes[faintest] >= CRITERIA.size_of_one(len(added)):
+            pay = {name: one.bic - best.bic for name, one in fewer.items() if one is not None}
+            faintest = min(pay, key=pay.__getitem__, default="")
+            if len(added) == 1 or not faintest or pay[faintest] >= CRITERIA.several_fall:
+                break
+        best = (fewer[faintest] if len(added) > 1 else None) or trail.start
+        at = trail.projector_of(best)
+    if best is not trail.start and not trail.pays(best, trail.start):
+        best, at = trail.start, trail.projector_of(trail.start)
+    return best, at
+
+
+def accepted_effects(effects: list[FoundEffect], rest: Residual, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
+    """Return the effects that may be named, and the verdict."""
+    if not effects:
+        return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
+    if not best.converged or rest.rough:
+        return [], Verdict.UNEXPLAINED
+    if not rest.significant:
+        # Beside a floor that still wanders chance gives any freedom much: an effect must do more than the next one.
+        free = rest.misfit.size if best.floor.wanders else 0.0
+        if all(effect.evidence["snr"] > CRITERIA.clear_of_rest * free for effect in effects):
+            return effects, Verdict.EFFECT_FOUND
+        return [], Verdict.UNEXPLAINED
+    # Several together imitate what none of them is, and a misfit says that the law is another one.
+    doubtful = len(effects) > 1 or rest.misfitting
+    certain = all(
+        clear(effect, rest, CRITERIA.clear_of_misfit if doubtful else CRITERIA.clear_of_rest) for effect in effects
+    )
+    return (effects, Verdict.PARTLY_EXPLAINED) if certain else ([], Verdict.UNEXPLAINED)
+
+
+def clear(effect: FoundEffect, rest: Residual, times: float) -> bool:
+    """Return whether an effect is ``times`` as large as what stays unexplained, and not merely one of many."""
+    few = len(effect.indistinguishable_from) <= CRITERIA.undetermined
+    return few and effect.evidence["snr"] > times * rest.missed
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """The fit that stands, its projector, its effects' separations, what it leaves over, what is foretold with it.
+
+    ``passed`` is the fit of which the held-out shots were foretold.
+    """
+
+    best: Fitted
+    at: Projector
+    far: Separations
+    rest: Residual
+    told: Told | None
+    passed: Fitted
+
+
+def settle(best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress) -> Settled:
+    """Return what stands of ``best``, or of what another way leads to where that leaves something unexplained."""
+    stands = _settled(best, trail, held, tell)
+    if not stands.rest.significant:
+        return stands
+    tell("looking for another way", 0.75)
+    other = another_way(stands.best, trail)
+    if not better(other, stands.best):
+        return stands
+    again = _settled(other, trail, held, lambda _what, _fraction: None)
+    calmer = not again.rest.significant and again.best is not trail.start
+    return again if calmer or better(again.best, stands.best) else stands
+
+
+def _settled(best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress) -> Settled:
+    tell("foretelling a held-out shot", 0.55)
+    passed, told = paying(best, held, trail)
+
+    def foretells(other: Fitted) -> bool:
+        if told is None:
+            return True
+        of_other = predict(other, held, passed.floor, trail.stop)
+        return of_other is not None and of_other.beats(told[0])
+
+    tell("testing what is left", 0.7)
+    best, at = without_the_faint(passed, trail)
+    best, at, far = challenged(best, at, trail, foretells)
+    rest = judge(best, at)
+    if rest.significant and best is not trail.start:
+        clean, there, left = unmissed(best, at, rest, trail, foretells)
+        if clean is not best:
+            return Settled(clean, there, apart(clean, there, trail), left, told, passed)
+    return Settled(best, at, far, rest, told, passed)

@@ -1,0 +1,130 @@
+"""How a model does on a shot that took no part in its fit."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, search, square_of
+from analysis.diagnosis.noise.floor import Floor
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.model.least_squares import Infeasible, Square, covariance, minimise
+from analysis.shot import Stop
+from analysis.side_by_side import side_by_side
+
+Floats = NDArray[np.float64]
+
+
+_TRAINED = 25  # evaluations at most, from where all shots together put the shared parameters
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """Held-out shots as the others predict them: displacements on the motions' grids.
+
+    ``surprise`` is -2 ln of how likely the others made what was measured, up to a constant, of all held-out shots;
+    ``rms_m`` is how far they lie from it (averaged samples).
+    """
+
+    displacement_m: tuple[Floats, ...]
+    surprise: float
+    rms_m: float
+
+    def beats(self, other: "Prediction") -> bool:
+        """Return whether this foretells better: more likely, and not further off."""
+        return self.surprise < other.surprise and self.rms_m < CRITERIA.further_off * other.rms_m
+
+
+def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
+    """Return the shots to hold out, one at a time: of two the slower, of more the slowest, a middle one, the fastest.
+
+    Not ``in_turn``: the middle one alone.  It is foretold by interpolation, which a wrong model may do well: that
+    serves where nothing is decided.
+    """
+    speeds = [abs(shot.course.velocity_in_m_per_s) for shot in data.shots]
+    order = [int(i) for i in np.argsort(speeds)]
+    if len(order) < 2:
+        return ()
+    if len(order) == 2:
+        return (order[0],)
+    middle = order[len(order) // 2]
+    return tuple(sorted((order[0], middle, order[-1]))) if in_turn else (middle,)
+
+
+def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> Prediction | None:
+    """Foretell each held-out shot from a fit of the shared parameters to all others; None where one fails.
+
+    Only its start is fitted on the shot itself.  ``floor`` whitens it: give the same one to what is compared.
+    """
+    shown, surprise, off = [], 0.0, []
+    each = side_by_side(lambda shot: _predict(fitted, shot, floor, stop), held)
+    for shot, told in zip(held, each, strict=True):
+        if told is None:
+            return None
+        shown.append(told[0])
+        surprise += told[1]
+        measured = fitted.hypothesis.data.shots[shot]
+        off.append((measured.averaged(told[0]) - measured.displacement_m)[measured.valid])
+    return Prediction(tuple(shown), surprise, float(np.sqrt(np.mean(np.concatenate(off) ** 2))))
+
+
+def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floats, float] | None:
+    hypothesis = fitted.hypothesis
+    point = fitted.point
+    others = [i for i in range(len(hypothesis.data.shots)) if i != held]
+    some = _subset(hypothesis, others)
+    one = _subset(hypothesis, [held])
+    try:
+        begin = some.pack(Point(point.base, point.own[others], tuple(point.values[i] for i in others)))
+        trained = search(some, begin, fitted.floor, evaluations=_TRAINED, cancelled=stop)
+        learnt = some.unpack(trained.parameters)
+        values = {name: dict(v) for name, v in point.values[held].items()}
+        for name, free, shot in some.free_parameters:
+            if shot < 0:
+                values[name][free.name] = learnt.values[0][name][free.name]
+        z = one.pack(Point(learnt.base, point.own[[held]], (values,)))
+        low, high = one.bounds
+        shared, learnt_at = shared_places(one), shared_places(some)
+        low[shared] = high[shared] = z[shared]
+        found = minimise(lambda at: square_of(one, floor, at), z, lower=low, upper=high, evaluations=10, tolerance=1e-2)
+        known = covariance(trained.square)
+        inverse = None if known is None else known[learnt_at][:, learnt_at]
+        return one.full(one.unpack(found.parameters))[0], _surprise(one, found.square, shared, inverse)
+    except (Infeasible, np.linalg.LinAlgError):
+        return None
+
+
+def shared_places(hypothesis: Hypothesis) -> list[int]:
+    """Return where the vector holds what all shots share."""
+    free_parameters = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.free_parameters) if shot < 0]
+    return [*range(hypothesis.data.count), *free_parameters]
+
+
+def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Floats | None) -> float:
+    """Return -2 ln of the likelihood of a held-out shot, the shared parameters known to ``inverse`` from the others.
+
+    What they do not know of them makes the shot less predictable, not the model wrong: the likelihood is that of the
+    linearised model with these parameters integrated out (MacKay, "Information Theory, Inference, and Learning
+    Algorithms", ch. 28).  A parameter of the shot's own costs what the Bayesian information criterion asks.
+    """
+    own = np.setdiff1d(np.arange(one.size), shared)
+    curvature, gradient = square.curvature, square.gradient
+    into: Floats = curvature[shared][:, own] @ np.linalg.pinv(curvature[own][:, own], hermitian=True)
+    bend = curvature[shared][:, shared] - into @ curvature[own][:, shared]
+    pull = gradient[shared] - into @ gradient[own]
+    extra = sum(shot >= 0 for _, _, shot in one.free_parameters) * np.log(square.samples)
+    if inverse is None:
+        return float(square.chi2 + extra)
+    scale = np.sqrt(np.diag(inverse))
+    values, vectors = np.linalg.eigh(inverse / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    both = np.eye(len(shared)) + root.T @ bend @ root
+    along = root.T @ pull
+    return float(square.chi2 - along @ np.linalg.solve(both, along) + np.linalg.slogdet(both)[1] + extra)
+
+
+def _subset(hypothesis: Hypothesis, shots: list[int]) -> Hypothesis:
+    data = replace(hypothesis.data, shots=tuple(hypothesis.data.shots[i] for i in shots))
+    return replace(hypothesis, data=data)

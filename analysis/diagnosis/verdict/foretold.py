@@ -1,0 +1,179 @@
+"""A saved model put to the test: unchanged, on shots that took no part in it, beside its base alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.free_parameters import TrialEffect, trials_named
+from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
+from analysis.diagnosis.fits.hypothesis_fit import learn_floor, residuals, square_of
+from analysis.diagnosis.fits.samples import together
+from analysis.diagnosis.model_file import SavedModel
+from analysis.diagnosis.noise.floor import white_floor
+from analysis.diagnosis.result import Errors
+from analysis.diagnosis.verdict.cross_validation import shared_places
+from analysis.diagnosis.verdict.residual import errors
+from analysis.drive.bandwidth import force_noise
+from analysis.drive.fit import chi2, foretold_force
+from analysis.drive.regress import rms
+from analysis.drive.repeat import Floor as DriveFloor
+from analysis.drive.run import prepare as prepare_drive
+from analysis.drive.table import Table
+from analysis.fitted_shot import fit_jointly
+from analysis.model.effects import findings
+from analysis.model.least_squares import Infeasible, minimise
+from analysis.model.prepare import base_named, prepare
+from analysis.model.response import Model
+from analysis.model.search import own_start
+from analysis.motion import Motion
+from analysis.quantity import Quantity
+from analysis.shot import AnalysisError, Cancelled, Stop
+
+Floats = NDArray[np.float64]
+Parameters = Mapping[str, Quantity]
+OWN = 3  # v_in, touch and offset: what is fitted on the shot itself
+
+
+@dataclass(frozen=True, slots=True)
+class ForetoldShot:
+    """One shot: what the base and the whole model leave of it, or why neither could be tried."""
+
+    name: str
+    took_part: bool  # in the fit that the model is from: then it is no test
+    error_base: Errors | None
+    error_model: Errors | None
+    problem: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Foretold:
+    """All shots together, and each; ``sentence`` is for a person."""
+
+    model: str
+    effects: tuple[str, ...]
+    error_base: Errors
+    error_model: Errors
+    shots: tuple[ForetoldShot, ...]
+    sentence: str
+
+
+def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel, stop: Stop | None = None) -> Foretold:
+    """Return what ``model`` and its base leave of ``motions`` (shots' ``names`` beside them).
+
+    Every saved parameter is held; a shot's speed, touch and offset (a drive's constant force), and its flights' bend
+    where the model's shots had one each, are its own and are fitted on it.  The base is the base as it was fitted to
+    the shots that the model is from; a file that does not say has its base fitted to these very shots, which is more
+    than fair to it.  Raises AnalysisError, Cancelled.
+    """
+    if not motions:
+        raise AnalysisError("no shot was fitted, so there is nothing to foretell")
+    asked = stop or (lambda: False)
+    base = model.base_parameters or fit_jointly(motions, model.base, (), asked).parameters
+    one = _driven if model.base == "driven" else _collision
+    told = []
+    for motion, name in zip(motions, names, strict=True):
+        if asked():
+            raise Cancelled
+        took_part = name in model.shots
+        try:
+            bare, whole = one(motion, model, base)
+            told.append(ForetoldShot(name, took_part, bare, whole))
+        except (AnalysisError, Infeasible, np.linalg.LinAlgError) as error:
+            told.append(ForetoldShot(name, took_part, None, None, str(error)))
+    bare, whole = _all(told, "error_base"), _all(told, "error_model")
+    words = sentence(bare, whole, sum(shot.error_model is not None for shot in told))
+    return Foretold(model.base, model.effects, bare, whole, tuple(told), words)
+
+
+def sentence(base: Errors, model: Errors, count: int) -> str:
+    """Return how much better the whole model foretells than its base."""
+    driven = not np.isfinite(model.displacement_rms_m)
+    before, after = (e.force_rms_n if driven else 1e6 * e.displacement_rms_m for e in (base, model))
+    unit = "N" if driven else "µm"
+    share = 1.0 - after / before
+    better = f"foretold better by {share:.0%}" if share > 0.0 else f"foretold not better by {-share:.0%}"
+    shots = f"{count} shot{'' if count == 1 else 's'}"
+    return f"{better}: {after:.3g} {unit} rms against {before:.3g} {unit} of the base alone, over {shots}"
+
+
+def to_result(foretold: Foretold) -> dict[str, Any]:
+    """Return the ``foretold`` object of the result file."""
+    return {
+        "model": foretold.model,
+        "effects": list(foretold.effects),
+        "error_base": asdict(foretold.error_base),
+        "error_model": asdict(foretold.error_model),
+        "sentence": foretold.sentence,
+        "shots": [asdict(shot) for shot in foretold.shots],
+    }
+
+
+def _all(shots: Sequence[ForetoldShot], which: str) -> Errors:
+    """Return the errors of all shots together, every shot as much as another."""
+    seen = [asdict(getattr(shot, which)) for shot in shots if getattr(shot, which) is not None]
+    if not seen:
+        raise AnalysisError(f"no shot could be foretold: {shots[0].problem}")
+    mean = {key: float(np.mean([e[key] ** 2 for e in seen])) ** 0.5 for key in seen[0] if key != "reduced_chi2"}
+    return Errors(**mean, reduced_chi2=float(np.mean([e["reduced_chi2"] for e in seen])))
+
+
+def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
+    table = Table.of(prepare_drive([motion]))
+    trials: tuple[tuple[tuple[str, ...], Parameters], ...] = (((), base), (model.effects, model.parameters))
+    left = [rms(foretold_force(table, of, known)) for of, known in trials]
+    noise = DriveFloor(force_noise(motion), False, "")
+    bare, whole = (Errors(float("nan"), float("nan"), force, chi2(force, noise)) for force in left)
+    return bare, whole
+
+
+def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
+    data = JointData(together([motion]), base_named(model.base))
+    start = own_start(prepare(motion), Model(data.base))[:OWN]
+    # What each shot has for itself, it has under the base model as well.
+    along = trials_named(name for name in model.effects if name not in findings(model.effects))
+    bare = _own_fitted(Hypothesis(data, along), base, start)
+    effects = trials_named(model.effects)
+    whole = _own_fitted(Hypothesis(data, effects, _fixed(effects)), model.parameters, start)
+    floor, _ = learn_floor(data, residuals(*whole))
+    own = OWN + sum(len(kind.own) for kind in along)
+    out = [errors([motion], data.shots, h.full(h.unpack(z)), floor, own) for h, z in (bare, whole)]
+    return out[0], out[1]
+
+
+def _fixed(effects: Sequence[TrialEffect]) -> dict[str, dict[str, float]]:
+    """Return what a fit chooses among a few values instead of moving it: those of the first."""
+    return {
+        e.name: {k: v for k, v in e.starts[0].items() if k not in {free.name for free in e.free_parameters}}
+        for e in effects
+    }
+
+
+def _own_fitted(hypothesis: Hypothesis, known: Parameters, start: Floats) -> tuple[Hypothesis, Floats]:
+    """Return the hypothesis and the vector at which the shot's own parameters leave least, all others as known."""
+    values = {}
+    for effect in hypothesis.effects:
+        values[effect.name] = dict(effect.starts[0])
+        for free in effect.free_parameters:
+            named = f"{effect.name}.{free.name}"
+            if free.own:
+                continue
+            if named not in known:
+                raise AnalysisError(f"the model file has no parameter {named}")
+            values[effect.name][free.name] = known[named].value
+    names = hypothesis.data.base.names
+    if missing := [name for name in names if name not in known]:
+        raise AnalysisError(f"the model file has no parameter {missing[0]}")
+    z = hypothesis.pack(Point(np.array([known[name].value for name in names]), start[None, :], (values,)))
+    low, high = hypothesis.bounds
+    held = shared_places(hypothesis)
+    low[held] = high[held] = z[held]
+    shot = hypothesis.data.shots[0]
+    floor = white_floor(shot.white_m, shot.spacing_s)
+    found = minimise(
+        lambda at: square_of(hypothesis, floor, at), z, lower=low, upper=high, evaluations=25, tolerance=1e-3
+    )
+    return hypothesis, found.parameters

@@ -1,0 +1,109 @@
+"""Could another effect have done the same?  The part of an effect that no other can imitate, in units of the noise."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.fits.effective_parameters import Point, to_actual, to_effective
+from analysis.diagnosis.fits.free_parameters import TrialEffect
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.search.projector import Projector, orthonormal
+from analysis.diagnosis.search.screening import scores
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.side_by_side import side_by_side
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """``snr`` of an effect beside all other parameters, and for every other effect SNR sqrt(1 - cos^2).
+
+    ``starts`` are the values a shot at which another one imitates it best.
+    """
+
+    snr: float
+    from_other: dict[str, float]
+    starts: dict[str, tuple[Mapping[str, float], ...]]
+
+    def too_close(self, remainder: float = 0.0) -> tuple[str, ...]:
+        """Return the effects that cannot be told from this one, closest first.
+
+        What stays unexplained, of size ``remainder`` in units of the noise, may stand in for a difference of its size.
+        """
+        near = sorted(self.from_other.items(), key=lambda item: item[1])
+        return tuple(name for name, distance in near if distance < CRITERIA.separation + remainder)
+
+
+def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
+    """Return the projector of a fit whose ``left`` is what one of its effects does beside all other parameters."""
+    hypothesis = fitted.hypothesis
+    own = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.free_parameters) if effect == name]
+    keep = np.setdiff1d(np.arange(hypothesis.size), own)
+    basis = orthonormal(at.tangents[:, keep])
+    point = fitted.point
+    kind = next(k for k in hypothesis.effects if k.name == name)
+    shots = hypothesis.data.shots
+    effective = to_effective(point)
+    nothing = tuple({**v, name: _nothing(kind, v[name])} for v in effective.values)
+    without = to_actual(Point(effective.base, effective.own, nothing))
+    rows = [(hypothesis.coarse(i, point) - hypothesis.coarse(i, without))[:, None] for i in range(len(shots))]
+    done = at.whitened(rows)[:, 0]
+    return replace(at, basis=basis, left=done - basis @ (basis.T @ done))
+
+
+def snr(fitted: Fitted, at: Projector, name: str) -> float:
+    """Return the size of one effect of a fit beside all its other parameters, in units of the noise."""
+    return float(np.linalg.norm(beside(fitted, at, name).left))
+
+
+def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
+    """Return the size of what a fit without an effect leaves more than the fit with it, in units of the noise.
+
+    Not to first order: what an effect does may be large, and nearly all of it undone along a bent path.  Infinite where
+    there is no fit without it.
+    """
+    if fewer is None:
+        return float("inf")
+    chi2 = [sum(float(left @ left) for left in one.whitened(fitted.floor)) for one in (fewer, fitted)]
+    return float(np.sqrt(max(0.0, chi2[0] - chi2[1])))
+
+
+def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[TrialEffect]) -> Separation:
+    """Return how far one effect of a fit stands from everything else in the catalogue (signs kept physical)."""
+    alone = beside(fitted, at, name)
+    whole = float(alone.left @ alone.left)
+    others = [k for k in catalogue if k.name not in fitted.names]
+    if fitted.hypothesis.data.base.one_body:
+        others = [k for k in others if k.one_body]
+    distance: dict[str, float] = {}
+    starts: dict[str, tuple[Mapping[str, float], ...]] = {}
+    for kind, listed in zip(others, side_by_side(lambda kind: scores(alone, kind), others), strict=True):
+        distance[kind.name] = float(np.sqrt(max(0.0, whole - (listed[0].gain if listed else 0.0))))
+        if listed:
+            starts[kind.name] = listed[0].start
+    return Separation(float(np.sqrt(whole)), distance, starts)
+
+
+def _nothing(kind: TrialEffect, values: Mapping[str, float]) -> dict[str, float]:
+    """Return an effect's values at which it does nothing."""
+    if kind.inverse:
+        return {**values, kind.amplitude[0]: 1e9}
+    return {**values, **dict.fromkeys(kind.amplitude, 0.0)}
+
+
+def least_seen(at: Projector, kind: TrialEffect, snr: float = CRITERIA.stands_out) -> float | None:
+    """Return the smallest first amplitude of an effect that would stand out by ``snr``, None where none would."""
+    probe = replace(at, left=np.zeros_like(at.left))
+    listed = scores(probe, kind)
+    best = max((score.power for score in listed), default=0.0)
+    if best <= 0:
+        return None
+    score = max(listed, key=lambda s: s.power)
+    size = score.unit
+    return float(snr * size / np.sqrt(best)) if not kind.inverse else float(size * np.sqrt(best) / snr)
+
+
+__all__ = ["Separation", "beside", "least_seen", "missed_without", "separation", "snr"]

@@ -1,0 +1,215 @@
+"""Is a hypothesis wrong in a way that looks like noise?  Shapes it would not need if it were right.
+
+What a wrong effect leaves over is small and smooth, and a wandering floor swallows it.  So the fit is offered more
+freedom, shape by shape: the same parameters apart for every shot, an effect that is stronger after the turn than
+before, kinks and steps where the bodies meet, turn and part, a force of any law of speed, place or bend.  A right
+hypothesis has no use for any; the floor is learnt anew with each, so that the noise is not what the misfit made of it.
+
+A catalogue names laws; what is off the catalogue follows another.  Of such a force only its argument is known here: how
+fast the block goes (with the sign of the motion or without), where it is, how far the plate is bent (going in and
+coming out alike, or not).  Each free law is a sum of hats over its argument, shared by all shots.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, learn_floor
+from analysis.diagnosis.fits.quick_shot import Run
+from analysis.diagnosis.fits.samples import Samples
+from analysis.diagnosis.noise.floor import Floor
+from analysis.diagnosis.search.projector import Projector
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.side_by_side import side_by_side
+
+Floats = NDArray[np.float64]
+_WIDTHS = (0.01, 0.03, 0.1)  # in contact times
+
+
+@dataclass(frozen=True, slots=True)
+class LackOfFit:
+    """The shape that a fit misses most: twice its gain in log-likelihood, and what that may reach by chance.
+
+    ``width`` numbers describe the shape.
+    """
+
+    shape: str
+    gain: float
+    limit: float
+    width: int = 0
+
+    @property
+    def size(self) -> float:
+        """Get the size of what is missed in units of the noise."""
+        return float(np.sqrt(max(0.0, self.gain - self.width)))
+
+    @property
+    def significant(self) -> bool:
+        """Return whether chance does not do this."""
+        return self.gain > self.limit
+
+
+NOTHING = LackOfFit("nothing", 0.0, np.inf)
+
+
+def colour(white: Sequence[Floats]) -> float:
+    """Return the whitened noise's power at low frequencies over its mean, from its first three correlations; >= 1.
+
+    An optics filter leaves neighbouring samples alike: what is slow then gains more by chance than white noise allows.
+    """
+    power = sum(float(w @ w) for w in white)
+    near = sum(float(w[lag:] @ w[:-lag]) for w in white for lag in (1, 2, 3))
+    return max(1.0, 1.0 + 2.0 * near / power)
+
+
+def gain(fitted: Fitted, at: Projector, columns: Sequence[Floats]) -> tuple[float, int, Floor]:
+    """Return twice the gain in log-likelihood of shapes (shot by shot, shape (n, k)), how many they really are.
+
+    And the floor that is left beside them.
+    """
+    bare = at.whitened(columns)
+    norm = np.linalg.norm(bare, axis=0)
+    some = np.linalg.norm(at.projected(bare), axis=0) > 1e-6 * norm
+    if not some.any():
+        return 0.0, 0, fitted.floor
+    full = np.column_stack([at.tangents, bare[:, some]])
+    scale = np.linalg.norm(full, axis=0)
+    scale[scale == 0] = 1.0
+    joint, *_ = np.linalg.lstsq(full / scale, at.whole, rcond=1e-12)
+    joint = joint / scale
+    left = [
+        residual - np.column_stack([tangent, shape[:, some]]) @ joint
+        for residual, (_, tangent), shape in zip(fitted.residual_m, at.lines, columns, strict=True)
+    ]
+    floor, value = learn_floor(fitted.hypothesis.data, left, fitted.floor)
+    return 2 * (value - fitted.log_likelihood), int(some.sum()), floor
+
+
+def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> LackOfFit:
+    """Return the shape whose gain exceeds its limit most; ``slow`` is the noise's ``colour``."""
+    shots = fitted.hypothesis.data.shots
+    hypothesis = fitted.hypothesis
+    base = list(range(hypothesis.data.count))
+    effects = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.free_parameters) if shot < 0]
+    every = range(hypothesis.offset, hypothesis.size)
+    fastest = max(abs(shot.course.velocity_in_m_per_s) for shot in shots)
+    kinks = [_kinks(shot) for shot in shots]
+    shapes: dict[str, list[Floats]] = {"kinks where the bodies meet, turn or part": kinks}
+    if len(shots) > 1:
+        shapes["plate and contact that differ from shot to shot"] = _apart(at, base, len(shots))
+        shapes["kinks that grow with the speed"] = [
+            columns * abs(shot.course.velocity_in_m_per_s) / fastest for columns, shot in zip(kinks, shots, strict=True)
+        ]
+        if effects:
+            shapes["an effect that differs from shot to shot"] = _apart(at, effects, len(shots))
+    if hypothesis.free_parameters:
+        shapes["an effect that is another one after the turn"] = [
+            line[1][:, list(every)] * _after_turn(shot)[:, None] for line, shot in zip(at.lines, shots, strict=True)
+        ]
+    shapes |= free_laws(hypothesis, fitted.point)
+    found = []
+    gains = side_by_side(lambda columns: gain(fitted, at, columns), shapes.values())
+    for name, (value, width, floor) in zip(shapes, gains, strict=True):
+        # A wandering floor is learnt from the same data, anew beside every shape.  Where a shape makes it cease to
+        # wander, the floor was the shape, and white noise is the measure.
+        factor = slow * (CRITERIA.wandering_gain if floor.wanders else 1.0)
+        if width:
+            found.append(
+                LackOfFit(name, value, factor * float(chdtri(width, CRITERIA.freedom_chance / len(shapes))), width)
+            )
+    return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=NOTHING)
+
+
+def _apart(at: Projector, columns: Sequence[int], shots: int) -> list[Floats]:
+    """Return derivatives by shared parameters, free for all shots but the last."""
+    out = []
+    for shot, (_, tangent) in enumerate(at.lines):
+        blocks = [tangent[:, columns] * (shot == other) for other in range(shots - 1)]
+        out.append(np.concatenate(blocks, axis=1))
+    return out
+
+
+def _after_turn(shot: Samples) -> Floats:
+    width = 0.1 * shot.course.contact_time_s
+    return np.asarray(0.5 + 0.5 * np.tanh((shot.centre_s - shot.course.turnaround_time_s) / width))
+
+
+def _kinks(shot: Samples) -> Floats:
+    """Return rounded steps and bends where the bodies meet, turn and part, shape (n, 18)."""
+    c = shot.course
+    columns = []
+    for place in (c.touch_time_s, c.turnaround_time_s, c.release_time_s):
+        for width in _WIDTHS:
+            u = (shot.centre_s - place) / (width * c.contact_time_s)
+            columns += [0.5 * np.tanh(u), np.logaddexp(u, -u)]
+    return np.stack(columns, axis=1)
+
+
+_SPEED = np.array([0.0, 0.15, 0.35, 0.65, 1.0])  # knots, in the highest speed of all shots
+_PLACE = np.array([0.0, 0.08, 0.2, 0.45, 1.0])  # in the longest flight
+_BEND = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # in the deepest bend
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pushed(force_n, mass_kg, stiffness_n_per_m, touching, spacing_s, out):  # type: ignore[no-untyped-def]
+    """Write the displacements that small forces cause, shape (n, k); about 2 ns a value."""
+    n, width = force_n.shape
+    for k in range(width):
+        x, v = 0.0, 0.0
+        for i in range(n):
+            out[i, k] = x
+            hold = stiffness_n_per_m * touching[i]
+            v += spacing_s * (force_n[i, k] - hold * x) / mass_kg
+            x += spacing_s * v
+
+
+def free_laws(hypothesis: Hypothesis, point: Point) -> dict[str, list[Floats]]:
+    """Return what forces of free laws would do, named by their argument; shot by shot, shape (n, k).
+
+    The block carries the force alone; in contact the plate follows it as a spring without mass, and the short bounces
+    are passed over.  That is near enough to ask whether something of this kind is missing.
+    """
+    shots = hypothesis.data.shots
+    runs = [hypothesis.run(i, point, coarse=True) for i in range(len(shots))]
+    stiffness = float(point.base[0])  # of the plate, or of the contact where the plate does not move
+    away = [run.displacement_m - own[2] for run, own in zip(runs, point.own, strict=True)]
+    fastest = max(float(np.abs(run.velocity_m_per_s).max()) for run in runs)
+    farthest = max(float(x.max()) for x in away)
+    deepest = max(float((-x).max()) for x in away)
+    laws: dict[str, list[Floats]] = {}
+    for run, x, shot in zip(runs, away, shots, strict=True):
+        speed, way = np.abs(run.velocity_m_per_s) / fastest, np.sign(run.velocity_m_per_s)[:, None]
+        inside = _inside(run)
+        bent = _hats(-x / deepest, _BEND)[:, 1:] * inside[:, None]
+        forces = {
+            "a force of the speed, against the motion": way * _hats(speed, _SPEED),
+            "a force of the speed, one way": _hats(speed, _SPEED),
+            "a force of the place": _hats(x / farthest, _PLACE),
+            "a force of the plate's bend": bent,
+            "a force of the plate's bend, against the motion": way * bent,
+        }
+        for name, force in forces.items():
+            out = np.empty_like(force)
+            _pushed(np.ascontiguousarray(force), shot.moving_mass_kg, stiffness, inside, shot.spacing_s, out)
+            laws.setdefault(name, []).append(out)
+    return laws
+
+
+def _inside(run: Run) -> Floats:
+    """Return 1 from the first touch to the last release, else 0."""
+    touching = np.flatnonzero(run.gap_m < 0)
+    out = np.zeros(run.gap_m.size)
+    if touching.size:
+        out[touching[0] : touching[-1] + 1] = 1.0
+    return out
+
+
+def _hats(u: Floats, knots: Sequence[float] | Floats) -> Floats:
+    """Return hats over ``u`` that sum to one, shape (n, knots)."""
+    return np.stack([np.interp(u, knots, unit) for unit in np.eye(len(knots))], axis=1)

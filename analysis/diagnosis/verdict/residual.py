@@ -1,0 +1,246 @@
+"""What no effect accounts for: is it noise, and if not, where in the shot and at which frequency does it stand?"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.fits.samples import Samples
+from analysis.diagnosis.noise.floor import Floor
+from analysis.diagnosis.result import Errors
+from analysis.diagnosis.search.projector import Projector
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, worst
+from analysis.motion import Motion
+from analysis.side_by_side import side_by_side
+from analysis.signal.filters import derivatives
+
+Floats = NDArray[np.float64]
+_CONTACT = np.array([0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0])  # knots, in contact times
+_POWERS = (0, 1, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """``significant``: more than noise; ``coherence`` is the likelihood ratio of a shape shared by all shots.
+
+    ``limit`` is what it may reach by chance.  ``correlation`` and ``ratio`` are of the whitened remainder: its largest
+    autocorrelation, and its power in the loudest phase over that in the quietest.
+    """
+
+    coherence: float
+    limit: float
+    correlation: float
+    ratio: float
+    text: str
+    size: float = 0.0  # of a significant shared shape, in units of the noise
+    misfit: LackOfFit = NOTHING  # the freedom that the hypothesis misses most
+
+    @property
+    def missed(self) -> float:
+        """Get the size of whatever is significantly left, shared shape or misfit, in units of the noise."""
+        return max(self.size, self.misfit.size if self.misfitting else 0.0)
+
+    @property
+    def misfitting(self) -> bool:
+        """Return whether the hypothesis would need a freedom that it would not need if it were right."""
+        return self.misfit.significant
+
+    @property
+    def rough(self) -> bool:
+        """Return whether the remainder is not even roughly noise, so that no likelihood can be believed."""
+        return self.correlation > CRITERIA.rough_correlation or self.ratio > CRITERIA.rough_ratio
+
+    @property
+    def significant(self) -> bool:
+        """Return whether something is left that the noise does not do."""
+        return self.rough or self.coherence > self.limit or self.misfitting
+
+
+def judge(fitted: Fitted, at: Projector) -> Residual:
+    """Test what a fit leaves over."""
+    shots = fitted.hypothesis.data.shots
+    white = fitted.whitened()
+    correlation = _correlation(white)
+    ratio = _ratio(white, shots)
+    slow = colour(white)
+    coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
+    limit *= slow
+    size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
+    calm = "nothing is left that the noise does not do"
+    rest = Residual(coherence, limit, correlation, ratio, calm, size, worst(fitted, at, slow))
+    return replace(rest, text=describe(fitted) + looks_like(rest.misfit)) if rest.significant else rest
+
+
+def _correlation(white: Sequence[Floats]) -> float:
+    """Return the largest autocorrelation at lags of 1 to 20 samples (pooled over the shots).
+
+    The first three lags count half: an optics filter colours neighbouring samples and nothing else.
+    """
+    power = sum(float(w @ w) for w in white)
+    out = 0.0
+    for lag in range(1, 21):
+        value = abs(sum(float(w[lag:] @ w[:-lag]) for w in white if w.size > lag)) / power
+        out = max(out, 0.5 * value if lag <= 3 else value)
+    return out
+
+
+def _phase_of(shot: Samples) -> list[tuple[str, NDArray[np.bool_]]]:
+    """Return the phases of a shot with the samples in each (flight in, bounces, loading, unloading, release, out)."""
+    t = shot.centre_s
+    c = shot.course
+    bounce = c.touch_time_s + 0.2 * c.contact_time_s
+    release = c.release_time_s
+    edge = 0.08 * c.contact_time_s
+    bounds = [-np.inf, c.touch_time_s, bounce, c.turnaround_time_s, release - edge, release + edge, np.inf]
+    names = ("flight in", "bounces", "loading", "unloading", "release", "flight out")
+    return [(n, (t >= a) & (t < b) & shot.valid) for n, a, b in zip(names, bounds[:-1], bounds[1:], strict=True)]
+
+
+def _ratio(white: Sequence[Floats], shots: Sequence[Samples]) -> float:
+    power: dict[str, list[Floats]] = {}
+    for w, shot in zip(white, shots, strict=True):
+        for name, here in _phase_of(shot):
+            part = w[here[shot.valid]]
+            if part.size > 40:
+                power.setdefault(name, []).append(part)
+    means = [float(np.mean(np.concatenate(parts) ** 2)) for parts in power.values()]
+    return max(means) / max(min(means), 1e-12) if means else 1.0
+
+
+def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
+    """Return the largest likelihood ratio of a remainder shared by all shots, its limit, and its parameters.
+
+    The shape is free (bumps over the time since touch), its size goes as the speed to the power 0, 1 or 2.
+    """
+    shots = fitted.hypothesis.data.shots
+    fastest = max(abs(s.course.velocity_in_m_per_s) for s in shots)
+    bumps = [_bumps(shot) for shot in shots]
+
+    def gained(power: int) -> tuple[float, int, Floor]:
+        parts = zip(bumps, shots, strict=True)
+        columns = [bump * (abs(shot.course.velocity_in_m_per_s) / fastest) ** power for bump, shot in parts]
+        return gain(fitted, at, columns)
+
+    gains = side_by_side(gained, _POWERS)
+    best = max(0.0, *(value for value, _, _ in gains))
+    width = gains[-1][1]
+    limit = CRITERIA.small_sample * float(chdtri(width, CRITERIA.shape_chance / len(_POWERS)))
+    return best, limit, width
+
+
+def _bumps(shot: Samples) -> Floats:
+    """Return raised-cosine bumps over the time since touch, shape (n, k): 2 in the flight in, 3 after, 11 between."""
+    c = shot.course
+    length = c.contact_time_s
+    before = np.linspace(shot.centre_s[0] - c.touch_time_s, 0.0, 3)[:-1] / length
+    after = 1.0 + np.linspace(0.0, (shot.centre_s[-1] - c.touch_time_s) / length - 1.0, 4)[1:]
+    knots = np.concatenate([before, _CONTACT, after])
+    u = (shot.centre_s - c.touch_time_s) / length
+    out = np.zeros((u.size, knots.size))
+    for k in range(knots.size):
+        value = np.zeros(knots.size)
+        value[k] = 1.0
+        out[:, k] = np.interp(u, knots, value)
+    return 0.5 - 0.5 * np.cos(np.pi * out)
+
+
+def describe(fitted: Fitted) -> str:
+    """Return in words where the remainder is large, how it goes with the speed, and its strongest line.
+
+    Sizes are what stands above the sensor's white noise, of a camera the whole is mostly that, and beside what the
+    site has most likely done.
+    """
+    shots = fitted.hypothesis.data.shots
+    noise_m = fitted.floor.white_m
+    square: dict[str, list[float]] = {}
+    above, speeds = [], []
+    for shot, left_m in zip(shots, fitted.residual_m, strict=True):
+        residual = shot.beside_the_site(fitted.floor, left_m)
+        white = (noise_m * shot.weight) ** 2
+        above.append(float(np.mean(residual[shot.valid] ** 2)) - white)
+        speeds.append(abs(shot.course.velocity_in_m_per_s))
+        for name, here in _phase_of(shot):
+            if here.sum() > 5:
+                square.setdefault(name, []).append(float(np.mean(residual[here] ** 2)) - white)
+    rms = {name: _root(values) * 1e9 for name, values in square.items()}
+    loud = sorted((name for name in rms if rms[name] > 0.0), key=lambda name: -rms[name])
+    parts = [
+        f"{_nm(_root(above) * 1e9)} rms in displacement above the white noise of {_nm(noise_m * 1e9)}"
+        + "".join(f", {name} {_nm(rms[name])}" for name in loud[:3])
+    ]
+    if len(shots) > 1 and max(speeds) / min(speeds) > 1.15 and min(above) > 0.0:
+        slope = float(np.polyfit(np.log(speeds), 0.5 * np.log(above), 1)[0])
+        parts.append(f"its size goes as the speed to the power {slope:.1f}")
+    line = _line(fitted)
+    if line is not None:
+        parts.append(f"a line stands at {line:.0f} Hz")
+    return "; ".join(parts)
+
+
+def looks_like(misfit: LackOfFit, what: str = "it") -> str:
+    """Return the freedom that ``what`` misses most, in words that continue a description, or nothing."""
+    return f"; {what} looks like {misfit.shape}" if misfit.significant else ""
+
+
+def _root(squares: Sequence[float]) -> float:
+    """Return the root of the mean of squares less a noise's, nothing where the noise was more."""
+    return math.sqrt(max(0.0, float(np.mean(squares))))
+
+
+def _nm(value: float) -> str:
+    return f"{value:.2g} nm" if value < 1000 else f"{value / 1000:.2g} µm"
+
+
+def _line(fitted: Fitted) -> float | None:
+    """Return the frequency of a line that stands out of the whitened remainder of all shots, or None."""
+    shots = fitted.hypothesis.data.shots
+    total: Floats | None = None
+    size = min(int(s.valid.sum()) for s in shots)
+    for white in fitted.whitened():
+        power = np.abs(np.fft.rfft(white[:size] * np.hanning(size))) ** 2
+        total = power if total is None else total + power
+    assert total is not None
+    middle = float(np.median(total[3:]))
+    peak = 3 + int(np.argmax(total[3:]))
+    if total[peak] < 12 * middle:
+        return None
+    return float(peak / (size * shots[0].spacing_s))
+
+
+def errors(
+    motions: Sequence[Motion],
+    shots: Sequence[Samples],
+    displacement_m: Sequence[Floats],
+    floor: Floor,
+    parameters: int,
+) -> Errors:
+    """Return the errors of modelled displacements (one a shot, on the motion's grid), pooled over the shots.
+
+    Displacement at the motion's own rate; velocity and force through the motion's own filters, model and measurement
+    alike.  ``reduced_chi2`` is whitened by ``floor`` (give the same one before and after), over samples less
+    ``parameters``.
+    """
+    sums, counts = np.zeros(3), np.zeros(3)
+    chi2, samples = 0.0, 0
+    for motion, shot, model in zip(motions, shots, displacement_m, strict=True):
+        velocity, acceleration = derivatives(model, motion.sample_rate_hz, motion.bandwidth_hz)
+        left = (
+            motion.displacement_m - model,
+            motion.velocity_m_per_s - velocity,
+            motion.moving_mass_kg * (motion.acceleration_m_per_s2 - acceleration),
+        )
+        for k, values in enumerate(left):
+            good = values[shot.used & np.isfinite(values)]
+            sums[k] += float(good @ good)
+            counts[k] += good.size
+        rest = (shot.displacement_m - shot.averaged(model))[:, None]
+        white = shot.whitened(floor, rest)
+        chi2 += float(np.sum(white**2))
+        samples += white.size
+    rms = np.sqrt(sums / np.maximum(counts, 1))
+    return Errors(float(rms[0]), float(rms[1]), float(rms[2]), chi2 / max(1, samples - parameters))

@@ -27,6 +27,7 @@ HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat
 _UNSTEADY_SIGMA = 3.0
 _RATE_DOUBT = 0.01  # of a stated rest frequency, by which PD0 may differ
 _WORTH_ANOTHER = 0.8  # of the samples missed so far: a wider band must do this well to be preferred
+_CLIPPED = 1e-4  # of the samples at a rail: a beat that is cut off
 _REST_REACH = 2000
 
 
@@ -72,7 +73,9 @@ def demodulate(
     assert best is not None
     _, grid, tracks = best
     if len(tracks) > 1 and SAMPLES_LOST not in recording.flags:
-        kinked = [grid.stored_sample(at, tracks[0].wanted.tuning) for at in kinks(tracks[0])]
+        # A beat that is cut off has harmonics, which folded on to it jump about as a loss does.
+        whole = tracks[0].wanted.survey.clipped_fraction <= _CLIPPED
+        kinked = [grid.stored_sample(at, tracks[0].wanted.tuning) for at in kinks(tracks[0])] if whole else []
         told = bool(kinked) or suspicious(tracks[1])
         lost = find_losses(recording, _mean_hz(tracks[1], grid), kinked) if told else ()
         if lost:
@@ -168,7 +171,7 @@ def _motion(
     mass = recording.setup.moving_mass_kg
     for array in (displacement, velocity, acceleration, std, velocity_std, acceleration_std):
         array[~valid] = np.nan
-    if max(t.wanted.survey.clipped_fraction for t in tracks) > 1e-4:
+    if max(t.wanted.survey.clipped_fraction for t in tracks) > _CLIPPED:
         flags.append("clipped")
     if max(folded, *(t.wanted.survey.harmonics for t in tracks)) > HARMONICS_ABOVE:
         flags.append("harmonics")

@@ -73,13 +73,11 @@ class Fitted:
 
 def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
     """Return the whitened sum of squares at ``z`` with its derivatives."""
-    rows = []
-    for shot, (here, columns) in zip(hypothesis.data.shots, hypothesis.linearised(z), strict=True):
-        both = shot.whitened(floor, np.column_stack([here - shot.displacement_m, columns]))
-        if not np.all(np.isfinite(both)):
-            raise Infeasible("the trajectory is not finite")
-        rows.append(both)
-    joined = np.concatenate(rows)
+    data, lines = hypothesis.data, hypothesis.linearised(z)
+    left_m = data.left_m(x for x, _ in lines)
+    joined = data.whitened(floor, [np.column_stack([-left, j]) for left, (_, j) in zip(left_m, lines, strict=True)])
+    if not np.all(np.isfinite(joined)):
+        raise Infeasible("the trajectory is not finite")
     left, jacobian = joined[:, 0], joined[:, 1:]
     return Square(
         float(left @ left),
@@ -94,19 +92,12 @@ def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
 
 def whitened_residual(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Floats:
     """Return model minus measured at ``z``, whitened, all shots one after another."""
-    shots = hypothesis.data.shots
-    return np.concatenate(
-        [
-            shot.whitened(floor, (x - shot.displacement_m)[:, None])[:, 0]
-            for shot, x in zip(shots, hypothesis.displacement(z), strict=True)
-        ]
-    )
+    return hypothesis.data.whitened(floor, [-left[:, None] for left in residuals(hypothesis, z)])[:, 0]
 
 
 def residuals(hypothesis: Hypothesis, z: Floats) -> tuple[Floats, ...]:
     """Return measured minus model, averaged, shot by shot."""
-    shots = hypothesis.data.shots
-    return tuple(shot.displacement_m - x for shot, x in zip(shots, hypothesis.displacement(z), strict=True))
+    return hypothesis.data.left_m(hypothesis.displacement(z))
 
 
 def learn_floor(data: JointData, left: Sequence[Floats], start: Floor | None = None) -> tuple[Floor, float]:

@@ -1,5 +1,6 @@
 """Where the parameters of a base model with effects stand in the vector of a search, and what they mean there."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,6 +11,7 @@ from analysis.diagnosis.fits.effective_parameters import Point, slope, to_actual
 from analysis.diagnosis.fits.free_parameters import TrialEffect
 from analysis.diagnosis.fits.quick_shot import Optics, Values
 from analysis.diagnosis.fits.samples import Samples
+from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.site import Site
 from analysis.diagnosis.search.first_order import Shot
 from analysis.model.coordinates import Coordinates
@@ -40,6 +42,14 @@ class JointData:
     def count(self) -> int:
         """Get the number of shared base parameters."""
         return len(self.base.names)
+
+    def left_m(self, displacement_m: Iterable[Floats]) -> tuple[Floats, ...]:
+        """Return measured minus modelled, averaged, shot by shot."""
+        return tuple(shot.displacement_m - x for shot, x in zip(self.shots, displacement_m, strict=True))
+
+    def whitened(self, floor: Floor, columns: Iterable[Floats]) -> Floats:
+        """Return ``columns``, shot by shot of shape (n, k), whitened: shape (rows, k), all shots one after another."""
+        return np.concatenate([shot.whitened(floor, c) for shot, c in zip(self.shots, columns, strict=True)])
 
 
 @dataclass(frozen=True)

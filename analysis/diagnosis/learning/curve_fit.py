@@ -112,8 +112,7 @@ class _Place:
 
     def left_m(self, hypothesis: Hypothesis) -> tuple[Floats, ...]:
         """Return measured minus model, averaged, shot by shot."""
-        shots = hypothesis.data.shots
-        return tuple(shot.displacement_m - x for shot, x in zip(shots, self.motions.displacement_m, strict=True))
+        return hypothesis.data.left_m(self.motions.displacement_m)
 
     def rows(self, hypothesis: Hypothesis, floor: Floor) -> Floats:
         """Return (measured - model, derivatives), whitened, all shots one after another."""
@@ -210,8 +209,7 @@ def _moved(terms: tuple[Term, ...], by: Floats) -> tuple[Term, ...]:
 
 def _whitened(hypothesis: Hypothesis, columns: Sequence[Floats], floor: Floor) -> Floats:
     """Return ``columns``, shot by shot of shape (n, k), whitened, all shots one after another."""
-    shots = hypothesis.data.shots
-    joined = np.concatenate([shot.whitened(floor, c) for shot, c in zip(shots, columns, strict=True)])
+    joined = hypothesis.data.whitened(floor, columns)
     if not np.all(np.abs(joined) < _BEYOND):
         raise Infeasible("the trajectory leads nowhere")
     return joined

@@ -26,19 +26,18 @@ class Trajectories:
 
     def serve(self, other: Fitted) -> bool:
         """Return whether another fit of the same shots goes nearly the same way, its base parameters nearly these."""
-        mine, its = self.fitted, other
-        if mine is its:
+        mine, point = self.fitted, self.fitted.point
+        if mine is other:
             return True
-        if mine.hypothesis.data is not its.hypothesis.data:
+        if mine.hypothesis.data is not other.hypothesis.data:
             return False
-        if not np.allclose(mine.point.base, its.point.base, rtol=_NEARBY, atol=0.0):
+        if not np.allclose(point.base, other.point.base, rtol=_NEARBY, atol=0.0):
             return False
-        point = mine.point
         for index, shot in enumerate(mine.hypothesis.data.shots):
             at = mine.hypothesis.shot_at(index, point)
             collision, _ = situation(at.base, at.own, {}, at.mass_kg)
             swing_m = abs(shot.course.velocity_in_m_per_s) / swings(collision, []).contact
-            moved_m = np.abs(mine.residual_m[index] - its.residual_m[index])[shot.valid]
+            moved_m = np.abs(mine.residual_m[index] - other.residual_m[index])[shot.valid]
             if not float(moved_m.max(initial=0.0)) < _NEARBY * swing_m:
                 return False
         return True
@@ -61,8 +60,7 @@ class Projector:
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
         """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
-        shots = self.fitted.hypothesis.data.shots
-        return np.concatenate([s.whitened(self.floor, c) for c, s in zip(columns, shots, strict=True)])
+        return self.fitted.hypothesis.data.whitened(self.floor, columns)
 
     def once(self, key: str, make: Callable[[], Any], *, nearby: bool = False) -> Any:
         """Return what is known under ``key``, made by the first who asks; others wait for it.
@@ -87,16 +85,13 @@ class Projector:
 def projector(fitted: Fitted, floor: Floor | None = None, *, near: Projector | None = None) -> Projector:
     """Linearise a fit about its best point; what is known of one ``near`` is taken over as far as it serves."""
     floor = floor or fitted.floor
-    shots = fitted.hypothesis.data.shots
-    same = near is not None and near.fitted is fitted
-    lines = near.lines if near is not None and same else tuple(fitted.hypothesis.linearised(fitted.z))
-    rows = np.concatenate(
-        [s.whitened(floor, np.column_stack([s.displacement_m - x, j])) for s, (x, j) in zip(shots, lines, strict=True)]
-    )
+    data = fitted.hypothesis.data
+    lines = near.lines if near and near.fitted is fitted else tuple(fitted.hypothesis.linearised(fitted.z))
+    left_m = data.left_m(x for x, _ in lines)
+    rows = data.whitened(floor, [np.column_stack([left, j]) for left, (_, j) in zip(left_m, lines, strict=True)])
     basis = orthonormal(rows[:, 1:])
     left = rows[:, 0] - basis @ (basis.T @ rows[:, 0])
-    serves = near is not None and near.trajectories.serve(fitted)
-    trajectories = near.trajectories if near is not None and serves else Trajectories(fitted)
+    trajectories = near.trajectories if near and near.trajectories.serve(fitted) else Trajectories(fitted)
     return Projector(fitted, floor, basis, left, rows[:, 1:], rows[:, 0], lines, trajectories)
 
 

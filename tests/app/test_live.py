@@ -87,9 +87,9 @@ def test_raw_signals_are_whole_or_not_there(panel, monkeypatch, lines, seen):
     channels = tuple(Channel(role, 1e-3) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
     time_s = np.arange(200) / RATE_HZ
     view = replace(views(1, range(0), 0.0)[0], raw_time_s=time_s, raw_v=np.zeros((200, 3), np.float32))
-    panel.resize(1000, 1000)
     with monkeypatch.context() as patch:
         patch.setattr(live, "LEAST_RAW", lines)
+        panel.resize(1000, 990)
         QTest.qWait(20)
         panel.show_raw(view, channels)
         assert panel.raw.isVisible() is seen

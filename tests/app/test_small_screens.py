@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from PySide6.QtCore import QRect, Qt
+from PySide6.QtCore import QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPen
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
@@ -150,12 +150,30 @@ def test_buttons_and_labels_never_lie_over_one_another(window):
         assert not over
 
 
+def _axis_labels(plot: PlotView) -> Iterator[tuple[QRectF, QRectF, PlainAxis]]:
+    """Yield where the words of each axis lie, without the document's margin, and the axis, both in the scene."""
+    for axis in plot.scene().items():
+        if isinstance(axis, PlainAxis) and axis.isVisible() and axis.label.isVisible() and axis.labelText:
+            words = axis.label.boundingRect().adjusted(4, 4, -4, -4)
+            yield axis.label.mapRectToScene(words), axis.mapRectToScene(axis.rect()), axis
+
+
 def test_the_labels_of_axes_are_whole_or_not_there(window):
+    asked = 0
     for _ in _pages(window):
         for plot in window.findChildren(PlotView):
-            for item in plot.scene().items() if plot.isVisible() else ():
-                if isinstance(item, PlainAxis) and item.orientation == "left" and item.label.isVisible():
-                    assert item.label.boundingRect().width() <= item.size().height() + 4 or not item.labelText
+            if not plot.isVisible() or plot.visibleRegion().isEmpty():
+                continue
+            labels = list(_axis_labels(plot))
+            for number, (words, axis, item) in enumerate(labels):
+                assert plot.mapToScene(plot.viewport().rect()).boundingRect().contains(words), item.labelText
+                if item.orientation == "left":
+                    assert axis.top() - 2 <= words.top() and words.bottom() <= axis.bottom() + 2, item.labelText
+                else:
+                    assert axis.left() - 2 <= words.left() and words.right() <= axis.right() + 2, item.labelText
+                assert not [other.labelText for place, _, other in labels[number + 1 :] if place.intersects(words)]
+            asked += len(labels)
+    assert asked
 
 
 def test_the_tabs_and_the_number_of_a_shot_above_99_are_whole(window):
@@ -323,7 +341,7 @@ def test_a_plot_too_low_for_its_label_carries_its_name_inside(window):
                 if not plot.isVisible() or plot.size().height() < 4:
                     continue
                 whole = axis._label_shown == axis._whole
-                assert plot.caption == ("" if whole else plot.title)
+                assert plot.caption == ("" if whole else f"{plot.title} ({plot.unit})")
                 seen.add(whole)
     assert (window.width() >= 1366) in seen  # else nothing was asked
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 from PySide6.QtCore import Qt, Slot
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.recording import Channel, Role
@@ -130,6 +131,12 @@ class LivePanel(QWidget):
         """Return the plot that has the keyboard, else the one that rolls."""
         return in_front(self.plots)
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Show the raw signals where there is room for them."""
+        super().resizeEvent(event)
+        room = self.stack.geometry().bottom() - self.hold.geometry().bottom()
+        self.raw.setVisible(room >= LEAST_RAW * self.fontMetrics().lineSpacing())
+
     def text(self, name: str) -> str:
         """Return the digits shown for "beat", "velocity" or "force"."""
         return self._numbers[name].text()
@@ -175,8 +182,6 @@ class LivePanel(QWidget):
 
     def show_raw(self, view: LiveView, channels: tuple[Channel, ...]) -> None:
         """Show the newest raw samples; ``channels`` names the columns."""
-        room = self.stack.geometry().bottom() - self.hold.geometry().bottom()
-        self.raw.setVisible(room >= LEAST_RAW * self.fontMetrics().lineSpacing())
         if self.hold.isChecked() or len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])

@@ -48,25 +48,29 @@ class PlainAxis(pg.AxisItem):
 
     @Slot()
     def _fit_label(self) -> None:
-        """Let a label be whole, or its unit alone, or nothing: never cut, never over another."""
+        """Let a label be whole, or its unit alone, or nothing: never cut, never over another.
+
+        A unit alone on its side says nothing ("V" reads as ">"): a value axis too low is named in the plot instead.
+        """
         if not self._whole:
             return
-        room = self.size().height() if self.orientation == "left" else self.size().width()
+        upright = self.orientation != "left"
+        room = self.size().width() if upright else self.size().height()
         metrics = QFontMetricsF(self.label.font())
         unit = self._whole[self._whole.rfind("(") + 1 :].partition(")")[0]
-        fitting = (text for text in (self._whole, unit) if metrics.horizontalAdvance(text) + 8 <= room)
-        text = next(fitting, "")
+        may_be = (self._whole, unit) if upright else (self._whole,)
+        text = next((text for text in may_be if metrics.horizontalAdvance(text) + 8 <= room), "")
         if text != self._label_shown:
             self._label_shown = self.labelText = text
             self.label.setHtml(self.labelString())
-            super().resizeEvent(None)
+        super().resizeEvent(None)  # in the middle again: another label, or another length of it
         self.fitted.emit(text == self._whole)
 
     def setLabel(self, text: str | None = None, *args: Any, **kwargs: Any) -> None:
         """Set the label; it is shown as far as there is room."""
         self._whole = self._label_shown = text or ""
         super().setLabel(text, *args, **kwargs)
-        self._later.start()
+        self._fit_label()  # at once: the next picture must not show it cut
 
     def generateDrawSpecs(self, p: QPainter) -> Any:
         """Keep the lines of the labelled ticks."""

@@ -7,6 +7,7 @@ from PySide6.QtCore import Slot
 from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
+from app.window.plots.caption import Caption
 from app.window.plots.crisp import CrispCurve
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.plain_axis import PlainAxis
@@ -57,6 +58,7 @@ class NamedPlot(pg.PlotItem):
     def __init__(self, title: str, unit: str, axes: dict[str, PlainAxis]) -> None:
         super().__init__(viewBox=QuietView(), axisItems=axes, enableMenu=False)
         self.title, self.unit = title, unit
+        self.caption = Caption(self)
         self.sampled: list[XyCurve] = []
 
 
@@ -95,7 +97,9 @@ class PlainPlot(PlotView):
     def label_value(self, title: str, unit: str) -> None:
         """Say what is shown, and in which unit."""
         self.plot.title, self.plot.unit = title, unit
-        self.plot.setLabel("left", f"{title} ({unit})" if unit else title)
+        words = f"{title} ({unit})" if unit else title
+        self.plot.caption.setText(words)
+        self.plot.setLabel("left", words)
 
     def add_curve(self, label: str, pen: QPen | None = None) -> XyCurve:
         """Add an empty curve that the cursors measure."""
@@ -110,6 +114,7 @@ class PlainPlot(PlotView):
         """Set the colours."""
         for side in ("left", "bottom"):
             self.plot.getAxis(side).dress(colours.edge, colours.text, colours.grid)
+        self.plot.caption.dress(colours)
         super().dress(colours)
 
     def show_range(self, x: Span, y: Span) -> None:

@@ -9,6 +9,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QPen
 
 from app.window.pens import straight
+from app.window.plots.caption import Caption
 from app.window.plots.curve import Band, PointCurve, SampledCurve
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import ViewState
@@ -16,7 +17,6 @@ from app.window.theme import Colours
 
 _ROOM = 1.5  # of a steady axis: that many times the values' span, so that noise does not move it
 _LOOSEST = 4.0  # a steady axis wider than this against its values is fitted again
-ON_TOP = 30
 AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
 
 
@@ -90,10 +90,7 @@ class TimePlot(pg.PlotItem):
         super().__init__(viewBox=self.view, axisItems=axes, enableMenu=False)
         self.title = title
         self.unit = unit
-        self._caption = pg.TextItem(title, anchor=(0, 0))  # where the axis is too low for more than the unit
-        self._caption.setParentItem(self.view)
-        self._caption.setZValue(ON_TOP)
-        self._caption.hide()
+        self._caption = Caption(self)
         self.sampled: list[SampledCurve] = []
         self.bands: list[Band] = []
         self.marks: list[pg.InfiniteLine] = []
@@ -105,9 +102,8 @@ class TimePlot(pg.PlotItem):
         left = self.getAxis("left")
         left.enableAutoSIPrefix(False)
         left.setWidth(AXIS_WIDTH)
-        left.fitted.connect(self._label_fitted)
         self.getAxis("bottom").enableAutoSIPrefix(False)
-        self.setLabel("left", f"{title} ({unit})")
+        self.count_in(unit)
         self.view.sigXRangeChanged.connect(self._x_changed)
         self.view.sigResized.connect(self._resized)
         self.view.y_taken.connect(self._take_y)
@@ -116,8 +112,7 @@ class TimePlot(pg.PlotItem):
         """Set the colours of axes, grid and bands."""
         for side in ("left", "bottom"):
             self.getAxis(side).dress(colours.edge, colours.text, colours.grid)
-        self._caption.setColor(colours.text)
-        self._caption.fill = pg.mkBrush(f"{colours.plot}a0")  # what lies behind is seen
+        self._caption.dress(colours)
         for band in self.bands:
             band.dress(colours.band, colours.band_edge)
         for mark in self.marks:
@@ -184,22 +179,19 @@ class TimePlot(pg.PlotItem):
     @property
     def caption(self) -> str:
         """Get the name written into the plot, "" while the axis says it."""
-        return str(self._caption.toPlainText()) if self._caption.isVisible() else ""
+        return self._caption.shown
 
     def call(self, title: str) -> None:
         """Say whose values these are from now on."""
         self.title = title
-        self._caption.setText(title)
         self.count_in(self.unit)
-
-    @Slot(bool)
-    def _label_fitted(self, whole: bool) -> None:
-        self._caption.setVisible(not whole)
 
     def count_in(self, unit: str) -> None:
         """Say in which unit the curves are from now on."""
         self.unit = unit
-        self.setLabel("left", f"{self.title} ({unit})")
+        words = f"{self.title} ({unit})"
+        self._caption.setText(words)
+        self.setLabel("left", words)
 
     def free_y(self) -> None:
         """Let the value axis follow the data again."""

@@ -1,0 +1,33 @@
+"""The name of a plot's values, written into the plot where its value axis is too low for it."""
+
+import pyqtgraph as pg
+from PySide6.QtCore import Slot
+
+from app.window.theme import Colours
+
+ON_TOP = 30
+
+
+class Caption(pg.TextItem):
+    """Words in the upper left corner of a plot; hidden as long as the value axis carries them whole."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        super().__init__("", anchor=(0, 0))
+        self.setParentItem(plot.getViewBox())
+        self.setZValue(ON_TOP)
+        self.hide()
+        plot.getAxis("left").fitted.connect(self._label_fitted)
+
+    @property
+    def shown(self) -> str:
+        """Get the words, "" while the axis says them."""
+        return str(self.toPlainText()) if self.isVisible() else ""
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self.setColor(colours.text)
+        self.fill = pg.mkBrush(f"{colours.plot}a0")  # what lies behind is seen
+
+    @Slot(bool)
+    def _label_fitted(self, whole: bool) -> None:
+        self.setVisible(not whole)

@@ -1,0 +1,82 @@
+"""The names of axes: in the middle of their axis, never longer than it, and never a unit alone on its side."""
+
+import pytest
+from PySide6.QtCore import QRectF
+from PySide6.QtTest import QTest
+
+from app.window.plots.cursors import TIME
+from app.window.plots.plain_plot import PlainPlot
+from app.window.plots.time_stack import TimeStack
+from app.window.theme import LIGHT
+
+HIGH, LOW = (700, 720), (700, 150)
+
+
+def _label(plot) -> tuple[QRectF, QRectF]:
+    """Return where the words of a plot's value axis lie (without the document's margin), and the axis, in the scene."""
+    axis = plot.getAxis("left")
+    words = axis.label.boundingRect().adjusted(4, 4, -4, -4) if axis.labelText else QRectF()
+    return axis.label.mapRectToScene(words), axis.mapRectToScene(axis.rect())
+
+
+@pytest.fixture
+def stack(qapp):
+    stack = TimeStack("residuals", LIGHT)
+    for name in ("before", "after", "held out"):
+        stack.add_plot(name, "nm")
+    stack.resize(*HIGH)
+    stack.show()
+    QTest.qWait(20)
+    yield stack
+    stack.close()
+    stack.deleteLater()
+
+
+def _whole(stack) -> bool:
+    found = [_label(plot) for plot in stack.plots]
+    return all(
+        not words.height() or (axis.top() <= words.top() and words.bottom() <= axis.bottom()) for words, axis in found
+    )
+
+
+def test_a_longer_name_stands_in_the_middle_as_the_first_did(stack):
+    for plot in stack.plots:
+        plot.call("residual of displacement")
+    QTest.qWait(20)
+    for plot in stack.plots:
+        words, axis = _label(plot)
+        assert words.height() > 0 and abs(words.center().y() - axis.center().y()) < 4
+
+
+def test_a_name_that_comes_to_a_low_plot_is_cut_in_no_picture(stack):
+    stack.resize(*LOW)
+    QTest.qWait(20)
+    for plot in stack.plots:
+        plot.call("residual of displacement")  # and a picture is taken before anything else happens
+    assert _whole(stack)
+    assert [plot.caption for plot in stack.plots] == 3 * ["residual of displacement (nm)"]
+
+
+def test_no_unit_stands_alone_on_its_side(stack):
+    for height in range(HIGH[1], 90, -7):
+        stack.resize(HIGH[0], height)
+        QTest.qWait(5)
+        assert _whole(stack)
+        for plot in stack.plots:
+            shown = plot.getAxis("left").labelText
+            assert (shown, plot.caption) in ((f"{plot.title} (nm)", ""), ("", f"{plot.title} (nm)"))
+
+
+def test_a_plot_over_something_else_than_time_names_its_values_too(qapp):
+    plot = PlainPlot("Force against speed", ("residual of the force", "mN"), "speed (m/s)", TIME)
+    plot.resize(*LOW)
+    plot.show()
+    QTest.qWait(20)
+    try:
+        assert not plot.plot.getAxis("left").labelText and plot.plot.caption.shown == "residual of the force (mN)"
+        plot.resize(*HIGH)
+        QTest.qWait(20)
+        assert plot.plot.getAxis("left").labelText == "residual of the force (mN)" and not plot.plot.caption.shown
+    finally:
+        plot.close()
+        plot.deleteLater()

@@ -132,7 +132,6 @@ class MainWindow(QMainWindow):
         self.session_presenter.refresh()
         if workbench.session.entries:  # a session reopens where it was: at its last shot
             self.panels.table.select([workbench.session.entries[-1].number])
-        self._dress()
         self.pull()
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)

@@ -114,6 +114,6 @@ def test_the_floor_of_the_site_is_shown_with_its_lines_and_advice(panel):
 
 
 def test_before_the_block_has_rested_the_criteria_stand_where_they_belong(panel):
-    (left, right), (low, high) = panel.floor.plot.plot.getViewBox().viewRange()
+    (left, right), (low, high) = panel.floor.plot.plot.view.viewRange()
     assert 10**left == pytest.approx(4.0, rel=0.2) and 10**right == pytest.approx(400.0, rel=0.2)
     assert 0.3 < 10**low < 0.78 and 50 < 10**high < 150  # VC-G to VC-A in µm/s

@@ -101,7 +101,7 @@ def test_box_wheel_back_and_forward(panels, name):
     panels.shot.set_view("whole" if name == "stack" else name)
     panels.shot.reset()
     plot = getattr(panels.shot, name)
-    view = plot.plots[1].view if name == "stack" else plot.plot.getViewBox()
+    view = plot.plots[1].view if name == "stack" else plot.plot.view
     whole = plot.states
     (left, right), (low, high) = view.viewRange()
     view.zoom_to(QRectF(left + 0.4 * (right - left), low, 0.2 * (right - left), 0.5 * (high - low)))

@@ -25,8 +25,7 @@ class KeySheet(QFrame):
         self._scroll.setStyleSheet("QScrollArea, QScrollArea > QWidget > QWidget { background: transparent; }")
         self._scroll.setAccessibleName("List of keys")
         column.addWidget(self._scroll)
-        self._lists = {sides: _list(sides) for sides in (1, 2)}  # side by side; on a narrow screen one below the other
-        self._scroll.setWidget(self._lists[2])
+        self._lists: dict[int, QWidget] = {}  # side by side; on a narrow screen one below the other
         hint = QLabel("F1 or Esc closes this sheet.  Tab moves between controls, Enter presses the one in focus.", self)
         hint.setProperty("faint", True)
         column.addWidget(hint, 0, Qt.AlignmentFlag.AlignLeft)
@@ -37,6 +36,9 @@ class KeySheet(QFrame):
         parent = self.parentWidget()
         if parent is None:
             return
+        if not self._lists:  # made when first looked at: two hundred labels take longer than the rest of the sheets
+            self._lists = {sides: _list(sides) for sides in (1, 2)}
+            self._scroll.setWidget(self._lists[2])
         around = self.sizeHint() - self._scroll.sizeHint()
         spare = self._scroll.verticalScrollBar().sizeHint().width() + around.width()
         room = parent.width() - 20

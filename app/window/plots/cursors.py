@@ -106,7 +106,7 @@ def between(name: str, unit: str, x: Floats, values: Floats, at_a: float, at_b: 
 
 
 class Cursors(QObject):
-    """Cursor A and B, drawn in every joined plot at the same x."""
+    """Cursor A and B, drawn in every joined plot at the same x; their lines are made when they are first shown."""
 
     moved = Signal()
 
@@ -115,29 +115,31 @@ class Cursors(QObject):
         self.axis = axis
         self._plots: list[CursorPlot] = []
         self._lines: dict[str, list[pg.InfiniteLine]] = {"A": [], "B": []}
+        self._colours: Colours | None = None
         self._at = {"A": 0.0, "B": 1.0}
         self.shown = False
         self._following = False
 
     def join(self, plot: CursorPlot) -> None:
         """Draw the cursors in this plot too."""
-        for name, lines in self._lines.items():
-            first = not self._plots
-            line = pg.InfiniteLine(
-                angle=90,
-                movable=True,
-                label=name if first else None,
-                labelOpts={"position": 0.94, "movable": False} if first else None,
-            )
-            line.setZValue(20)
-            line.setVisible(False)
-            plot.addItem(line, ignoreBounds=True)
-            line.sigPositionChanged.connect(self._dragged_a if name == "A" else self._dragged_b)
-            lines.append(line)
         self._plots.append(plot)
+
+    def _draw(self) -> None:
+        """Make the lines that are not there yet; the first plot of all names them."""
+        for name, lines in self._lines.items():
+            for plot in self._plots[len(lines) :]:
+                named = {"label": name, "labelOpts": {"position": 0.94, "movable": False}} if not lines else {}
+                line = pg.InfiniteLine(angle=90, movable=True, **named)
+                line.setZValue(20)
+                plot.addItem(line, ignoreBounds=True)
+                line.sigPositionChanged.connect(self._dragged_a if name == "A" else self._dragged_b)
+                lines.append(line)
+        if self._colours is not None:
+            self.dress(self._colours)
 
     def dress(self, colours: Colours) -> None:
         """Set the colours; A is drawn full, B dashed, so that they differ without colour."""
+        self._colours = colours
         full, dashed = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
         for name, colour, dash in (("A", colours.cursor_a, full), ("B", colours.cursor_b, dashed)):
             for line in self._lines[name]:
@@ -164,6 +166,7 @@ class Cursors(QObject):
         """Show or hide; when they come they stand at a third and two thirds of the view."""
         self.shown = shown
         if shown:
+            self._draw()
             third = (right - left) / 3
             self.place(left + third, right - third)
         for lines in self._lines.values():

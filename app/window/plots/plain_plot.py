@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QWidget
 from app.window.plots.caption import Caption
 from app.window.plots.crisp import CrispCurve
 from app.window.plots.cursors import CursorAxis
+from app.window.plots.framed_plot import FramedPlot
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView, Span, ViewState
 from app.window.plots.time_plot import AXIS_WIDTH, QuietView
@@ -52,11 +53,11 @@ class XyCurve(CrispCurve):
         return float(self._y[seen][int(np.argmin(np.abs(self._x[seen] - x)))])
 
 
-class NamedPlot(pg.PlotItem):
+class NamedPlot(FramedPlot):
     """A plot as the cursors know it: a title, a unit, the curves they measure."""
 
     def __init__(self, title: str, unit: str, axes: dict[str, PlainAxis]) -> None:
-        super().__init__(viewBox=QuietView(), axisItems=axes, enableMenu=False)
+        super().__init__(QuietView(), axes)
         self.title, self.unit = title, unit
         self.caption = Caption(self)
         self.sampled: list[XyCurve] = []
@@ -82,11 +83,8 @@ class PlainPlot(PlotView):
         axes = {side: self.axis_kind(side) for side in ("left", "bottom")}
         self.plot = NamedPlot(*value, axes)
         self.addItem(self.plot)
-        self.plot.hideButtons()
-        self.plot.getViewBox().moved.connect(self.note_view)
-        self.plot.getViewBox().placed.connect(self.note_now)
-        for axis_item in axes.values():
-            axis_item.enableAutoSIPrefix(False)
+        self.plot.view.moved.connect(self.note_view)
+        self.plot.view.placed.connect(self.note_now)
         self.label_value(*value)
         self.plot.setLabel("bottom", bottom)
         self.plot.getAxis("left").setWidth(AXIS_WIDTH)
@@ -127,26 +125,26 @@ class PlainPlot(PlotView):
         """Show the whole again."""
         if self._whole is not None:
             x, y = self._whole
-            self.plot.getViewBox().setRange(xRange=x, yRange=y, padding=0)
+            self.plot.view.setRange(xRange=x, yRange=y, padding=0)
             self.note_now()
 
     @property
     def states(self) -> tuple[ViewState, ...]:
         """Get what is in view."""
-        x, y = self.plot.getViewBox().viewRange()
+        x, y = self.plot.view.viewRange()
         return (((x[0], x[1]), (y[0], y[1]), True),)
 
     def bring(self, states: tuple[ViewState, ...]) -> None:
         """Bring back what was in view."""
         ((x, y, _),) = states
-        self.plot.getViewBox().setRange(xRange=x, yRange=y, padding=0)
+        self.plot.view.setRange(xRange=x, yRange=y, padding=0)
 
     @property
     def span(self) -> Span:
         """Get the stretch of x in view."""
-        (left, right), _ = self.plot.getViewBox().viewRange()
+        (left, right), _ = self.plot.view.viewRange()
         return float(left), float(right)
 
     def show_span(self, left: float, right: float) -> None:
         """Show this stretch of x."""
-        self.plot.getViewBox().setXRange(left, right, padding=0)
+        self.plot.view.setXRange(left, right, padding=0)

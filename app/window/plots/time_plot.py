@@ -11,6 +11,7 @@ from PySide6.QtGui import QPen
 from app.window.pens import straight
 from app.window.plots.caption import Caption
 from app.window.plots.curve import Band, PointCurve, SampledCurve
+from app.window.plots.framed_plot import FramedPlot
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import ViewState
 from app.window.theme import Colours
@@ -81,13 +82,11 @@ class QuietView(pg.ViewBox):
 LEAST_NAMED_LINES = 4  # of text: in a plot lower than these the name of a level lies over the curves
 
 
-class TimePlot(pg.PlotItem):
+class TimePlot(FramedPlot):
     """A plot of sampled curves over a shared time axis."""
 
     def __init__(self, title: str, unit: str) -> None:
-        self.view = QuietView()
-        axes = {side: PlainAxis(side) for side in ("left", "bottom")}
-        super().__init__(viewBox=self.view, axisItems=axes, enableMenu=False)
+        super().__init__(QuietView(), {side: PlainAxis(side) for side in ("left", "bottom")})
         self.title = title
         self.unit = unit
         self._caption = Caption(self)
@@ -98,11 +97,8 @@ class TimePlot(pg.PlotItem):
         self.minimum_span = 0.0
         self.steady = False  # for curves that run: the value axis moves only when it has to
         self._y_by_hand = False
-        self.hideButtons()
         left = self.getAxis("left")
-        left.enableAutoSIPrefix(False)
         left.setWidth(AXIS_WIDTH)
-        self.getAxis("bottom").enableAutoSIPrefix(False)
         self.count_in(unit)
         self.view.sigXRangeChanged.connect(self._x_changed)
         self.view.sigResized.connect(self._resized)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 Floats = NDArray[np.float64]
 
@@ -29,11 +30,14 @@ CRITERIA_M_PER_S: Mapping[str, float] = {
 }
 BAND_HZ = (8.0, 80.0)  # of the criteria
 CENTRES_HZ = 10 ** (np.arange(6, 27) / 10)  # of third-octaves, 4 to 400 Hz
+_OF_CRITERIA = (CENTRES_HZ > 0.97 * BAND_HZ[0]) & (CENTRES_HZ < 1.03 * BAND_HZ[1])
 LEAST_S = 1.0  # of record: a third-octave at 8 Hz then has two bins
 _MOST_LINES = 10
 _LINE = 25.0  # times the power about it: e^-25 by chance in each bin
 _ABOUT = 9  # bins to each side that tell what is about a line
 _MOST_STEPS = 160  # of both flights together, for the covariance
+_CHANCE = 0.05  # that a site on a criterion's very curve is told as the next worse
+_HAND_LINE = 12.0  # as _LINE, where a hand is expected to draw one
 _HAND_HZ = (7.0, 12.5)  # of a hand's tremor: gone when it lets go, so neither the site's nor the shot's
 _UNSURE = 0.5  # of 1 / span: a flight does not know better where a line lies; speeds of motors wander, too
 _COSTLY = 1.2  # a line that costs less is not worth a word
@@ -65,7 +69,8 @@ class SiteFloor:
     """The floor of the site; arrays of shape (k,) are read-only.
 
     ``third_octave_m_per_s`` holds the lines; ``density_m2_per_hz`` (one-sided, of displacement, at ``frequency_hz``)
-    does not.  ``criterion`` is the strictest that all bands meet, "" where none is met.
+    does not.  ``criterion`` is the strictest that no band exceeds by more than so short a record may show by chance
+    (5 % for all bands together), "" where each is.
     """
 
     seconds: float
@@ -112,10 +117,10 @@ def read_site(velocity_m_per_s: Floats, sample_rate_hz: float, planned: PlannedS
         MachineLine(frequency, speed / (2 * np.pi * frequency), likely_cause(frequency, 0.3 * sample_rate_hz / n))
         for frequency, speed in sorted(waves)
     )
-    bands = _third_octaves(frequency_hz, power, [wave for wave in waves if not _of_hand(wave[0])])
+    bands, least = _third_octaves(frequency_hz, power, [wave for wave in waves if not _of_hand(wave[0])])
     for array in (bands, frequency_hz, density):
         array.flags.writeable = False
-    floor = SiteFloor(n / sample_rate_hz, CENTRES_HZ, bands, frequency_hz, density, lines, _criterion(bands), 0.0)
+    floor = SiteFloor(n / sample_rate_hz, CENTRES_HZ, bands, frequency_hz, density, lines, _criterion(least), 0.0)
     return _with_expectation(floor, planned or PlannedShot())
 
 
@@ -212,9 +217,10 @@ def _strongest(values: Floats, rate_hz: float) -> float | None:
     # of each side by itself: where a floor ends as a cliff, its edge is no line
     about = np.maximum(np.median(sides[:, : _ABOUT - 2], 1), np.median(sides[:, _ABOUT + 3 :], 1)) / math.log(2.0)
     inside = (frequency > 3.0 * frequency[0]) & (frequency < 0.4 * rate_hz)
-    excess = np.where(inside, power / np.maximum(about, 1e-300), 0.0)
+    needed = np.where((frequency >= _HAND_HZ[0]) & (frequency <= _HAND_HZ[1]), _HAND_LINE, _LINE)
+    excess = np.where(inside, power / np.maximum(about, 1e-300), 0.0) / needed
     best = int(np.argmax(excess))
-    if excess[best] < _LINE or not 0 < best < power.size - 1:
+    if excess[best] < 1.0 or not 0 < best < power.size - 1:
         return None
     left, middle, right = np.log(power[best - 1 : best + 2])
     bend = left - 2 * middle + right
@@ -239,20 +245,36 @@ def _refined(values: Floats, time_s: Floats, frequency_hz: float) -> tuple[float
     return frequency_hz, np.asarray(columns @ best)
 
 
-def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[float, float]]) -> Floats:
-    """Return the rms in each third-octave, (k,): the density's, and what each line adds to its band."""
+def _third_octaves(
+    frequency_hz: Floats, power: Floats, waves: Sequence[tuple[float, float]]
+) -> tuple[Floats, Floats]:
+    """Return the rms in each third-octave and the least it may truly be, (k,): the density's, and each line's share.
+
+    A band of a few bins scatters: the largest of eleven, taken as it is, stands above the curve of nearly every site
+    that lies on one.
+    """
     width = float(frequency_hz[1] - frequency_hz[0])
-    result = np.zeros(CENTRES_HZ.size)
+    found, least = np.zeros(CENTRES_HZ.size), np.zeros(CENTRES_HZ.size)
     for k, centre in enumerate(CENTRES_HZ):
         low, high = centre * 10**-0.05, centre * 10**0.05
         inside = (frequency_hz >= low) & (frequency_hz < high)
         mean = power[inside].mean() if inside.any() else float(np.interp(centre, frequency_hz, power))
-        result[k] = mean * (high - low) if inside.sum() * width < 2 * (high - low) else mean * inside.sum() * width
-        result[k] += sum(0.5 * speed**2 for frequency, speed in waves if low <= frequency < high)
-    return np.asarray(np.sqrt(result))
+        random = mean * (high - low) if inside.sum() * width < 2 * (high - low) else mean * inside.sum() * width
+        lines = sum(0.5 * speed**2 for frequency, speed in waves if low <= frequency < high)
+        found[k] = random + lines
+        least[k] = random / _most_by_chance(max(int(inside.sum()), 1)) + lines
+    return np.sqrt(found), np.sqrt(least)
+
+
+def _most_by_chance(bins: int) -> float:
+    """Return how many times its true power a band of so many bins shows at most, but for ``_CHANCE`` among all bands.
+
+    Neighbours in a Hann window share 4/9 of their power, next neighbours 1/36.
+    """
+    freedom = 2 * bins / (1 + 2 * (1 - 1 / bins) * 4 / 9 + 2 * max(0.0, 1 - 2 / bins) / 36)
+    return float(chdtri(freedom, _CHANCE / np.count_nonzero(_OF_CRITERIA))) / freedom
 
 
 def _criterion(bands: Floats) -> str:
-    inside = np.abs(np.log(CENTRES_HZ / np.sqrt(BAND_HZ[0] * BAND_HZ[1]))) < 0.51 * np.log(BAND_HZ[1] / BAND_HZ[0])
-    worst = float(bands[inside].max())
+    worst = float(bands[_OF_CRITERIA].max())
     return next((name for name, level in CRITERIA_M_PER_S.items() if worst <= level), "")

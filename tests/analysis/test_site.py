@@ -26,6 +26,20 @@ def test_a_site_is_known_by_its_curve(name):
     assert not any(floor.lines for floor in floors[:3])
 
 
+@pytest.mark.parametrize("seconds", [1, 4])
+@pytest.mark.parametrize("name", ["VC-B", "VC-D", "VC-G"])
+def test_a_site_on_a_curve_is_told_by_it_though_some_band_lies_above(name, seconds):
+    level = site_named(name).third_octave_m_per_s
+    time_s = np.arange(round(seconds * RATE)) / RATE
+    told = []
+    for seed in range(8):
+        moved = frame_of(Site(third_octave_m_per_s=level), 40 + seed).motion(time_s)[1]
+        floor = read_site(moved + 2e-8 * np.random.default_rng(seed).standard_normal(time_s.size), RATE)
+        told.append(floor.criterion)
+        assert floor.third_octave_m_per_s.max() > level  # as every such record shows
+    assert told.count(name) >= 7
+
+
 def test_lines_are_found_named_and_taken_off_the_floor():
     quiet = Site(third_octave_m_per_s=1e-6)
     shaken = Site(third_octave_m_per_s=1e-6, lines=(Line(24.9, 80e-9), Line(100.0, 20e-9), Line(296.0, 10e-9)))
@@ -35,7 +49,7 @@ def test_lines_are_found_named_and_taken_off_the_floor():
     assert "pump" in floor.lines[0].cause and "twice the mains" in floor.lines[1].cause
     ratio = np.sqrt(floor.density_m2_per_hz / without.density_m2_per_hz)
     assert np.median(ratio) == pytest.approx(1.0, abs=0.1) and ratio.max() < 3
-    assert floor.criterion == "VC-C" and without.criterion in ("VC-F", "VC-E")
+    assert floor.criterion == "VC-C" and without.criterion == "VC-F"
 
 
 def test_the_pump_costs_what_is_gained_without_it():

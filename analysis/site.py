@@ -30,7 +30,7 @@ CRITERIA_M_PER_S: Mapping[str, float] = {
 }
 BAND_HZ = (8.0, 80.0)  # of the criteria
 CENTRES_HZ = 10 ** (np.arange(6, 27) / 10)  # of third-octaves, 4 to 400 Hz
-_OF_CRITERIA = (CENTRES_HZ > 0.97 * BAND_HZ[0]) & (CENTRES_HZ < 1.03 * BAND_HZ[1])
+_OF_CRITERIA = (0.97 * BAND_HZ[0] < CENTRES_HZ) & (1.03 * BAND_HZ[1] > CENTRES_HZ)
 LEAST_S = 1.0  # of record: a third-octave at 8 Hz then has two bins
 _MOST_LINES = 10
 _LINE = 25.0  # times the power about it: e^-25 by chance in each bin
@@ -245,9 +245,7 @@ def _refined(values: Floats, time_s: Floats, frequency_hz: float) -> tuple[float
     return frequency_hz, np.asarray(columns @ best)
 
 
-def _third_octaves(
-    frequency_hz: Floats, power: Floats, waves: Sequence[tuple[float, float]]
-) -> tuple[Floats, Floats]:
+def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[float, float]]) -> tuple[Floats, Floats]:
     """Return the rms in each third-octave and the least it may truly be, (k,): the density's, and each line's share.
 
     A band of a few bins scatters: the largest of eleven, taken as it is, stands above the curve of nearly every site

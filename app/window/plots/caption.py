@@ -3,6 +3,7 @@
 import pyqtgraph as pg
 from PySide6.QtCore import Slot
 
+from app.window.plots.framed_plot import FramedPlot
 from app.window.theme import Colours
 
 ON_TOP = 30
@@ -11,9 +12,9 @@ ON_TOP = 30
 class Caption(pg.TextItem):
     """Words in the upper left corner of a plot; hidden as long as the value axis carries them whole."""
 
-    def __init__(self, plot: pg.PlotItem) -> None:
+    def __init__(self, plot: FramedPlot) -> None:
         super().__init__("", anchor=(0, 0))
-        self.setParentItem(plot.getViewBox())
+        self.setParentItem(plot.view)
         self.setZValue(ON_TOP)
         self.hide()
         plot.getAxis("left").fitted.connect(self._label_fitted)

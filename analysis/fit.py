@@ -41,6 +41,7 @@ class ShotFit:
     reduced_chi2: float
     own_parameters: Mapping[str, Quantity] = field(default_factory=dict)  # of effects that differ from shot to shot
     rings: bool = False  # for a moment it moves as neither the model nor the noise would
+    sway_std_m: Floats | None = None  # of what a frame that was weighed leaves in the residual, shape (n,)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.disturbance import Shaking
+from analysis.fitted_shot import shaking_of
 from analysis.motion import Motion
+from analysis.shot import Shot
 from analysis.signal.filters import derivative_filters, derivative_gains
 
 Floats = NDArray[np.float64]
@@ -24,8 +26,18 @@ class NoiseBand:
     force_n: Floats
 
 
-def noise_band(motion: Motion, shaking: Shaking | None) -> NoiseBand:
+def band_of(shot: Shot) -> NoiseBand:
+    """Return what stays of a shot's motion where its model lacks nothing; the shot must have a motion."""
+    assert shot.motion is not None
+    left_m = shot.fit.shots[0].sway_std_m if shot.fit is not None and shot.fit.shots else None
+    return noise_band(shot.motion, shaking_of(shot), left_m)
+
+
+def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = None) -> NoiseBand:
     """Return the noise of the samples and what shook the path, each through the motion's own filters.
+
+    ``left_m``, shape (n,), is the std of what a fit that weighed the building leaves of it in the displacement; without
+    it the fit is taken to choose place and speed alone.
 
     The uncertainties a Motion states take the path for a random walk, as no more is known when it is made.  A building
     moves its floor ever less from octave to octave: with the spectrum that the flights showed (``shaking``) the force
@@ -42,24 +54,26 @@ def noise_band(motion: Motion, shaking: Shaking | None) -> NoiseBand:
     span_s = float(motion.time_s[-1] - motion.time_s[0])
     white_m = motion.displacement_std_m
     return NoiseBand(
-        np.hypot(white_m, _rms(shaking, _left(shaking, span_s, 2))),
+        np.hypot(white_m, _rms(shaking, _left(shaking, span_s, 2)) if left_m is None else left_m),
         np.hypot(white_m * gains[0], _rms(shaking, first**2 * _left(shaking, span_s, 1))),
         motion.moving_mass_kg * np.hypot(white_m * gains[1], _rms(shaking, second**2)),
     )
 
 
-def diagnosed_band(diagnosis: Diagnosis, motion: Motion, shaking: Shaking | None) -> tuple[Floats, str]:
+def diagnosed_band(diagnosis: Diagnosis, shot: Shot) -> tuple[Floats, str]:
     """Return what stays of a diagnosed shot's displacement where nothing is missing, in m, and what it is in words.
 
     A diagnosis that explains its shots learns from the whole of all of them how far the path wanders: that is sharper
     than what some milliseconds of flight show.  Where it took the building's spectrum instead, or left something over
     that a wandering path might pass for, the flights' own word holds, as for a single shot.
     """
+    motion = shot.motion
+    assert motion is not None
     learned_m, white_m = diagnosis.fit_after.noise_std_m, float(np.nanmedian(motion.displacement_std_m))
     explained = diagnosis.verdict not in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
     if explained and learned_m > WANDERS * white_m:
         return np.full_like(motion.displacement_m, learned_m), "noise as all shots show it"
-    return noise_band(motion, shaking).displacement_m, "noise and building"
+    return band_of(shot).displacement_m, "noise and building"
 
 
 def _rms(shaking: Shaking, gain: Floats) -> float:

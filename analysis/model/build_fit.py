@@ -67,7 +67,7 @@ class Part:
 
     ``whitened`` has one value a fitted sample, of unit variance where the remainder is noise; ``used`` says of the
     motion's samples which were fitted; ``frame_m_per_s`` how far the frame's own speed may be from nothing, before the
-    touch and after the release.
+    touch and after the release, ``sway_std_m`` what its sway leaves of each sample; None: it was not weighed.
     """
 
     motion: Motion
@@ -76,6 +76,7 @@ class Part:
     used: NDArray[np.bool_]
     whitened: Floats
     frame_m_per_s: tuple[float, float] = (0.0, 0.0)
+    sway_std_m: Floats | None = None
 
 
 def build_fit(estimate: Estimate, parts: Sequence[Part], noise_std_m: float, seconds: float) -> Fit:
@@ -129,4 +130,5 @@ def _shot_fit(estimate: Estimate, part: Part) -> ShotFit:
         reduced_chi2=float(part.whitened @ part.whitened) / max(1, part.whitened.size - len(places)),
         own_parameters=own,
         rings=rings(part.whitened),
+        sway_std_m=part.sway_std_m,
     )

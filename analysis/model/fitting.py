@@ -13,6 +13,7 @@ from analysis.model.base_minimum import STRONG, base_minimum, base_on_frames, ea
 from analysis.model.build_fit import Estimate, Part, Path, build_fit
 from analysis.model.effect_starts import effect_starts
 from analysis.model.effects import MOST_AT_ONCE, findings, named
+from analysis.model.frame_residual import sway_left_std_m
 from analysis.model.least_squares import Infeasible, Minimum, covariance
 from analysis.model.on_frame import can_tell, elsewhere, on_frames
 from analysis.model.prepare import base_named, prepare
@@ -169,11 +170,13 @@ def _part(problem: Problem, index: int, motion: Motion, found: Minimum) -> Part:
     own = found.parameters[problem.own_slice(index)]
     response = respond(model, shot, found.parameters[: problem.shared], own)
     rest = np.where(shot.valid, shot.displacement_m - response.displacement_m, 0.0)
+    swayed = shot.noise if isinstance(shot.noise, Swayed) else None
     return Part(
         motion=motion,
         own={name: int(place) for name, place in zip(model.own_names, places[problem.shared :], strict=True)},
         path=Path.of(response, float(own[1])),
         used=shot.valid,
         whitened=shot.noise.whiten(rest, shot.valid),
-        frame_m_per_s=shot.noise.speeds_m_per_s if isinstance(shot.noise, Swayed) else (0.0, 0.0),
+        frame_m_per_s=swayed.speeds_m_per_s if swayed else (0.0, 0.0),
+        sway_std_m=sway_left_std_m(swayed, shot.time_s, shot.valid, response.derivatives) if swayed else None,
     )

@@ -91,6 +91,12 @@ class Swayed:
         grid = Grid.holding(self.grid.knots_s, self.grid.columns[:samples])
         return Swayed(self.beat, grid, self.sines, _shrink(grid, self.sines), self.speeds_m_per_s)
 
+    def sines_at(self, time_s: Floats) -> Floats:
+        """Return what each sine of the sway does to the displacement at its std, shape (n, 2 f)."""
+        inside = np.clip(time_s, self.grid.knots_s[0], self.grid.knots_s[-1])
+        splines = _spline(self.grid.knots_s, np.zeros(self.grid.knots_s.size))
+        return np.asarray(BSpline.design_matrix(inside, splines.t, 3) @ self.sines)
+
     @property
     def std_m(self) -> float:
         """Get the standard deviation of one sample beside the sway."""

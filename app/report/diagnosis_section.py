@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
-from analysis.fitted_shot import shaking_of
 from analysis.noise_band import diagnosed_band
 from analysis.quantity import Quantity
 from analysis.shot import Shot
@@ -138,7 +137,7 @@ def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
             lines.append(Line(at, 1e9 * part.residual_m, kind))
         bands: tuple[Band, ...] = ()
         if shot is not None and shot.motion is not None:
-            noise_m, _ = diagnosed_band(diagnosis, shot.motion, shaking_of(shot))
+            noise_m, _ = diagnosed_band(diagnosis, shot)
             bands = (Band(lines[1].x, 2e9 * noise_m),)
         label = f"{one_line(name, 18)} (nm)"
         plots.append(Plot("time from first touch (ms)", label, tuple(lines), bands, zero_line=True))

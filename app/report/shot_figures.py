@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.fit import Overlay
-from analysis.fitted_shot import shaking_of
-from analysis.noise_band import noise_band
+from analysis.noise_band import band_of
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from app.report.markup import Markup, tag
@@ -91,7 +90,7 @@ def _residuals(course: _Course) -> Markup | None:
     shot, over, motion = course.shot, course.overlay, course.shot.motion
     if over is None or shot.fit is None or motion is None:
         return None
-    noise = noise_band(motion, shaking_of(shot))
+    noise = band_of(shot)
     rows = (
         ("displacement (nm)", 1e9, shot.fit.shots[0].residual_m, noise.displacement_m),
         ("velocity (µm/s)", 1e6, motion.velocity_m_per_s - over.velocity_m_per_s, noise.velocity_m_per_s),

@@ -9,7 +9,6 @@ from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves
-from analysis.fitted_shot import shaking_of
 from analysis.noise_band import diagnosed_band
 from analysis.shot import Shot
 from app.report.shot_times import time_zero
@@ -103,7 +102,7 @@ class Residuals(QWidget):
         self.stack.tell((shot,), shot.name)
         zero, words = time_zero(shot)
         self.stack.label_time(words)
-        noise_m, what = diagnosed_band(diagnosis, motion, shaking_of(shot))
+        noise_m, what = diagnosed_band(diagnosis, shot)
         self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: {what}, ±2 σ)")
         start, step = 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz
         fits = (diagnosis.fit_before, diagnosis.fit_after)

@@ -4,9 +4,8 @@ import numpy as np
 from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QComboBox, QWidget
 
-from analysis.fitted_shot import shaking_of
 from analysis.motion import Motion
-from analysis.noise_band import noise_band
+from analysis.noise_band import band_of
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from app.report.shot_times import contact_span_ms, time_zero
@@ -99,7 +98,7 @@ class MotionView(QObject):
             self._residual.clear_samples()
             self._band.show_band(0.0, 1.0, np.empty(0))
             return
-        overlay, band = fit.shots[0].overlay, noise_band(motion, shaking_of(shot))
+        overlay, band = fit.shots[0].overlay, band_of(shot)
         if kind == "displacement":
             rest, std = fit.shots[0].residual_m, band.displacement_m
         elif kind == "velocity":

@@ -65,6 +65,7 @@ def test_no_unit_stands_alone_on_its_side(stack):
         for plot in stack.plots:
             shown = plot.getAxis("left").labelText
             assert (shown, plot.caption) in ((f"{plot.title} (nm)", ""), ("", f"{plot.title} (nm)"))
+        assert len({bool(plot.caption) for plot in stack.plots}) == 1, height  # all beside the axes, or all inside
 
 
 def test_a_plot_over_something_else_than_time_names_its_values_too(qapp):

@@ -26,6 +26,8 @@ class PlainAxis(pg.AxisItem):
 
     def __init__(self, orientation: str) -> None:
         self._whole = self._label_shown = ""
+        self._fits = True
+        self._beside = [self]
         self._later = QTimer()
         self._later.setSingleShot(True)
         super().__init__(orientation)
@@ -54,17 +56,27 @@ class PlainAxis(pg.AxisItem):
         """
         if not self._whole:
             return
-        upright = self.orientation != "left"
-        room = self.size().width() if upright else self.size().height()
-        metrics = QFontMetricsF(self.label.font())
+        self._fits = self._has_room(self._whole)
+        for axis in self._beside:
+            axis._show_label(all(other._fits for other in self._beside if other.isVisible()))
+
+    def _has_room(self, text: str) -> bool:
+        room = self.size().height() if self.orientation == "left" else self.size().width()
+        return QFontMetricsF(self.label.font()).horizontalAdvance(text) + 8 <= room
+
+    def _show_label(self, whole: bool) -> None:
         unit = self._whole[self._whole.rfind("(") + 1 :].partition(")")[0]
-        may_be = (self._whole, unit) if upright else (self._whole,)
-        text = next((text for text in may_be if metrics.horizontalAdvance(text) + 8 <= room), "")
+        text = self._whole if whole else unit if self.orientation != "left" and self._has_room(unit) else ""
         if text != self._label_shown:
             self._label_shown = self.labelText = text
             self.label.setHtml(self.labelString())
         super().resizeEvent(None)  # in the middle again: another label, or another length of it
         self.fitted.emit(text == self._whole)
+
+    def stand_beside(self, others: "list[PlainAxis]") -> None:
+        """Join axes, one above the other, all of whose labels are whole or none; ``others`` is theirs in common."""
+        others.append(self)
+        self._beside = others
 
     def setLabel(self, text: str | None = None, *args: Any, **kwargs: Any) -> None:
         """Set the label; it is shown as far as there is room."""

@@ -4,6 +4,7 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis
+from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView, Span, ViewState
 from app.window.plots.time_plot import TimePlot
 from app.window.theme import Colours
@@ -19,6 +20,7 @@ class TimeStack(PlotView):
         super().__init__(name, axis, parent)
         self.plots: list[TimePlot] = []
         self.colours = colours
+        self._value_axes: list[PlainAxis] = []
 
     def add_plot(self, title: str, unit: str, stretch: int = 3) -> TimePlot:
         """Add a plot below the others."""
@@ -37,6 +39,7 @@ class TimeStack(PlotView):
         plot.view.moved.connect(self.note_view)
         plot.view.placed.connect(self.note_now)
         plot.dress(self.colours)
+        plot.getAxis("left").stand_beside(self._value_axes)
         self.cursors.join(plot)
         return plot
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.motion import Motion
-from analysis.planning.contest import undecided
-from analysis.planning.next_shot import NextShot, Reach
+from analysis.planning.next_shot import NextShot, Reach, undecided
 from analysis.planning.steps import Step, next_step, stand
 from instrument.bench.blind import Take, Truth, records
 from tests.benchmarks.loop_cases import Case, as_motion, draw

@@ -1,6 +1,7 @@
 """Blind sets that a diagnosis leaves open, the planned shots taken, and as many at random beside them."""
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -43,6 +44,7 @@ class NextOutcome:
     twice_open: tuple[str, ...] | None = None
     twice_named: tuple[str, ...] = ()
     truth: dict[str, dict[str, float]] = field(default_factory=dict)
+    cpu_s: tuple[float, float, float] = (0.0, 0.0, 0.0)  # first diagnosis; plans and theirs; at random
     problem: str = ""
 
     def as_json(self) -> dict[str, Any]:
@@ -54,8 +56,11 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     """Draw a case, have it diagnosed, take what is planned until it is settled, and write down what was said."""
     rig = draw(case)
     truth = rig.truth
+    began = time.process_time()
     first = diagnose(_motions(truth))
-    outcome = NextOutcome(case, rig.snr, _names(first), undecided(first), truth=dict(truth.effects))
+    diagnosed = time.process_time()
+    spent = (diagnosed - began, 0.0, 0.0)
+    outcome = NextOutcome(case, rig.snr, _names(first), undecided(first), truth=dict(truth.effects), cpu_s=spent)
     if not outcome.open_first:
         return replace(outcome, named=outcome.named_first)
     random = np.random.default_rng((case.seed, 0x19))
@@ -70,8 +75,10 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
             standing = stand(shown, said, (*standing.steps, step), left=MOST - len(standing.steps) - 1)
     except Exception as error:
         return replace(outcome, problem=f"{type(error).__name__}: {error}"[:200])
+    settled = time.process_time()
     outcome = replace(
         outcome,
+        cpu_s=(spent[0], settled - diagnosed, 0.0),
         named=_names(said),
         open_last=undecided(said),
         steps=tuple((step.expected_separation, step.reached) for step in standing.steps),
@@ -88,6 +95,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
         random_named=_names(one),
         twice_open=undecided(two),
         twice_named=_names(two),
+        cpu_s=(*outcome.cpu_s[:2], time.process_time() - settled),
     )
 
 

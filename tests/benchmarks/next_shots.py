@@ -153,6 +153,7 @@ def _from_json(values: dict[str, Any]) -> NextOutcome:
         values[name] = tuple(values[name])
     for name in ("random_open", "twice_open"):
         values[name] = tuple(values[name]) if values[name] is not None else None
+    values["cpu_s"] = tuple(values["cpu_s"])
     values["steps"] = tuple((expected, reached) for expected, reached in values["steps"])
     return NextOutcome(**values)
 

@@ -77,15 +77,17 @@ def with_shots(fitted: Fitted, added: Sequence[Samples]) -> tuple[Hypothesis, Fl
 
 
 def _typical(fitted: Fitted) -> dict[str, Mapping[str, float]]:
-    """Return the effects of a shot like those at hand: sizes that differ from shot to shot are their mean square's."""
+    """Return the effects of a shot like those at hand: what differs from shot to shot as in the one of middle size.
+
+    All of it from one shot: a plate's place and velocity are known together far better than each, and a mean of each
+    would swing the plate as in none of them.
+    """
     every = fitted.point.values
     out: dict[str, Mapping[str, float]] = {}
     for kind in fitted.hypothesis.effects:
-        values = dict(every[0][kind.name])
-        for free in kind.own:
-            if free.name in kind.amplitude and free.name != "phase_rad":
-                values[free.name] = float(np.sqrt(np.mean([v[kind.name][free.name] ** 2 for v in every])))
-        out[kind.name] = values
+        first = next((free.name for free in kind.own), None)
+        by_size = sorted((one[kind.name] for one in every), key=lambda v: abs(v[first]) if first else 0.0)
+        out[kind.name] = by_size[len(by_size) // 2]
     return out
 
 

@@ -11,8 +11,10 @@ from analysis.diagnosis.result import FoundEffect
 from analysis.fit import Fit
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
-from analysis.planning.contest import Contest, contest
+from analysis.planning import foreseen
+from analysis.planning.contest import Contest, again, contest
 from analysis.planning.distances import refitted, screened
+from analysis.planning.foreseen import blank
 from analysis.planning.next_shot import Reach, contact_s, effort, next_shots
 from analysis.planning.plan import Plan, plan
 from analysis.planning.steps import Step, stand
@@ -103,3 +105,12 @@ def test_there_is_no_contest_without_one_of_its_members(friction):
     truth, _, _ = friction
     motions = motions_of(truth)
     assert contest(fit_shots(motions), NAMES, motions) is None
+
+
+def test_a_plate_that_swings_is_foretold_to_swing_as_in_one_of_the_shots():
+    truth = rig({"plate_motion": {"velocity_m_per_s": 4e-7, "displacement_m": 5e-11}})
+    fitted = again(fit_shots(motions_of(truth), effects=("plate_motion",)), motions_of(truth), calm)
+    shot = next_shots(fitted.hypothesis.data.shots, REACH)[0]
+    hypothesis, z = foreseen.with_shots(fitted, [blank(shot, fitted)])
+    *at_hand, added = [values["plate_motion"] for values in hypothesis.unpack(z).values]
+    assert any(added == pytest.approx(one) for one in at_hand)

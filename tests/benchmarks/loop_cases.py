@@ -103,8 +103,11 @@ class Drawn:
     apart: float | None = None
 
 
-def draw(case: Case) -> Drawn:
-    """Draw the rig of a case; one that cannot stand out as asked is drawn again a few times."""
+def draw(case: Case, *, bounded: bool = True) -> Drawn:
+    """Draw the rig of a case; one that cannot stand out as asked is drawn again a few times.
+
+    Not ``bounded``: without what could be known of its effects at best, which costs some ten seconds.
+    """
     noise = Noise(NoiseKind(case.noise), white_m=_white_m(case))
     if not case.names:
         return Drawn(drawn((), case.seed, noise))
@@ -121,6 +124,8 @@ def draw(case: Case) -> Drawn:
             truth = replace(truth, effects={n: part[0].effects[n] for n, part in zip(case.names, parts, strict=True)})
         if reached >= LEAST_SNR:
             break
+    if not bounded:
+        return Drawn(truth, reached)
     nearest, apart = "", None
     if case.kind in ("single", "beyond") and reached >= LEAST_SNR:
         others = separation(truth, tangents)

@@ -54,7 +54,7 @@ class NextOutcome:
 
 def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutcome:
     """Draw a case, have it diagnosed, take what is planned until it is settled, and write down what was said."""
-    rig = draw(case)
+    rig = draw(case, bounded=False)
     truth = rig.truth
     began = time.process_time()
     first = diagnose(_motions(truth))

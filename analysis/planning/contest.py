@@ -1,6 +1,6 @@
 """The models that a diagnosis could not tell apart, each fitted to the shots at hand."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ from analysis.model.least_squares import Infeasible
 from analysis.motion import Motion
 from analysis.shot import AnalysisError, Stop
 
+_ARRIVED = 1e-2
 _UNLIKELY = 9.0  # of chi^2 behind the best: three sigma, and a member need no longer be reckoned with as the true one
 
 
@@ -50,7 +51,13 @@ class Contest:
     @property
     def reached(self) -> float:
         """Get how far the likeliest member stands from the next, in noise norms: the root of what that leaves more."""
-        return float(np.sqrt(max(0.0, self.members[1].chi2 - self.members[0].chi2)))
+        return self.reached_from(())
+
+    def reached_from(self, one_with: Collection[str]) -> float:
+        """Get the same from the next that is not among those that are one with the likeliest; 0 where there is none."""
+        best, *others = self.members
+        left = [other.chi2 - best.chi2 for other in others if other.effect not in one_with]
+        return float(np.sqrt(max(0.0, min(left, default=0.0))))
 
 
 def contest(given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: Stop = lambda: False) -> Contest | None:
@@ -70,10 +77,11 @@ def contest(given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: S
     return Contest(tuple(sorted(members, key=lambda member: member.chi2)), best.floor)
 
 
-def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop) -> list[Member]:
+def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop, tolerance: float = _ARRIVED) -> list[Member]:
     """Return the fits in which each of ``others`` takes the place of the effect ``name``, from where it imitates it.
 
-    Compared under the floor of ``best``: their own may take for noise what they cannot do.
+    Compared under the floor of ``best``: their own may take for noise what they cannot do.  ``tolerance`` is what of
+    chi^2 may still be to fall.
     """
     kinds = trials_named(others)
     far = separation(best, projector(best), name, kinds)
@@ -85,7 +93,7 @@ def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop) -> list[M
             continue
         rival = fitted_instead(best, projector(fewer), far, frequency, stop, kind)
         if rival is not None:
-            ended = search(rival.hypothesis, rival.z, best.floor, evaluations=40, cancelled=stop)
+            ended = search(rival.hypothesis, rival.z, best.floor, evaluations=40, tolerance=tolerance, cancelled=stop)
             rival = finish(rival.hypothesis, ended, best.floor)
             out.append(Member(kind.name, rival, _chi2(rival, best.floor)))
     return out

@@ -1,21 +1,24 @@
 """How far the rivals of a member stay off after shots not yet taken: to first order, and fitted anew."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import count
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement, count
 from math import inf, sqrt
 
 from analysis.diagnosis.fits.free_parameters import trials_named
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.least_squares import Infeasible
 from analysis.planning.contest import Contest, rivals
-from analysis.planning.foreseen import Informs, as_if_taken, at_hand, blank, foretold, informs, refitted_chi2
+from analysis.planning.foreseen import NEAR, Informs, as_if_taken, at_hand, blank, foretold, informs, refitted_chi2
 from analysis.planning.next_shot import NextShot
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
 
 Pair = tuple[int, int]  # the member that is true, its rival
 Shots = tuple[NextShot, ...]
+Pairs = Mapping[Pair, float]
+_HOPEFUL = 0.8  # of what is asked, to first order: less is not fitted anew
+_KEPT = 3  # shots for each pair that go on into sequences
 _FAR = 3.0  # times the nearest rival to first order: one so far off is not fitted anew
 
 
@@ -32,8 +35,8 @@ class Distances:
 
     @property
     def members(self) -> tuple[int, ...]:
-        """Get the members that may be true."""
-        return tuple(self.own_chi2)
+        """Get the members that may be true and have a rival here."""
+        return tuple(dict.fromkeys(true for true, _ in self.at_hand))
 
     def of_pairs(self, shots: Shots) -> dict[Pair, float]:
         """Return the distance of every rival after these shots, in noise norms."""
@@ -46,7 +49,21 @@ class Distances:
 
     def nearest(self, shots: Shots) -> dict[int, float]:
         """Return, for every member that may be true, the distance of its nearest rival after these shots."""
-        return _nearest(self.of_pairs(shots))
+        return nearest(self.of_pairs(shots))
+
+    def without(self, pairs: Collection[Pair]) -> "Distances":
+        """Return the distances of the other pairs."""
+        return replace(self, at_hand={pair: known for pair, known in self.at_hand.items() if pair not in pairs})
+
+    def never(self, most: int) -> frozenset[Pair]:
+        """Return the pairs that no ``most`` shots part, to first order: a rival that does all that the member does."""
+        alone = {shot: self.of_pairs((shot,)) for shot in self.each}
+        sequences = {(shot,) * most: None for shot in alone}
+        for pair in self.at_hand:
+            best = sorted(alone, key=lambda shot: -alone[shot][pair])[:_KEPT]
+            sequences.update(dict.fromkeys(combinations_with_replacement(best, most)))
+        reached = [self.of_pairs(sequence) for sequence in sequences]
+        return frozenset(pair for pair in self.at_hand if not hopeful(max((r[pair] for r in reached), default=0.0)))
 
 
 def screened(contest: Contest, shots: Sequence[NextShot], tell: Callable[[float], None], stop: Stop) -> Distances:
@@ -80,21 +97,21 @@ def screened(contest: Contest, shots: Sequence[NextShot], tell: Callable[[float]
     )
 
 
-def refitted(contest: Contest, shots: Shots, distances: Distances, stop: Stop) -> dict[int, float]:
-    """Return what ``Distances.nearest`` does, rivals fitted anew; those far off by first order are left at that.
+def refitted(contest: Contest, shots: Shots, distances: Distances, stop: Stop) -> dict[Pair, float]:
+    """Return what ``Distances.of_pairs`` does, rivals fitted anew; those far off by first order are left at that.
 
     Raises Cancelled.
     """
     empty = [blank(shot, contest.members[0].fitted) for shot in shots]
     first = distances.of_pairs(shots)
-    nearest = _nearest(first)
-    shown = {true: [foretold(contest.members[true].fitted, one) for one in empty] for true in nearest}
+    least = nearest(first)
+    shown = {true: [foretold(contest.members[true].fitted, one) for one in empty] for true in least}
 
     def of_pair(pair: Pair) -> float:
         if stop():
             raise Cancelled
         true, rival = pair
-        if first[pair] > _FAR * nearest[true]:
+        if first[pair] > _FAR * least[true]:
             return first[pair]
         try:
             chi2 = refitted_chi2(contest.members[rival].fitted, shown[true], contest.floor, stop)
@@ -103,32 +120,38 @@ def refitted(contest: Contest, shots: Shots, distances: Distances, stop: Stop) -
         return sqrt(max(0.0, chi2 - distances.own_chi2[true]))
 
     pairs = list(first)
-    return _nearest(dict(zip(pairs, side_by_side(of_pair, pairs), strict=True)))
+    return dict(zip(pairs, side_by_side(of_pair, pairs), strict=True))
 
 
-def searched_anew(
-    contest: Contest, shots: Shots, nearest: Mapping[int, float], distances: Distances, stop: Stop
-) -> dict[int, float]:
+def searched_anew(contest: Contest, shots: Shots, known: Pairs, distances: Distances, stop: Stop) -> dict[Pair, float]:
     """Return what ``refitted`` gave with the rivals that have a grid (lines, times, ranges) searched for from nothing.
 
     A line that was the best in the shots at hand need not be the best in those to come.  Raises Cancelled.  Cost: that
     of a contest, some seconds.
     """
-    grids = {member.effect for member in contest.members if len(trials_named([member.effect])[0].starts) > 1}
+    places = {member.effect: place for place, member in enumerate(contest.members)}
+    grids = {name for name in places if len(trials_named([name])[0].starts) > 1}
     empty = [blank(shot, contest.members[0].fitted) for shot in shots]
-    out = dict(nearest)
-    for true, value in nearest.items():
+    out = dict(known)
+    for true, value in nearest(known).items():
         member = contest.members[true]
-        others = [other.effect for other in contest.members if other.effect in grids and other is not member]
+        others = [name for name, place in places.items() if name in grids and (true, place) in known]
         if not others or value < CRITERIA.separation:
             continue
         best = as_if_taken(member.fitted, [foretold(member.fitted, one) for one in empty], contest.floor)
-        for rival in rivals(best, member.effect, others, stop):
-            out[true] = min(out[true], sqrt(max(0.0, rival.chi2 - distances.own_chi2[true])))
+        for rival in rivals(best, member.effect, others, stop, NEAR):
+            pair = (true, places[rival.effect])
+            out[pair] = min(out[pair], sqrt(max(0.0, rival.chi2 - distances.own_chi2[true])))
     return out
 
 
-def _nearest(distances: Mapping[Pair, float]) -> dict[int, float]:
+def hopeful(distance: float) -> bool:
+    """Return whether a distance to first order is near enough to what is asked for rivals to be fitted anew."""
+    return distance > _HOPEFUL * CRITERIA.separation
+
+
+def nearest(distances: Pairs) -> dict[int, float]:
+    """Return the least distance of any rival, for every member."""
     out: dict[int, float] = {}
     for (true, _), value in distances.items():
         out[true] = min(out.get(true, inf), value)

@@ -20,6 +20,7 @@ from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
 _EVALUATIONS = 15
+NEAR = 0.3  # of chi^2: a plan need not know a distance of five norms better than to a thirtieth
 
 
 def blank(shot: NextShot, fitted: Fitted) -> Samples:
@@ -175,4 +176,4 @@ def refitted_chi2(rival: Fitted, added: Sequence[Samples], floor: Floor, stop: S
     Raises Infeasible where it has no motion for them.  Cost: some ten evaluations of all shots.
     """
     hypothesis, z = with_shots(rival, added)
-    return search(hypothesis, z, floor, evaluations=_EVALUATIONS, cancelled=stop).square.chi2
+    return search(hypothesis, z, floor, evaluations=_EVALUATIONS, tolerance=NEAR, cancelled=stop).square.chi2

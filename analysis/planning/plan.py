@@ -4,28 +4,39 @@ T-optimal design (Atkinson and Fedorov, Biometrika 62 (1975) 57) for models that
 may be true, a sequence of shots is worth the distance of the nearest rival, fitted anew to the shots at hand and to
 what the member foretells of the new ones.  What is true is not known: a sequence counts by the worst of the members
 that any sequence can separate.  A member that none can, because a rival does all it does, is left out of that; where
-none is left, no shot of the rig decides.
+none is left, no shot of the rig decides.  Two that no shot parts do not keep those from a third: they are one with two
+readings, which is parted from the third.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
 from math import inf
 from typing import Any
 
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.planning.contest import Contest
-from analysis.planning.distances import Distances, Shots, refitted, screened, searched_anew
+from analysis.planning.distances import (
+    Distances,
+    Pair,
+    Pairs,
+    Shots,
+    hopeful,
+    nearest,
+    refitted,
+    screened,
+    searched_anew,
+)
 from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, as_found_kg, effort, in_order, next_shots
 from analysis.shot import Cancelled, Progress, Stop
 
 SURE = 1.5  # noise norms above what is asked: what is reached scatters by one
 _KEPT = 8  # shots that go on into sequences of several
 _REFITTED = 3  # sequences of one length
-_HOPEFUL = 0.8  # of what is asked, to first order: less is not fitted anew, but for the best of all
 _SCREENING = 0.6  # of the time
 
 Found = Mapping[Shots, Mapping[int, float]]
+Tell = Callable[[float], None]  # a fraction done
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +45,8 @@ class Plan:
 
     ``expected`` gives, for every effect that may be the true one, the separation in noise norms after all of them,
     ``after_first`` after the first alone; ``best`` is the most that any sequence tried would reach, of the member it
-    serves best.  ``inseparable`` are the members that a rival could still stand for after any of them.
+    serves best.  ``inseparable`` are the members that a rival could still stand for after any of them.  ``one_with``
+    gives for a member that is parted from others those that no shot parts from it: what is expected leaves them out.
     """
 
     shots: Shots
@@ -44,6 +56,7 @@ class Plan:
     after_first: Mapping[str, float]
     best: float
     inseparable: tuple[str, ...]
+    one_with: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def settles(self) -> bool:
@@ -64,6 +77,7 @@ class Plan:
             "expected_if": dict(self.expected),
             "best_separation": self.best,
             "inseparable": list(self.inseparable),
+            "one_with": {name: list(others) for name, others in self.one_with.items()},
         }
 
 
@@ -83,26 +97,23 @@ def plan(
 
     distances = screened(contest, next_shots(shots, reach or Reach()), screening, stop)
     on_the_block = shots[-1].moving_mass_kg - as_found_kg(shots)
-    found: dict[Shots, dict[int, float]] = {}
-    searched: set[Shots] = set()
-    chosen: Shots | None = None
-    for length in range(1, most + 1):
-        listed = _ranked(distances, length, on_the_block)
-        hopeful = [one for one in listed if max(distances.nearest(one).values()) > _HOPEFUL * CRITERIA.separation]
-        for sequence in hopeful[:_REFITTED] or (listed[:1] if length == most else ()):
-            if stop():
-                raise Cancelled
-            progress("refitting the rivals", _SCREENING + (1 - _SCREENING) * (length - 1) / most)
-            found[sequence] = refitted(contest, sequence, distances, stop)
-        chosen = _best(found, on_the_block)
-        while chosen is not None and chosen not in searched:
-            searched.add(chosen)
-            found[chosen] = searched_anew(contest, chosen, found[chosen], distances, stop)
-            chosen = _best(found, on_the_block)
-        if chosen is not None and _worth(found, found[chosen]) >= CRITERIA.separation + SURE:
+
+    def refitting(done: float) -> None:
+        progress("refitting the rivals", _SCREENING + (1 - _SCREENING) * done)
+
+    never = distances.never(most)
+    while True:
+        left = distances.without(never) if len(never) < len(distances.at_hand) else distances
+        chosen, found = _chosen(contest, left, most, on_the_block, refitting, stop)
+        if chosen is not None or left is distances:
             break
+        most_of = {pair: max(values[pair] for values in found.values()) for pair in left.at_hand}
+        more = {pair for pair, value in most_of.items() if value < CRITERIA.separation}
+        if not more:  # each is parted by some sequence, and no sequence parts them all
+            break
+        never |= more
     names = [member.effect for member in contest.members]
-    of = _most_of(found)
+    of = _most_of({shots: nearest(values) for shots, values in found.items()})
 
     def named(values: Mapping[int, float]) -> dict[str, float]:
         return {names[member]: value for member, value in sorted(values.items())}
@@ -111,11 +122,11 @@ def plan(
         first = expected = named(of)
     else:
         chosen = in_order(chosen, on_the_block)
-        expected = named(_found(found, chosen))
+        expected = named(nearest(_found(found, chosen)))
         first = expected
         if len(chosen) > 1:
-            alone = refitted(contest, chosen[:1], distances, stop)
-            first = named(searched_anew(contest, chosen[:1], alone, distances, stop))
+            first = named(nearest(refitted(contest, chosen[:1], left, stop)))
+    likely = [names[member] for member in distances.members]
     return Plan(
         shots=chosen or (),
         members=tuple(names),
@@ -123,8 +134,47 @@ def plan(
         expected=expected,
         after_first=first,
         best=max(of.values(), default=0.0),
-        inseparable=tuple(name for name, value in named(of).items() if value < CRITERIA.separation),
+        inseparable=tuple(name for name in likely if named(of).get(name, 0.0) < CRITERIA.separation),
+        one_with=_one_with(names, never) if chosen is not None and left is not distances else {},
     )
+
+
+def _one_with(names: Sequence[str], never: Collection[Pair]) -> dict[str, tuple[str, ...]]:
+    return {names[a]: tuple(names[b] for one, b in sorted(never) if one == a) for a in sorted({a for a, _ in never})}
+
+
+def _chosen(
+    contest: Contest, distances: Distances, most: int, on_the_block_kg: float, tell: Tell, stop: Stop
+) -> tuple[Shots | None, dict[Shots, dict[Pair, float]]]:
+    """Return the sequence to take, None where none tried separates, and what every one that was refitted brings."""
+    found: dict[Shots, dict[Pair, float]] = {}
+    searched: set[Shots] = set()
+    chosen: Shots | None = None
+
+    def of_members() -> Found:
+        return {shots: nearest(values) for shots, values in found.items()}
+
+    def sure(shots: Shots) -> bool:
+        return _worth(of_members(), nearest(found[shots])) >= CRITERIA.separation + SURE
+
+    for length in range(1, most + 1):
+        listed = _ranked(distances, length, on_the_block_kg)
+        promising = [one for one in listed if hopeful(max(distances.nearest(one).values()))]
+        for sequence in promising[:_REFITTED] or (listed[:1] if length == most else ()):
+            if stop():
+                raise Cancelled
+            tell((length - 1) / most)
+            found[sequence] = refitted(contest, sequence, distances, stop)
+            if sure(sequence):  # they come in the order of their effort
+                break
+        chosen = _best(of_members(), on_the_block_kg)
+        while chosen is not None and chosen not in searched and (sure(chosen) or length == most):
+            searched.add(chosen)
+            found[chosen] = searched_anew(contest, chosen, found[chosen], distances, stop)
+            chosen = _best(of_members(), on_the_block_kg)
+        if chosen is not None and sure(chosen):
+            break
+    return chosen, found
 
 
 def _ranked(distances: Distances, length: int, on_the_block_kg: float) -> list[Shots]:
@@ -174,5 +224,5 @@ def _best(found: Found, on_the_block_kg: float) -> Shots | None:
     return best if best is not None and worth[best] >= CRITERIA.separation else None
 
 
-def _found(found: Found, shots: Sequence[NextShot]) -> Mapping[int, float]:
+def _found(found: Mapping[Shots, Pairs], shots: Sequence[NextShot]) -> Pairs:
     return next(values for one, values in found.items() if sorted(one, key=repr) == sorted(shots, key=repr))

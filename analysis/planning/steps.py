@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from analysis.diagnosis.result import Diagnosis
@@ -28,6 +28,7 @@ class Step:
     expected: Mapping[str, float]
     reached: float | None = None
     leader: str | None = None
+    one_with: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # whom no shot parts from whom
 
     @property
     def expected_separation(self) -> float:
@@ -80,7 +81,9 @@ def stand(
     if done:
         now = contest(diagnosis.fit_after, done[-1].members, motions, cancelled)
         if now is not None:
-            done[-1] = replace(done[-1], reached=now.reached, leader=now.members[0].effect)
+            leader = now.members[0].effect
+            reached = now.reached_from(done[-1].one_with.get(leader, ()))
+            done[-1] = replace(done[-1], reached=reached, leader=leader)
     if not done or set(left_open) != set(done[-1].members):
         now = contest(diagnosis.fit_after, left_open, motions, cancelled)
     if now is None:
@@ -93,4 +96,4 @@ def next_step(standing: Standing) -> Step:
     """Return the first shot of a standing's plan as a step to be taken."""
     assert standing.plan is not None and standing.plan.shots
     further = standing.plan
-    return Step(further.shots[0], further.members, further.after_first)
+    return Step(further.shots[0], further.members, further.after_first, one_with=further.one_with)

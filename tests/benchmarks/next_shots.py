@@ -28,7 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--effects", default="", metavar="NAME,...", help="only these")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
-    parser.add_argument("--random", type=int, default=1, metavar="N", help="shots at random beside every Nth set; 0: none")
+    parser.add_argument(
+        "--random", type=int, default=1, metavar="N", help="shots at random beside every Nth set; 0: none"
+    )
     parser.add_argument("--page", type=Path, metavar="FILE", help="write figures and every open set as Markdown")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="outcomes, a JSON object a line; read back if there")
     options = parser.parse_args(arguments)
@@ -36,7 +38,9 @@ def main(arguments: list[str] | None = None) -> int:
     every = cases(dict.fromkeys(_KINDS, 0) | {"single": options.sets}, options.seed)
     todo = [case for case in every if not wanted or case.names[0] in wanted]
     outcomes = []
-    for done, outcome in enumerate(kept_runs(todo, partial(_one, options.random), options.processes, options.keep, _from_json), 1):
+    for done, outcome in enumerate(
+        kept_runs(todo, partial(_one, options.random), options.processes, options.keep, _from_json), 1
+    ):
         outcomes.append(outcome)
         print(f"{done}/{len(todo)} sets", file=sys.stderr, flush=True)
     scored = lines(outcomes)

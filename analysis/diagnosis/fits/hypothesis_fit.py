@@ -127,9 +127,13 @@ def search(
     floor: Floor,
     *,
     evaluations: int = 25,
+    tolerance: float = 1e-2,
     cancelled: Stop | None = None,
 ) -> Minimum:
-    """Minimise with a given floor from ``z``; Infeasible where not even the start has a trajectory."""
+    """Minimise with a given floor from ``z``, until chi^2 is to fall by less than ``tolerance``.
+
+    Infeasible where not even the start has a trajectory.
+    """
     low, high = hypothesis.bounds
     return minimise(
         lambda at: square_of(hypothesis, floor, at),
@@ -137,7 +141,7 @@ def search(
         lower=low,
         upper=high,
         evaluations=evaluations,
-        tolerance=1e-2,
+        tolerance=tolerance,
         residual=lambda at: whitened_residual(hypothesis, floor, at),
         cancelled=cancelled,
     )

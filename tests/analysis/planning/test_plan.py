@@ -13,7 +13,7 @@ from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.planning import foreseen
 from analysis.planning.contest import Contest, again, contest
-from analysis.planning.distances import refitted, screened
+from analysis.planning.distances import nearest, refitted, screened
 from analysis.planning.foreseen import blank
 from analysis.planning.next_shot import Reach, contact_s, effort, next_shots
 from analysis.planning.plan import Plan, plan
@@ -66,7 +66,7 @@ def test_the_first_order_agrees_with_a_refit_where_the_models_are_nearly_linear(
     some = next_shots(shots, REACH)[:2]
     distances = screened(open_class, some, lambda _: None, calm)
     for shot in some:
-        fitted = refitted(open_class, (shot,), distances, calm)
+        fitted = nearest(refitted(open_class, (shot,), distances, calm))
         for member, value in distances.nearest((shot,)).items():
             assert fitted[member] == pytest.approx(value, rel=0.03)
 
@@ -114,3 +114,10 @@ def test_a_plate_that_swings_is_foretold_to_swing_as_in_one_of_the_shots():
     hypothesis, z = foreseen.with_shots(fitted, [blank(shot, fitted)])
     *at_hand, added = [values["plate_motion"] for values in hypothesis.unpack(z).values]
     assert any(added == pytest.approx(one) for one in at_hand)
+
+
+def test_two_that_no_shot_parts_are_parted_from_a_third_as_one():
+    truth = rig({"plate_damping": {"coefficient_n_s_per_m": 1e-5}})
+    open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm", "second_plate_mode"))
+    wanted = plan(open_class, Reach(speeds_m_per_s=(0.6,), added_kg=(0.0, 0.05)))
+    assert wanted.settles and wanted.one_with["plate_damping"] == ("viscoelastic_arm",)

@@ -128,7 +128,7 @@ def separating(name: str, others: Sequence[str], speeds: Sequence[float]) -> str
     fast, slow = max(speeds), min(speeds)
     group = {name, *others[:1]}
     if any(named(name).at_rest for name in group):
-        return "a record at rest, which shows what moves without the block"
+        return f"a slow shot, at {0.3 * slow:.2g} m/s, recorded for as long as it flies: what drifts grows with time"
     if fast < 1.6 * slow:
         return f"two more, at {0.5 * slow:.2g} m/s and at {1.6 * fast:.2g} m/s: each goes with the speed its own way"
     return f"two more shots at {1.5 * fast:.2g} m/s, and more than one at {slow:.2g} m/s"

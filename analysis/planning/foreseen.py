@@ -131,10 +131,11 @@ class Informs:
         return max(0.0, self.chi2 - float(self.gradient / scale @ step))
 
 
-def informs(rival: Fitted, shot: Samples, floor: Floor) -> Informs:
+def informs(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] = ()) -> Informs:
     """Return what a foretold shot says of a rival's shared parameters.  Raises Infeasible.
 
-    Cost: one shot with derivatives, 1 to 11 ms.
+    ``unshared`` are places of the vector that this shot has for itself, as on a plate of its own.  Cost: one shot with
+    derivatives, 1 to 11 ms.
     """
     hypothesis, z = with_shots(rival, [shot])
     last = len(hypothesis.data.shots) - 1
@@ -142,7 +143,7 @@ def informs(rival: Fitted, shot: Samples, floor: Floor) -> Informs:
     rows = shot.whitened(floor, np.column_stack([here - shot.displacement_m, columns]))
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
-    return _eliminated(rows[:, 1:], rows[:, 0], hypothesis)
+    return eliminated(rows[:, 1:], rows[:, 0], shared_places(hypothesis), unshared)
 
 
 def at_hand(fitted: Fitted, floor: Floor) -> Informs:
@@ -160,9 +161,12 @@ def at_hand(fitted: Fitted, floor: Floor) -> Informs:
     )
 
 
-def _eliminated(jacobian: Floats, left: Floats, hypothesis: Hypothesis) -> Informs:
-    shared = shared_places(hypothesis)
-    own = jacobian[:, np.setdiff1d(np.arange(hypothesis.size), shared)]
+def eliminated(jacobian: Floats, left: Floats, shared: Sequence[int], unshared: Sequence[int] = ()) -> Informs:
+    """Return what whitened derivatives and a remainder say of the columns ``shared``, all others eliminated.
+
+    ``unshared`` ones among them are eliminated, too.
+    """
+    own = jacobian[:, [*np.setdiff1d(np.arange(jacobian.shape[1]), shared), *unshared]]
     own = own[:, np.any(own != 0.0, axis=0)]
     basis = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
     beside = jacobian[:, shared] - basis @ (basis.T @ jacobian[:, shared])

@@ -126,16 +126,17 @@ def plan(
         first = expected
         if len(chosen) > 1:
             first = named(nearest(refitted(contest, chosen[:1], left, stop)))
+    one_with = _one_with(names, never) if chosen is not None and left is not distances else {}
     likely = [names[member] for member in distances.members]
     return Plan(
         shots=chosen or (),
         members=tuple(names),
-        now=contest.reached,
+        now=contest.reached_from(one_with.get(names[0], ())),
         expected=expected,
         after_first=first,
         best=max(of.values(), default=0.0),
         inseparable=tuple(name for name in likely if named(of).get(name, 0.0) < CRITERIA.separation),
-        one_with=_one_with(names, never) if chosen is not None and left is not distances else {},
+        one_with=one_with,
     )
 
 

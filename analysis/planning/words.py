@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from analysis.diagnosis.words import ONE_WITH_TWO_READINGS, plain
@@ -23,8 +23,9 @@ def told(plan: Plan) -> str:
         return f"No shot of this rig tells {listed} apart: {most}{_why(plan)}."
     open_ones = [name for name in plan.expected if name in plan.inseparable]
     but = f"; were it {' or '.join(map(plain, open_ones))}, no shot would" if open_ones else ""
+    same = "".join(f"; {pair} stay one{why}" for pair, why in _ones(plan))
     apart = f"{plan.separation:.2g} noise norms (now {plan.now:.2g})"
-    return f"{shots(plan.shots)} would tell {listed} apart by {apart}{but}."
+    return f"{shots(plan.shots)} would tell {listed} apart by {apart}{but}{same}."
 
 
 def with_words(plan: Plan) -> dict[str, Any]:
@@ -42,6 +43,17 @@ def shots(sequence: Sequence[NextShot]) -> str:
     return text[:1].upper() + text[1:]
 
 
+def _ones(plan: Plan) -> list[tuple[str, str]]:
+    """Return the pairs that the plan leaves together, in words, each with why where physics says so."""
+    pairs = dict.fromkeys(frozenset({name, other}) for name, others in plan.one_with.items() for other in others)
+    in_words = (" and ".join(plain(name) for name in plan.members if name in pair) for pair in pairs)
+    return [(told, _because(pair)) for told, pair in zip(in_words, pairs, strict=True)]
+
+
 def _why(plan: Plan) -> str:
-    same = [words for names, words in ONE_WITH_TWO_READINGS.items() if names <= set(plan.members)]
+    return _because(plan.members)
+
+
+def _because(names: Iterable[str]) -> str:
+    same = [words for pair, words in ONE_WITH_TWO_READINGS.items() if pair <= set(names)]
     return f" ({'; '.join(same)})" if same else ""

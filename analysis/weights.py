@@ -15,10 +15,15 @@ def weights_words(masses_kg: Sequence[float]) -> str:
         return ""
     found = min(masses_kg)
     added = [mass - found if mass - found > _SAME_KG else 0.0 for mass in masses_kg]
+    kinds = [f"with {1e3 * kg:.2f} g added" if kg else "as found" for kg in added]
+    return f"shots {numbered(kinds)}"
+
+
+def numbered(kinds: Sequence[str]) -> str:
+    """Return who of several is of which kind: "1-3 as found, 4-5 with 50.00 g added"."""
     parts, number = [], 1
-    for more, group in groupby(added, key=lambda kg: round(kg / _SAME_KG)):
+    for kind, group in groupby(kinds):
         count = len(list(group))
-        which = f"{number}-{number + count - 1}" if count > 1 else f"{number}"
+        parts.append(f"{number}-{number + count - 1} {kind}" if count > 1 else f"{number} {kind}")
         number += count
-        parts.append(f"{which} {f'with {1e3 * _SAME_KG * more:.2f} g added' if more else 'as found'}")
-    return f"shots {', '.join(parts)}"
+    return ", ".join(parts)

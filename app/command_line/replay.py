@@ -13,6 +13,7 @@ from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
 from analysis.fit import Fit
 from analysis.fitted_shot import fit_again, read_with, shaking_of
+from analysis.one_rig import why_not_together
 from analysis.planning.next_shot import Reach
 from analysis.quantity import Quantity
 from analysis.readings_model import readings_model
@@ -94,15 +95,13 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[str]) -> Diagnosis | None:
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if not fitted:
         return None
-    models = {shot.settings.model for shot in fitted}
-    if len(models) > 1:
-        names = ", ".join(sorted(models))
-        print(f"levimass: no joint diagnosis: the shots are of different models ({names})", file=sys.stderr)
+    if why := why_not_together(fitted):
+        print(f"levimass: no joint diagnosis: {why}", file=sys.stderr)
         return None
     try:
         return diagnose_motions(
             [shot.motion for shot in fitted if shot.motion is not None],
-            model=models.pop(),
+            model=fitted[0].settings.model,
             accepted=fitted[0].settings.effects,
             laws=laws,
             shakings=[shaking_of(shot) for shot in fitted],

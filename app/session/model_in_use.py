@@ -8,6 +8,7 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
 from analysis.fitted_shot import fit_jointly, shaking_of
 from analysis.model.effects import findings
+from analysis.one_rig import why_not_together
 from analysis.shot import AnalysisError, Shot
 from app.session.model_effects import ModelEffects
 from app.words.wording import effect_words, local, model_effect_words, parameter_parts
@@ -30,16 +31,16 @@ def save_model(
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if not fitted:
         raise AnalysisError("no shot is fitted, so there is no model to save")
-    bases = sorted({shot.settings.model for shot in fitted})
-    if len(bases) > 1:
-        raise AnalysisError(f"the shots use different base models ({', '.join(bases)}): select shots of one")
-    effects = accepted.of(bases[0])
+    if why := why_not_together(fitted):
+        raise AnalysisError(why)
+    base = fitted[0].settings.model
+    effects = accepted.of(base)
     if diagnosis is not None and set(findings(diagnosis.fit_after.effects)) == set(findings(effects)):
         fit = diagnosis.fit_after
     else:
         diagnosis = None
         motions = [shot.motion for shot in fitted if shot.motion is not None]
-        fit = fit_jointly(motions, bases[0], effects, cancelled, [shaking_of(shot) for shot in fitted])
+        fit = fit_jointly(motions, base, effects, cancelled, [shaking_of(shot) for shot in fitted])
     if not fit.converged:
         raise AnalysisError("the joint fit did not converge: diagnose the shots first, the model lacks something")
     named = {effect.name for effect in diagnosis.findings} if diagnosis is not None else set()

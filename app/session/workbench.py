@@ -15,6 +15,7 @@ from typing import Any
 
 from analysis.awaited_fit import awaits_fit
 from analysis.fitted_shot import shaking_of
+from analysis.one_rig import why_not_together
 from analysis.shot import AnalysisSettings, Shot
 from app.session.cut_off import cut_off
 from app.session.diagnoses import Diagnoses
@@ -219,13 +220,12 @@ class Workbench:
         chosen = [entry for entry in self._entries(numbers) if entry.shot is not None and entry.shot.motion is not None]
         if not chosen:
             return "select at least one analysed shot"
-        models = {entry.settings.model for entry in chosen}
-        if len(models) > 1:
-            return f"the selected shots use different base models ({', '.join(sorted(models))}): select shots of one"
         shots = [entry.shot for entry in chosen if entry.shot is not None]
+        if why := why_not_together(shots):
+            return why
         motions = [shot.motion for shot in shots if shot.motion is not None]
         ids = tuple(entry.number for entry in chosen)
-        (model,) = models
+        model = chosen[0].settings.model
         laws, problems = self.own_laws.keys()
         self._waiting += [Event(Kind.PROBLEM, problem) for problem in problems]
         shakings = [shaking_of(shot) for shot in shots]

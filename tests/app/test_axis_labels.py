@@ -81,3 +81,20 @@ def test_a_plot_over_something_else_than_time_names_its_values_too(qapp):
     finally:
         plot.close()
         plot.deleteLater()
+
+
+def test_a_name_longer_than_the_plot_ends_in_dots(qapp):
+    plot = PlainPlot("Trend", ("restitution, quasi-static", ""), "speed (m/s)", TIME)
+    plot.resize(180, 90)
+    plot.show()
+    QTest.qWait(20)
+    try:
+        caption = plot.plot.caption
+        assert caption.shown.startswith("restit") and caption.shown.endswith("…")
+        assert caption.boundingRect().width() <= plot.plot.view.width()
+        plot.resize(700, 90)
+        QTest.qWait(20)
+        assert caption.shown == "restitution, quasi-static"
+    finally:
+        plot.close()
+        plot.deleteLater()

@@ -96,7 +96,7 @@ class PlainPlot(PlotView):
         """Say what is shown, and in which unit."""
         self.plot.title, self.plot.unit = title, unit
         words = f"{title} ({unit})" if unit else title
-        self.plot.caption.setText(words)
+        self.plot.caption.say(words)
         self.plot.setLabel("left", words)
 
     def add_curve(self, label: str, pen: QPen | None = None) -> XyCurve:

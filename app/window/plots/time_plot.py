@@ -186,7 +186,7 @@ class TimePlot(FramedPlot):
         """Say in which unit the curves are from now on."""
         self.unit = unit
         words = f"{self.title} ({unit})"
-        self._caption.setText(words)
+        self._caption.say(words)
         self.setLabel("left", words)
 
     def free_y(self) -> None:

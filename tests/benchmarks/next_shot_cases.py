@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 
 from analysis.diagnosis.result import Diagnosis
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.motion import Motion
+from analysis.planning.contest import contest
+from analysis.planning.distances import screened
 from analysis.planning.next_shot import NextShot, Reach, undecided
 from analysis.planning.steps import Step, next_step, stand
 from instrument.bench.blind import Take, Truth, records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
 
 MOST = 3
+MOST_AT_RANDOM = 9
 _SET_OFF = 0.02  # part by which a speed that was asked for is missed
 _CONTACT_S = 1.05  # of half a swing of block and plate
 
@@ -44,6 +48,7 @@ class NextOutcome:
     twice_open: tuple[str, ...] | None = None
     twice_named: tuple[str, ...] = ()
     truth: dict[str, dict[str, float]] = field(default_factory=dict)
+    needs: tuple[int, float] | None = None  # shots planned at first; foretold number at random for the same
     cpu_s: tuple[float, float, float] = (0.0, 0.0, 0.0)  # first diagnosis; plans and theirs; at random
     problem: str = ""
 
@@ -67,6 +72,9 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     said, steps, now = first, (), truth
     try:
         standing = stand(_motions(now), said, steps)
+        if standing.plan is not None and standing.plan.settles:
+            many = _needed_at_random(first, _motions(truth), np.random.default_rng((case.seed, 0x20)))
+            outcome = replace(outcome, needs=(len(standing.plan.shots), many))
         while not standing.settled and len(standing.steps) < MOST:
             step: Step = next_step(standing)
             now = taken(now, step.shot, random)
@@ -115,14 +123,36 @@ def taken(truth: Truth, shot: NextShot, random: np.random.Generator) -> Truth:
 
 def _at_random(truth: Truth, count: int, random: np.random.Generator) -> Truth:
     """Return the set with shots that nobody planned: any speed, weights and record that a plan could have asked for."""
-    reach = Reach()
     for _ in range(count):
-        low, high = min(reach.speeds_m_per_s), max(reach.speeds_m_per_s)
-        speed = math.exp(random.uniform(math.log(low), math.log(high)))
-        before = random.uniform(0.01, max(0.011, min(reach.before_s(speed), 0.1)))
-        shot = NextShot(speed, float(random.choice(reach.added_kg)), before, float(random.uniform(0.02, reach.after_s)))
-        truth = taken(truth, shot, random)
+        truth = taken(truth, _any_shot(random), random)
     return truth
+
+
+def _any_shot(random: np.random.Generator) -> NextShot:
+    reach = Reach()
+    low, high = min(reach.speeds_m_per_s), max(reach.speeds_m_per_s)
+    speed = math.exp(random.uniform(math.log(low), math.log(high)))
+    before = random.uniform(0.01, max(0.011, min(reach.before_s(speed), 0.1)))
+    return NextShot(speed, float(random.choice(reach.added_kg)), before, float(random.uniform(0.02, reach.after_s)))
+
+
+def _needed_at_random(diagnosis: Diagnosis, motions: Sequence[Motion], random: np.random.Generator) -> float:
+    """Return how many shots at random bring what a plan is to bring, on the mean of some sequences of them.
+
+    To first order; ``MOST_AT_RANDOM`` where so many do not.
+    """
+    open_class = contest(diagnosis.fit_after, undecided(diagnosis), motions)
+    assert open_class is not None
+    shots = [_any_shot(random) for _ in range(3 * MOST_AT_RANDOM)]
+    distances = screened(open_class, shots, lambda _: None, lambda: False)
+    parted = distances.without(distances.never(MOST))
+    counts = []
+    for _ in range(20):
+        drawn = [shots[i] for i in random.permutation(len(shots)) if shots[i] in distances.each]
+        reached = (parted.nearest(tuple(drawn[:n])).values() for n in range(1, MOST_AT_RANDOM))
+        enough = (n for n, values in enumerate(reached, 1) if min(values, default=0.0) >= CRITERIA.separation)
+        counts.append(next(enough, MOST_AT_RANDOM))
+    return float(np.mean(counts))
 
 
 def _motions(truth: Truth) -> tuple[Motion, ...]:

@@ -93,10 +93,21 @@ def lines(outcomes: Sequence[NextOutcome]) -> list[Line]:
         Line("where shots were planned: exact after them", str(planned), "shown", None),
         Line("after as many at random", str(random), "shown", None),
         Line("after twice as many at random", str(twice), "<= planned", fewer),
+        _needed(ran),
         Line("planned shots a set", f"mean {np.mean(shots):.2f}" if shots else "–", "<= 3", None),
         Line("reached over expected separation", spread, "within 20 %", None),
         Line("failed", str(share(outcomes, lambda o: bool(o.problem))), "0", not any(o.problem for o in outcomes)),
     ]
+
+
+def _needed(ran: Sequence[NextOutcome]) -> Line:
+    """Return how many shots a first plan has against how many at random are foretold to bring the same."""
+    needs = [o.needs for o in ran if o.needs is not None]
+    planned, random = (float(np.mean([n[k] for n in needs])) if needs else 0.0 for k in (0, 1))
+    figure = f"{planned:.2f} planned, {random:.2f} at random, {len(needs)} sets" if needs else "–"
+    return Line(
+        "shots that bring 5 norms, foretold", figure, "half as many", planned <= 0.5 * random if needs else None
+    )
 
 
 def _asked(what: str, got: Share, least: float) -> Line:
@@ -159,6 +170,7 @@ def _from_json(values: dict[str, Any]) -> NextOutcome:
         values[name] = tuple(values[name])
     for name in ("random_open", "twice_open"):
         values[name] = tuple(values[name]) if values[name] is not None else None
+    values["needs"] = tuple(values["needs"]) if values.get("needs") else None
     values["cpu_s"] = tuple(values["cpu_s"])
     values["steps"] = tuple((expected, reached) for expected, reached in values["steps"])
     return NextOutcome(**values)

@@ -107,7 +107,7 @@ def plan(
         chosen, found = _chosen(contest, left, most, on_the_block, refitting, stop)
         if chosen is not None or left is distances:
             break
-        most_of = {pair: max(values[pair] for values in found.values()) for pair in left.at_hand}
+        most_of = {pair: max((values[pair] for values in found.values()), default=0.0) for pair in left.at_hand}
         more = {pair for pair, value in most_of.items() if value < CRITERIA.separation}
         if not more:  # each is parted by some sequence, and no sequence parts them all
             break

@@ -71,7 +71,8 @@ def stand(
 ) -> Standing:
     """Return where ``motions`` with their ``diagnosis`` stand, the last of ``steps`` just taken if there are any.
 
-    ``left`` shots may still be taken: none plans no further.  Raises AnalysisError, Cancelled.
+    ``left`` shots may still be taken; with none left the plan is for one who would go on.  Raises
+    AnalysisError, Cancelled.
     """
     from analysis.planning.contest import contest
     from analysis.planning.plan import plan
@@ -88,7 +89,7 @@ def stand(
         now = contest(diagnosis.fit_after, left_open, motions, cancelled)
     if now is None:
         return Standing(None, tuple(done))
-    further = plan(now, reach, most=max(1, left), progress=progress, stop=cancelled)
+    further = plan(now, reach, most=left or MOST_SHOTS, progress=progress, stop=cancelled)
     return Standing(further, tuple(done))
 
 

@@ -18,6 +18,7 @@ from tests.benchmarks.loop_cases import SNRS, Case, cases
 from tests.benchmarks.loop_score import Line, Share, share
 from tests.benchmarks.next_shot_cases import NextOutcome, judge
 
+_CLEAN = 500  # beyond the seed of the sets with an effect, that their numbers stay what they are
 _KINDS = ("clean", "single", "natural", "pair", "beyond", "raw")
 
 
@@ -25,6 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the benchmark; return 0 when every target that was judged is met, 1 when not."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--sets", type=int, default=20, metavar="N", help="of every effect, over the strengths in turn")
+    parser.add_argument("--clean", type=int, default=20, metavar="N", help="sets without an effect, of every noise")
     parser.add_argument("--effects", default="", metavar="NAME,...", help="only these")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
@@ -37,6 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     wanted = set(filter(None, options.effects.split(",")))
     every = cases(dict.fromkeys(_KINDS, 0) | {"single": options.sets}, options.seed)
     todo = [case for case in every if not wanted or case.names[0] in wanted]
+    todo += cases(dict.fromkeys(_KINDS, 0) | {"clean": options.clean}, options.seed + _CLEAN)
     outcomes = []
     for done, outcome in enumerate(
         kept_runs(todo, partial(_one, options.random), options.processes, options.keep, _from_json), 1
@@ -65,7 +68,8 @@ def one_with_two_readings(outcome: NextOutcome) -> bool:
 
 def lines(outcomes: Sequence[NextOutcome]) -> list[Line]:
     """Return the figures against what is asked."""
-    ran = [o for o in outcomes if not o.problem]
+    clean = [o for o in outcomes if not o.case.names and not o.problem]
+    ran = [o for o in outcomes if o.case.names and not o.problem]
     single = [o for o in ran if not one_with_two_readings(o)]
     proven = [o for o in ran if one_with_two_readings(o)]
     taken = [o for o in ran if o.steps]
@@ -96,8 +100,13 @@ def lines(outcomes: Sequence[NextOutcome]) -> list[Line]:
         _needed(ran),
         Line("planned shots a set", f"mean {np.mean(shots):.2f}" if shots else "–", "<= 3", None),
         Line("reached over expected separation", spread, "within 20 %", None),
+        _clean(share(clean, lambda o: bool(o.named))),
         Line("failed", str(share(outcomes, lambda o: bool(o.problem))), "0", not any(o.problem for o in outcomes)),
     ]
+
+
+def _clean(named: Share) -> Line:
+    return Line("clean, something named", str(named), "<= 1 %", named.value <= 0.01 if named.runs else None)
 
 
 def _needed(ran: Sequence[NextOutcome]) -> Line:
@@ -122,12 +131,13 @@ def page(outcomes: Sequence[NextOutcome], seed: int) -> str:
         for o in sorted(outcomes, key=lambda o: (o.case.names, o.snr, o.case.seed))
         if o.open_first
     ]
+    single = sum(bool(o.case.names) for o in outcomes)
     return "\n".join(
         [
             "# Planned shots, scored blind",
             "",
-            f"`python -m tests.benchmarks.next_shots --seed {seed}`: {len(outcomes)} sets of three shots with one",
-            f"effect, residual SNR {', '.join(f'{snr:g}' for snr in SNRS)} in turn.",
+            f"`python -m tests.benchmarks.next_shots --seed {seed}`: {single} sets of three",
+            f"shots with one effect, residual SNR {', '.join(f'{snr:g}' for snr in SNRS)} in turn.",
             "",
             "| figure | measured | asked |",
             "|---|---|---|",

@@ -28,6 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--sets", type=int, default=20, metavar="N", help="of every effect, over the strengths in turn")
     parser.add_argument("--clean", type=int, default=20, metavar="N", help="sets without an effect, of every noise")
     parser.add_argument("--effects", default="", metavar="NAME,...", help="only these")
+    parser.add_argument("--below", type=float, default=float("inf"), metavar="SNR", help="only sets asked to be weaker")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument(
@@ -38,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     wanted = set(filter(None, options.effects.split(",")))
     every = cases(dict.fromkeys(_KINDS, 0) | {"single": options.sets}, options.seed)
-    todo = [case for case in every if not wanted or case.names[0] in wanted]
+    todo = [case for case in every if (not wanted or case.names[0] in wanted) and case.snr < options.below]
     todo += cases(dict.fromkeys(_KINDS, 0) | {"clean": options.clean}, options.seed + _CLEAN)
     outcomes = []
     for done, outcome in enumerate(

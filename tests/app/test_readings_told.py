@@ -1,9 +1,12 @@
 """What a table does to a shot, and which model a reading rests on, as result file and report tell it."""
 
+import html
 import json
+from dataclasses import replace
 
 import pytest
 
+from analysis.diagnosis.model_file import from_text
 from analysis.fitted_shot import fit_jointly, read_with, with_fit
 from analysis.kinetic_contact import fitted_contact_cor
 from analysis.pipeline import analyse_motion
@@ -39,7 +42,14 @@ def test_what_rests_on_a_model_says_on_which() -> None:
     fitted = analyse_motion(motion, AnalysisSettings(effects=("viscous_drag",)), name="fitted")
     told = json.loads(json.dumps(shot_result(fitted)))["readings_model"]
     assert told == {"base": "paper", "effects": ["viscous_drag"], "readings": ["cor_kinetic.contact"]}
-    assert "From the fitted model paper with" in report_of([fitted])
+    page = report_of([replace(fitted, path="shot.sigmf-meta")])
+    assert "From the fitted model paper with" in page
+    assert "--model model.toml" in page  # to repeat it, with the very effects
+    written = from_text(html.unescape(page.partition("<pre>")[2].partition("</pre>")[0]))
+    assert fitted.fit is not None and written.effects == ("viscous_drag",)
+    assert written.parameters["viscous_drag.coefficient_n_s_per_m"].value == pytest.approx(
+        fitted.fit.parameters["viscous_drag.coefficient_n_s_per_m"].value, rel=1e-9
+    )
 
 
 def test_readings_made_again_after_a_diagnosis_say_so_in_result_table_and_report() -> None:

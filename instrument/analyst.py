@@ -13,6 +13,8 @@ from analysis.recording import Recording
 from analysis.shot import AnalysisError, Cancelled, Progress, Shot
 from instrument.recording_error import one_line
 
+STOPPED = "the analysis was stopped"
+
 Stop = Callable[[], bool]
 Analyse = Callable[[Recording, Progress, Stop], Shot]  # (recording, progress, cancelled?) -> shot
 Fit = Callable[[Shot, Progress, Stop], Shot]
@@ -115,7 +117,7 @@ class Analyst:
         try:
             return step(progress, cancelled), None
         except Cancelled:
-            return None, "the analysis was stopped"
+            return None, STOPPED
         except AnalysisError as error:
             return None, one_line(str(error))
         except Exception as error:  # a shot that breaks the analysis must not end the session

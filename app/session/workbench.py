@@ -35,6 +35,7 @@ from app.session.settings import correction_words
 from app.session.shot_work import diagnose_motions, open_shot
 from app.session.work import Work
 from app.words.verdict import verdict_words
+from instrument.analyst import STOPPED
 from instrument.apart.work import WorkApart
 from instrument.recording_error import RecordingError
 from instrument.recording_file import find_recordings, rewrite_note
@@ -194,6 +195,9 @@ class Workbench:
         awaiting = self.session.awaiting(shot)
         if awaiting is None:
             return None
+        if shot.fit_problem == STOPPED:  # Abort frees the rig: the fit that was under way is made beside it
+            self.model.refit([awaiting])
+            return awaiting
         self.session.fill(awaiting.number, replace(shot, path=awaiting.path))
         entry = self.session.entry(awaiting.number)
         assert entry is not None

@@ -16,7 +16,7 @@ from analysis.awaited_fit import awaits_fit
 from analysis.motion import ARRAYS
 from analysis.pipeline import fitted, read
 from analysis.recording import Channel, Recording, Role, Setup
-from analysis.shot import AnalysisSettings, Shot
+from analysis.shot import AnalysisSettings, Cancelled, Shot
 from app.session.choices import Choices
 from app.session.cut_off import cut_off
 from app.session.log import NAME, ProgramLog, note
@@ -32,6 +32,7 @@ from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from app.words.typed_number import typed_number
 from app.words.wording import DASH, local
+from instrument.analyst import Analyst
 from instrument.bench.simulate import simulate
 from instrument.digitizer import CaptureSettings
 from instrument.open_recording import open_recording
@@ -241,6 +242,32 @@ def test_a_shot_that_was_off_the_list_when_its_fit_came_is_fitted_once_it_is_bac
     presenter.take(_finished(fitted(read_shot), fitted_later=True), stay=False)
     assert workbench.session.entries == ()
     workbench.undo()
+
+    def fit_came() -> bool:
+        presenter.refresh()
+        shot = workbench.session.entries[0].shot
+        return shot is not None and shot.fit is not None and not awaits_fit(shot)
+
+    qtbot.waitUntil(fit_came, timeout=WAIT_MS)
+
+
+def test_a_fit_that_abort_stopped_is_made_beside_the_rig(qtbot: QtBot, away: Away, read_shot: Shot) -> None:
+    """Esc while the next shot is analysed met the fit of the one before: it passed for one that failed."""
+    workbench, _, presenter = away
+
+    def interrupted(_: Shot, __: object, ___: object) -> Shot:
+        raise Cancelled
+
+    told: list[Shot | None] = []
+    analyst = Analyst(lambda *_: read_shot, lambda _, shot, __: told.append(shot), 1, interrupted)
+    analyst.start()
+    analyst.submit(1, open_recording(Path(str(read_shot.path))))
+    qtbot.waitUntil(lambda: len(told) == 2, timeout=WAIT_MS)
+    assert analyst.close() and told[0] is not None and told[1] is not None
+    presenter.take(_finished(told[0]), stay=False)
+    presenter.take(_finished(told[1], fitted_later=True), stay=False)
+    shot = workbench.session.entries[0].shot
+    assert shot is not None and "fit_failed" not in shot.flags
 
     def fit_came() -> bool:
         presenter.refresh()

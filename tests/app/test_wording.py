@@ -95,3 +95,9 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
     assert verdict.verdict_words(learned) == "a force of the place, exponential"
     assert verdict.verdict_words(replace(learned, laws=())) == "law learned"
     assert wording.effect_numbers(law.name, sizes) == "a (-4.0000 ± 0.0010)e-3 N, b (5.0000 ± 0.0010)e-4 m"
+
+
+def test_a_partly_explained_set_never_has_a_rest_that_is_nothing():
+    for remainder, said in ((words.CALM, "did not pass every test"), ("12 nm rms", "a rest stays: 12 nm rms")):
+        sentence = words.verdict(Verdict.PARTLY_EXPLAINED, [], remainder, None)
+        assert said in sentence and f"a rest stays: {words.CALM}" not in sentence

@@ -15,6 +15,7 @@ from analysis.diagnosis.result import Errors
 from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, worst
+from analysis.diagnosis.words import CALM
 from analysis.motion import Motion
 from analysis.side_by_side import side_by_side
 from analysis.signal.filters import derivatives
@@ -71,8 +72,7 @@ def judge(fitted: Fitted, at: Projector) -> Residual:
     coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
     limit *= slow
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
-    calm = "nothing is left that the noise does not do"
-    rest = Residual(coherence, limit, correlation, ratio, calm, size, worst(fitted, at, slow))
+    rest = Residual(coherence, limit, correlation, ratio, CALM, size, worst(fitted, at, slow))
     return replace(rest, text=describe(fitted) + looks_like(rest.misfit)) if rest.significant else rest
 
 

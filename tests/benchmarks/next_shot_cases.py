@@ -48,7 +48,7 @@ class NextOutcome:
     twice_open: tuple[str, ...] | None = None
     twice_named: tuple[str, ...] = ()
     truth: dict[str, dict[str, float]] = field(default_factory=dict)
-    needs: tuple[int, float] | None = None  # shots planned at first; foretold number at random for the same
+    needs: tuple[int, float, float] | None = None  # shots planned at first; at random for 5 norms, for as much
     cpu_s: tuple[float, float, float] = (0.0, 0.0, 0.0)  # first diagnosis; plans and theirs; at random
     problem: str = ""
 
@@ -73,8 +73,9 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     try:
         standing = stand(_motions(now), said, steps)
         if standing.plan is not None and standing.plan.settles:
-            many = _needed_at_random(first, _motions(truth), np.random.default_rng((case.seed, 0x20)))
-            outcome = replace(outcome, needs=(len(standing.plan.shots), many))
+            levels = (CRITERIA.separation, standing.plan.separation)
+            enough, as_much = _needed_at_random(first, _motions(truth), levels, case.seed)
+            outcome = replace(outcome, needs=(len(standing.plan.shots), enough, as_much))
         while not standing.settled and len(standing.steps) < MOST:
             step: Step = next_step(standing)
             now = taken(now, step.shot, random)
@@ -136,12 +137,17 @@ def _any_shot(random: np.random.Generator) -> NextShot:
     return NextShot(speed, float(random.choice(reach.added_kg)), before, float(random.uniform(0.02, reach.after_s)))
 
 
-def _needed_at_random(diagnosis: Diagnosis, motions: Sequence[Motion], random: np.random.Generator) -> float:
-    """Return how many shots at random bring what a plan is to bring, on the mean of some sequences of them.
+def _needed_at_random(
+    diagnosis: Diagnosis, motions: Sequence[Motion], levels: Sequence[float], seed: int
+) -> tuple[float, ...]:
+    """Return how many shots at random bring each of ``levels`` in noise norms, on the mean of some sequences of them.
 
     To first order; ``MOST_AT_RANDOM`` where so many do not.
     """
-    open_class = contest(diagnosis.fit_after, undecided(diagnosis), motions)
+    open_class, random = (
+        contest(diagnosis.fit_after, undecided(diagnosis), motions),
+        np.random.default_rng((seed, 0x20)),
+    )
     assert open_class is not None
     shots = [_any_shot(random) for _ in range(3 * MOST_AT_RANDOM)]
     distances = screened(open_class, shots, lambda _: None, lambda: False)
@@ -149,10 +155,12 @@ def _needed_at_random(diagnosis: Diagnosis, motions: Sequence[Motion], random: n
     counts = []
     for _ in range(20):
         drawn = [shots[i] for i in random.permutation(len(shots)) if shots[i] in distances.each]
-        reached = (parted.nearest(tuple(drawn[:n])).values() for n in range(1, MOST_AT_RANDOM))
-        enough = (n for n, values in enumerate(reached, 1) if min(values, default=0.0) >= CRITERIA.separation)
-        counts.append(next(enough, MOST_AT_RANDOM))
-    return float(np.mean(counts))
+        reached = [
+            min(parted.nearest(tuple(drawn[:n])).values(), default=0.0)
+            for n in range(1, min(len(drawn), MOST_AT_RANDOM))
+        ]
+        counts.append([next((n for n, r in enumerate(reached, 1) if r >= at), MOST_AT_RANDOM) for at in levels])
+    return tuple(float(mean) for mean in np.mean(counts, axis=0))
 
 
 def _motions(truth: Truth) -> tuple[Motion, ...]:

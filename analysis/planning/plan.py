@@ -109,7 +109,8 @@ def plan(
             break
         most_of = {pair: max((values[pair] for values in found.values()), default=0.0) for pair in left.at_hand}
         more = {pair for pair, value in most_of.items() if value < CRITERIA.separation}
-        if not more:  # each is parted by some sequence, and no sequence parts them all
+        # Each is parted by some sequence and no sequence parts them all, or none is and all were just tried.
+        if not more or (not never and len(more) == len(distances.at_hand)):
             break
         never |= more
     names = [member.effect for member in contest.members]

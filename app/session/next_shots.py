@@ -61,7 +61,7 @@ class NextShots:
     def plan(self, found: Diagnosed, steps: Sequence[Step] = ()) -> None:
         """Queue the planning of what would tell apart what this diagnosis left open."""
         motions = [shot.motion for shot in self._shots(found.numbers) if shot.motion is not None]
-        left = max(1, MOST_SHOTS - len(steps))
+        left = max(0, MOST_SHOTS - len(steps))
         work = partial(stand, motions, found.diagnosis, tuple(steps), left=left, reach=self._choices.settings.reach)
         self._job = (self._workbench.aside("next shot", work, PLAN), frozenset(found.numbers))
 

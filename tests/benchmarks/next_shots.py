@@ -75,7 +75,7 @@ def lines(outcomes: Sequence[NextOutcome]) -> list[Line]:
     proven = [o for o in ran if one_with_two_readings(o)]
     taken = [o for o in ran if o.steps]
     ratios = [reached / expected for o in taken for expected, reached in o.steps if reached is not None and expected]
-    off = np.abs(np.log(ratios)) if ratios else np.empty(0)
+    off = np.abs(np.log(np.maximum(ratios, 1e-9))) if ratios else np.empty(0)
     planned, random, twice = (
         share(taken, lambda o: exact(o.named, o.open_last, o)),
         share([o for o in taken if o.random_open is not None], lambda o: exact(o.random_named, o.random_open or (), o)),
@@ -86,7 +86,7 @@ def lines(outcomes: Sequence[NextOutcome]) -> list[Line]:
     before = share(ran, lambda o: exact(o.named_first, o.open_first, o))
     after = share(ran, lambda o: exact(o.named, o.open_last, o))
     right = share(proven, lambda o: set(o.case.names) <= {*o.named, *o.open_last})
-    wrong = share(ran, lambda o: not o.open_last and set(o.named) != set(o.case.names))
+    wrong = share(ran, lambda o: bool(o.named) and not o.open_last and set(o.named) != set(o.case.names))
     spread = f"median {np.median(ratios):.2f}, {100 * np.mean(off < np.log(1.2)):.0f} % within 20 %" if ratios else "–"
     shots = [len(o.steps) for o in taken]
     return [

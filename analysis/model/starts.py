@@ -172,7 +172,11 @@ def _flight(t: Floats, d: Floats, begin: int, end: int) -> tuple[float, float]:
 
 
 def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, turn: int, dt: float) -> float:
-    """Return the time at which the acceleration first rises out of the noise for good."""
+    """Return the time at which the acceleration first rises out of the noise for good.
+
+    A machine's line of 60 nm at 555 Hz pulls as hard as a thirtieth of the plate at its turn, but both ways, and a
+    plate only pushes: what the acceleration does downwards tells how much of its rise is not the plate's.
+    """
     peak = abs(velocity) * rate
     span = max(1, int(0.004 / rate / dt))
     # Wide enough that a twentieth of the peak acceleration stands five sigma out of the second difference's noise.
@@ -181,7 +185,8 @@ def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, tur
     second = (d[2 * span : turn + 1] - 2 * d[span : turn + 1 - span] + d[: turn + 1 - 2 * span]) / (span * dt) ** 2
     centre = t[span : turn + 1 - span]
     late = t[turn] - 2.2 * (math.pi / 2) / rate
-    loud = (second > 0.05 * peak) & (centre > late)
+    mark = min(max(0.05 * peak, 1.2 * float(-second.min())), 0.4 * peak)
+    loud = (second > mark) & (centre > late)
     if not loud.any():
         return float(t[turn] - 0.5 * math.pi / rate)
     index = int(np.argmax(loud))

@@ -66,6 +66,24 @@ class Shaking:
             power[self.random] = np.maximum(power[self.random] - density(known) * np.gradient(known), 0.0)
         return Shaking(self.frequency_hz, power, self.random)
 
+    def closer(self, apart_hz: float) -> "Shaking":
+        """Return it with the same density by sines no further apart than that.
+
+        Sines come back together after 1 / their distance: over a longer stretch than that they are no spectrum.
+        """
+        known = self.frequency_hz[self.random]
+        if known.size < 2 or np.diff(known).max() <= apart_hz:
+            return self
+        parts = np.maximum(np.ceil(np.diff(known) / apart_hz), 1).astype(np.int64)
+        place = np.arange(known.size)
+        within = np.concatenate([k + np.arange(count) / count for k, count in enumerate(parts)] + [place[-1:]])
+        fine = np.interp(within, place, known)
+        density = np.interp(fine, known, self.power_m2[self.random] / np.gradient(known))
+        frequency = np.concatenate([fine, self.frequency_hz[~self.random]])
+        power = np.concatenate([density * np.gradient(fine), self.power_m2[~self.random]])
+        order = np.argsort(frequency, kind="stable")
+        return Shaking(frequency[order], power[order], (np.arange(frequency.size) < fine.size)[order])
+
     def below(self, frequency_hz: float) -> "Shaking":
         """Return what shakes more slowly than that, and all lines."""
         slow = (self.frequency_hz < frequency_hz) | ~self.random

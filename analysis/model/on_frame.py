@@ -11,6 +11,7 @@ from analysis.model.response import Base, ShotData
 from analysis.model.sway import BELOW_HZ, Grid, Swayed, knots_of, plate_swing_std
 from analysis.motion import Motion
 
+_APART = 0.45  # of 1 / the time that is fitted: the sines that stand for a floor
 _FEWEST_A_TURN = 10.0  # samples of what shakes fastest
 _MATTERS = 0.05  # of the beat's noise
 
@@ -32,7 +33,8 @@ def on_frames(
 
 def _on_frame(shot: ShotData, shaking: Shaking, base: Base, shared: Floats, own: Floats) -> ShotData:
     collision, touch_s = base.collision(shared, own[0], shot.block_mass_kg), float(own[1])
-    slow = shaking.below(BELOW_HZ)
+    seen_s = shot.time_s[shot.valid]
+    slow = shaking.below(BELOW_HZ).closer(_APART / float(seen_s[-1] - seen_s[0]))
     if isinstance(shot.noise, Swayed):
         beat, grid = shot.noise.beat, shot.noise.grid
     else:

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.disturbance import Shaking, VibrationLine
 from analysis.doubts import concerning
 from analysis.model.exact import solve
 from analysis.model.fitting import fit_shots
 from analysis.model.parameters import PAPER
 from analysis.model.sway import plate_swing_std, responses
 from analysis.pipeline import analyse
+from analysis.quantity import Quantity
 from analysis.shot import Shot
 from instrument.bench import forces as slot
 from instrument.bench.bench import Rig
@@ -18,7 +20,7 @@ from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, collide
 from instrument.bench.simulate import record_shot
 from instrument.bench.sines import Sines
-from instrument.bench.site import QUIET, Knock, site_named
+from instrument.bench.site import QUIET, Knock, Line, Site, site_named
 
 TRUTH = Bodies()
 SIGMAS = 4.5
@@ -49,6 +51,28 @@ def test_the_sway_adds_what_the_two_bodies_make_of_it(frequency_hz: float) -> No
 def _shot(site: str, seed: int, *knocks: Knock) -> Shot:
     rig = Rig(site=replace(site_named(site), knocks=knocks), seed=seed)
     return analyse(record_shot(rig, 0, 0.27, 10e6, 0.06)[0])
+
+
+def test_closer_sines_stand_for_the_same_floor_over_longer() -> None:
+    frequency = np.arange(2.0, 1000.0, 20.0)
+    shaking = Shaking(frequency, 1e-15 / frequency**2, np.ones(frequency.size, dtype=np.bool_))
+    line = VibrationLine(Quantity(296.0, 0.1), Quantity(1e-8, 1e-10), 0.0)
+    close = shaking.with_lines([line]).closer(7.0)
+    assert np.diff(close.frequency_hz[close.random]).max() <= 7.0
+    assert np.array_equal(close.frequency_hz[~close.random], [295.9, 296.1])
+    assert close.power_m2[close.random].sum() == pytest.approx(shaking.power_m2.sum(), rel=0.2)
+    covariance = [s.power_m2[s.random] @ np.cos(2 * np.pi * s.frequency_hz[s.random] * 0.05) for s in (shaking, close)]
+    assert abs(covariance[1]) < 0.3 * abs(covariance[0])  # twenty hertz apart, all sines meet again after 50 ms
+
+
+def test_the_touch_is_found_under_a_strong_line() -> None:
+    rig = Rig(site=Site(lines=(Line(555.0, 65e-9),)), seed=11)
+    recording = record_shot(rig, 0, 0.236, 10e6, 0.06)[0]
+    shot = analyse(recording)
+    assert shot.fit is not None and shot.fit.converged and shot.fit.reduced_chi2 < 1.3
+    for name in NAMES:
+        found = shot.fit.parameters[name]
+        assert abs(found.value - getattr(TRUTH, name)) < SIGMAS * found.std
 
 
 @pytest.mark.parametrize("site", ["VC-C", "VC-F"])

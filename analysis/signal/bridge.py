@@ -18,7 +18,8 @@ class Bridge:
     """Stands between a beat's fine phases and their decimation, and mends short holes in them.
 
     A hole is where the power of the light falls below ``threshold`` (mean over ``box`` phases), widened by ``guard``
-    phases, or where phases are missing.  The motion on either side, a parabola each, meets in the middle of the hole:
+    phases, or where phases are missing; what lies between two holes and is too short to tell the motion is of the hole.
+    The motion on either side, a parabola each, meets in the middle of the hole:
     the whole number of fringes that lets them meet is the one taken, and the hole is filled with the cubic between
     them.  What comes out does not depend on how the phases were cut into blocks.
 
@@ -77,7 +78,7 @@ class Bridge:
 
     def _release(self, last: bool) -> list[Segment]:
         size = self._phase.size
-        margin = 0 if last else self._box + self._guard
+        margin = 0 if last else self._box + self._guard + _LEAST
         limit = max(self._done, size - margin)
         bad = self._bad()
         if bad is not None:
@@ -90,7 +91,7 @@ class Bridge:
                 self._mend(start, stop, bad)
         out = (self._first + self._done, self._phase[self._done : limit], self._power[self._done : limit])
         self._done = limit
-        drop = max(0, self._done - REACH - self._box - self._guard)
+        drop = max(0, self._done - REACH - self._box - self._guard - _LEAST)
         self._first += drop
         self._done -= drop
         self._phase, self._power = self._phase[drop:], self._power[drop:]
@@ -108,7 +109,11 @@ class Bridge:
             return None
         count = np.cumsum(np.concatenate((np.zeros(1, np.int64), dark)))
         wide = np.minimum(centre + self._guard + 1, centre.size)
-        return np.asarray(count[wide] - count[np.maximum(centre - self._guard, 0)] > 0)
+        bad = np.asarray(count[wide] - count[np.maximum(centre - self._guard, 0)] > 0)
+        for start, stop in stretches(~bad):
+            if stop - start < _LEAST and start > 0 and stop < bad.size:
+                bad[start:stop] = True
+        return bad
 
     def _mend(self, start: int, stop: int, bad: NDArray[np.bool_]) -> None:
         self.holes.append((self._first + start, self._first + stop))

@@ -92,7 +92,7 @@ def _bench(rest: str, setup: Setup | None) -> Digitizer:
     if "added" in options:
         push["added_kg"] = _number(options["added"], "added mass")
     try:
-        rig = _imported("instrument.bench.bench").Rig(effects=effects, site=site, seed=seed, **push)
+        rig = _imported("instrument.bench.bench").Bench(effects=effects, site=site, seed=seed, **push)
     except ValueError as error:
         raise DigitizerError(f"source bench: {error}", "set another speed or less weight") from error
     first = _integer(options.get("first", "0"), "first push")

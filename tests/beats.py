@@ -3,12 +3,14 @@
 import numpy as np
 
 from analysis.recording import Channel, Recording, Role, Setup
-from tests.analysis.collision import MASS_KG, Rig, position_m
+from tests.analysis.collision import MASS_KG, Synthetic, position_m
 
 REST_HZ, WAVELENGTH_M, VOLTS_PER_COUNT = 2.73e6, 632.8e-9, 1 / 2048
 
 
-def recording_of(rig: Rig, *, rate_hz: float = 10e6, snr_db: float = 35.0, bits: int = 12, seed: int = 1) -> Recording:
+def recording_of(
+    rig: Synthetic, *, rate_hz: float = 10e6, snr_db: float = 35.0, bits: int = 12, seed: int = 1
+) -> Recording:
     """Return a 12-bit recording of three channels; the switch opens 1 ms before the touch."""
     time = np.arange(round(rig.duration_s * rate_hz)) / rate_hz
     random = np.random.default_rng(seed)

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 
 from app.window.layout import Layout
 from app.window.main_window import MainWindow, open_window
-from instrument.bench.bench import Rig as BenchRig
+from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.simulate import simulate
 from instrument.bench.site import USUAL_SITE, site_named
@@ -44,7 +44,7 @@ class Photographer:
     """Drives one window and takes its pictures."""
 
     def __init__(self, folder: Path, into: Path) -> None:
-        rig = BenchRig(site=site_named(USUAL_SITE), seed=7)
+        rig = Bench(site=site_named(USUAL_SITE), seed=7)
         self._bench = _Unplugged(rig, patient=True, first_push_s=0.3, push_every_s=0.7)
         self._into = into
         self._scratch = folder

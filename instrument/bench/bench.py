@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Rig:
+class Bench:
     """Everything about the simulated rig but the moments of its pushes."""
 
     bodies: Bodies = field(default_factory=Bodies)
@@ -59,7 +59,7 @@ class Rig:
 class Stage:
     """The stream of a rig: position at any time, counts of any samples; pushes are put on its clock."""
 
-    def __init__(self, rig: Rig, sample_rate_hz: float, first_shot: int = 0) -> None:
+    def __init__(self, rig: Bench, sample_rate_hz: float, first_shot: int = 0) -> None:
         """Set the stage at ``sample_rate_hz``; its first push is number ``first_shot`` of the seed's sequence."""
         self._rig = rig
         self._rate_hz = sample_rate_hz

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Setup
-from instrument.bench.bench import Rig, Stage
+from instrument.bench.bench import Bench, Stage
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
@@ -26,7 +26,7 @@ class BenchDigitizer(Digitizer):
 
     def __init__(
         self,
-        rig: Rig | None = None,
+        rig: Bench | None = None,
         *,
         real_time: bool = True,
         memory_s: float = 0.5,
@@ -41,7 +41,7 @@ class BenchDigitizer(Digitizer):
         ``patient``: where the computer cannot keep up, the rig's time slows down and nothing is lost.
         """
         self._patient = patient
-        self._rig = rig or Rig()
+        self._rig = rig or Bench()
         self._real_time = real_time
         self._memory_s = memory_s
         self._first_push_s, self._push_every_s = first_push_s, push_every_s

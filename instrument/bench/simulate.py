@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Recording
-from instrument.bench.bench import Rig
+from instrument.bench.bench import Bench
 from instrument.bench.effects import BEYOND, CATALOGUE, Effects, complete, draw, for_shot
 from instrument.bench.floor import Floor
 from instrument.bench.frame import Frame, frame_of
@@ -50,7 +50,7 @@ def simulate(
     if undeclared and effects:
         raise ValueError("an undeclared effect is drawn from the seed; no effect can be given beside it")
     wanted = draw_undeclared(seed) if undeclared else complete(effects or {})
-    rig = Rig(effects=wanted, site=site, seed=seed)
+    rig = Bench(effects=wanted, site=site, seed=seed)
     speeds = tuple(speeds_m_per_s) if speeds_m_per_s is not None else speeds_of_set(shots, seed)
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
@@ -110,7 +110,7 @@ class Played:
     seed: int
 
 
-def play_shot(rig: Rig, index: int, speed_m_per_s: float, duration_s: float) -> Played:
+def play_shot(rig: Bench, index: int, speed_m_per_s: float, duration_s: float) -> Played:
     """Let shot ``index`` of the rig happen."""
     effects = for_shot(complete(rig.effects), index, rig.seed)
     distance = max(speed_m_per_s * BEFORE_TOUCH_S, rig.optics.switch_m + 1e-3)
@@ -120,14 +120,14 @@ def play_shot(rig: Rig, index: int, speed_m_per_s: float, duration_s: float) -> 
 
 
 def record_shot(
-    rig: Rig, index: int, speed_m_per_s: float, sample_rate_hz: float, duration_s: float
+    rig: Bench, index: int, speed_m_per_s: float, sample_rate_hz: float, duration_s: float
 ) -> tuple[Recording, dict[str, dict[str, float]]]:
     """Return one shot of the rig as a recording, and what was true of it."""
     played = play_shot(rig, index, speed_m_per_s, duration_s)
     return recording_of(rig, index, played, sample_rate_hz, duration_s), played.effects
 
 
-def recording_of(rig: Rig, index: int, played: Played, sample_rate_hz: float, duration_s: float) -> Recording:
+def recording_of(rig: Bench, index: int, played: Played, sample_rate_hz: float, duration_s: float) -> Recording:
     """Return what the digitizer makes of a shot that happened."""
     optics = lit(rig.optics, played.effects)
     samples = round(duration_s * sample_rate_hz)

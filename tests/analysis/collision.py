@@ -15,7 +15,7 @@ MASS_KG, PLATE_KG, PLATE_N_PER_M, CONTACT_N_PER_M, DASHPOT = 17.85e-3, 1.984e-4,
 
 
 @dataclass(frozen=True)
-class Rig:
+class Synthetic:
     """What a synthetic shot is made with."""
 
     speed_m_per_s: float = 0.265
@@ -39,14 +39,14 @@ def _path(speed: float, drag: float) -> tuple[Floats, Floats]:
     return solution.t, solution.y
 
 
-def motion_of(rig: Rig, seed: int = 1) -> Motion:
+def motion_of(rig: Synthetic, seed: int = 1) -> Motion:
     """Return the motion a perfect demodulator would give of this rig, with white noise."""
     time = np.arange(0.0, rig.duration_s, 1.0 / rig.rate_hz)
     x = position_m(rig, time) + np.random.default_rng(seed).normal(0.0, rig.noise_m, time.size)
     return motion_from(time, x, rig)
 
 
-def position_m(rig: Rig, time_s: Floats) -> Floats:
+def position_m(rig: Synthetic, time_s: Floats) -> Floats:
     """Return where the block is at any times of the shot, without noise."""
     times, states = _path(rig.speed_m_per_s, rig.drag_n_s_per_m)
     tau = time_s - rig.touch_s
@@ -61,7 +61,7 @@ def position_m(rig: Rig, time_s: Floats) -> Floats:
     return x
 
 
-def motion_from(time_s: Floats, displacement_m: Floats, rig: Rig) -> Motion:
+def motion_from(time_s: Floats, displacement_m: Floats, rig: Synthetic) -> Motion:
     """Return a Motion of given samples, with the demodulator's own filters and stated noise."""
     velocity, acceleration = derivatives(displacement_m, rig.rate_hz, rig.bandwidth_hz)
     gains = derivative_gains(np.isfinite(displacement_m), rig.rate_hz, rig.bandwidth_hz)

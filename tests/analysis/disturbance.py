@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.motion import Motion
 from analysis.recording import Recording
-from tests.analysis.collision import Rig, motion_from, position_m
+from tests.analysis.collision import Synthetic, motion_from, position_m
 
 Floats = NDArray[np.float64]
 CRITERIA_M_PER_S = {"VC-A": 50e-6, "VC-C": 12.5e-6, "VC-D": 6.25e-6, "VC-E": 3.12e-6, "VC-G": 0.78e-6}
@@ -72,7 +72,7 @@ class Disturbance:
         return waves
 
 
-def disturbed_motion(rig: Rig, disturbance: Disturbance, seed: int = 1) -> Motion:
+def disturbed_motion(rig: Synthetic, disturbance: Disturbance, seed: int = 1) -> Motion:
     """Return the motion of a rig whose path moves, with white noise."""
     time = np.arange(0.0, rig.duration_s, 1.0 / rig.rate_hz)
     x = position_m(rig, time) + disturbance.displacement_m(time)

@@ -15,7 +15,7 @@ from analysis.plate import PlateTolerance, youngs_modulus_pa
 from analysis.quantity import NotSeen, Quantity
 from analysis.recording import Plate, Setup
 from analysis.shot import Shot
-from tests.analysis.collision import Rig, motion_of
+from tests.analysis.collision import Synthetic, motion_of
 from tests.analysis.shots import at_speed, shot_of
 
 LASER = Setup(
@@ -70,7 +70,7 @@ def test_what_scales_both_flights_cancels_from_restitution() -> None:
 
 def test_budget_against_a_monte_carlo_of_the_measurement() -> None:
     """Draw every input, redo the measurement equations by hand, compare (GUM supplement 1)."""
-    motion = motion_of(Rig())
+    motion = motion_of(Synthetic())
     shot = shot_of(setup=LASER, motion=replace(motion, moving_mass_u_kg=2e-6, rest_frequency_hz=Quantity(2.7e6, 0.0)))
     known = InstrumentUncertainty(
         wavelength_vacuum_relative=2e-5, timebase_limit=1e-4, alignment_limit_rad=2e-2, rest_frequency_u_hz=40.0
@@ -102,7 +102,7 @@ def test_budget_against_a_monte_carlo_of_the_measurement() -> None:
 
 
 def test_rest_frequency_given_and_measured() -> None:
-    motion = motion_of(Rig())
+    motion = motion_of(Synthetic())
     given = of(shot_of(motion=motion), "velocity_in_m_per_s", rest_frequency_u_hz=50.0)
     row = next(row for row in given.rows if row.source == "rest frequency")
     assert row.kind == "B" and row.contribution == pytest.approx(0.5 * 632.8e-9 * 50.0, rel=1e-3)
@@ -170,7 +170,7 @@ def test_a_trend_over_speed_is_no_scatter() -> None:
 
 def test_a_motion_record_brings_its_own_length() -> None:
     """What another instrument measured has no wavelength and no beam to align."""
-    record = shot_of(setup=None, motion=replace(motion_of(Rig()), wavelength_m=None))
+    record = shot_of(setup=None, motion=replace(motion_of(Synthetic()), wavelength_m=None))
     velocity = of(record, "velocity_in_m_per_s")
     assert {row.source for row in velocity.rows} == {"beat noise, flight in", "timebase"}
 

@@ -10,7 +10,7 @@ from analysis.model.parameters import PAPER
 from analysis.paper_figures import figures, plate_from_force
 from analysis.quantity import NotSeen
 from analysis.reading.read import read_impact
-from tests.analysis.collision import Rig, motion_of
+from tests.analysis.collision import Synthetic, motion_of
 from tests.analysis.shots import shot_of
 
 
@@ -23,7 +23,7 @@ def test_plate_follows_the_force() -> None:
 
 
 def test_both_columns_show_the_same_collision() -> None:
-    motion = motion_of(Rig(speed_m_per_s=0.2))
+    motion = motion_of(Synthetic(speed_m_per_s=0.2))
     shown = figures(PAPER, shot_of(motion=motion, impact=read_impact(motion)))
     assert [figure.number for figure in shown] == [4, 5, 6, 7]
     for figure, allowed in zip(shown, (0.03, 0.03, 0.02, 0.06), strict=True):
@@ -46,7 +46,7 @@ def test_without_a_recording_the_left_stays_empty_and_says_why() -> None:
     impact = shot_of().impact
     assert impact is not None
     unfinished = replace(impact, release_time_s=NotSeen("the record ends"))
-    shot = shot_of(motion=motion_of(Rig()), impact=unfinished)
+    shot = shot_of(motion=motion_of(Synthetic()), impact=unfinished)
     assert all(row.measured is None and row.missing for figure in figures(PAPER, shot) for row in figure.rows)
 
 

@@ -14,10 +14,10 @@ from analysis.report import shot_result
 from analysis.shot import AnalysisSettings
 from app.command_line.replay import summary
 from app.report.page import report_of
-from tests.analysis.collision import MASS_KG, Rig
+from tests.analysis.collision import MASS_KG, Synthetic
 from tests.analysis.disturbance import Disturbance, Line, disturbed_motion
 
-RIG = Rig(speed_m_per_s=0.16, touch_s=0.012003)
+RIG = Synthetic(speed_m_per_s=0.16, touch_s=0.012003)
 
 
 def test_lines_floor_and_shares_stand_in_the_result() -> None:

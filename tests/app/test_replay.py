@@ -11,7 +11,7 @@ import pytest
 
 from app.command_line.cli import main
 from instrument.recording_writer import write_recording
-from tests.analysis.collision import Rig, motion_of
+from tests.analysis.collision import Synthetic, motion_of
 from tests.beats import recording_of
 
 # the issue's figures for the recording "paper": value and how far the replay may lie from it
@@ -37,7 +37,7 @@ FITTED = {
 def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the stem of a sound recording."""
     stem = tmp_path_factory.mktemp("good") / "shot-1"
-    write_recording(recording_of(Rig()), stem)
+    write_recording(recording_of(Synthetic()), stem)
     return stem
 
 
@@ -199,7 +199,7 @@ def test_the_recording_paper(recordings: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_a_motion_record_without_the_mass_s_uncertainty(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    motion = motion_of(Rig())
+    motion = motion_of(Synthetic())
     np.savetxt(
         tmp_path / "shot.csv",
         np.column_stack([motion.time_s, motion.displacement_m]),

@@ -20,7 +20,7 @@ from instrument.drivers.niscope_card import NiscopeCard
 from instrument.recording_file import read_recording
 from instrument.snapshot import Snapshot
 from tests.attack.trial import REFUSED, SURVIVED, Attempt, refused_in_a_line
-from tests.instrument.capturing import Rig, assert_true_samples, until
+from tests.instrument.capturing import Capturing, assert_true_samples, until
 from tests.instrument.drivers.scripted_usb import Plugged, ScriptedUsb
 from tests.instrument.fake_digitizer import FakeDigitizer
 
@@ -231,7 +231,7 @@ def clocks(folder: Path, random_: random.Random) -> Iterator[Attempt]:
                     shift[0] += random_.choice((-3600.0, -1.0, 1.0, 2.0))
                 return time.monotonic() + shift[0]
 
-            with Rig(place, FakeDigitizer(), live=False, clock=clock) as rig:
+            with Capturing(place, FakeDigitizer(), live=False, clock=clock) as rig:
                 for index in range(2):
                     rig.capture.arm()
                     until(rig.capture, lambda now, index=index: _taken(now, index), 15.0)

@@ -59,7 +59,7 @@ def live(folder: Path) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class AttackKind:
     """An attack, the number of its attempts at length, and what runs before they are measured."""
 
     attack: Attack
@@ -68,19 +68,19 @@ class Kind:
 
 
 KINDS = {
-    "claims": Kind(claims, 400, kernels),
-    "moving data": Kind(moving_data, 100, kernels),
-    "spoilt": Kind(spoilt, 400),
-    "texts": Kind(texts, 3000),
-    "travelling": Kind(travelling, 100, kernels),
-    "foreign": Kind(foreign, 1500),
-    "scopes": Kind(scopes, 400, live),
-    "usb": Kind(usb_devices, 80, live),
-    "ni": Kind(ni_cards, 96, live),
-    "clocks": Kind(clocks, 20, live),
-    "folders": Kind(folders, 2, kernels),
-    "sessions": Kind(sessions, 20),
-    "kills": Kind(kills, 30),
+    "claims": AttackKind(claims, 400, kernels),
+    "moving data": AttackKind(moving_data, 100, kernels),
+    "spoilt": AttackKind(spoilt, 400),
+    "texts": AttackKind(texts, 3000),
+    "travelling": AttackKind(travelling, 100, kernels),
+    "foreign": AttackKind(foreign, 1500),
+    "scopes": AttackKind(scopes, 400, live),
+    "usb": AttackKind(usb_devices, 80, live),
+    "ni": AttackKind(ni_cards, 96, live),
+    "clocks": AttackKind(clocks, 20, live),
+    "folders": AttackKind(folders, 2, kernels),
+    "sessions": AttackKind(sessions, 20),
+    "kills": AttackKind(kills, 30),
 }
 
 

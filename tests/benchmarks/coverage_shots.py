@@ -8,7 +8,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from analysis.recording import Recording
 from instrument.bench import forces as slot
-from instrument.bench.bench import Rig
+from instrument.bench.bench import Bench
 from instrument.bench.floor import HIGHEST_HZ, LOWEST_HZ
 from instrument.bench.frame import density_m2_per_hz
 from instrument.bench.mechanics import Bodies, Trajectory, collide
@@ -54,7 +54,7 @@ class Drawn:
 def draw(case: Case) -> Drawn:
     """Let a case happen."""
     random = np.random.default_rng((case.seed, case.index, 0xC0))
-    rig = Rig(_bodies(random), _optics(case.condition), {}, _site(case, random), seed=case.seed)
+    rig = Bench(_bodies(random), _optics(case.condition), {}, _site(case, random), seed=case.seed)
     speed = float(random.uniform(0.16, 0.40))
     played = play_shot(rig, case.index, speed, DURATION_S)
     recording = recording_of(rig, case.index, played, RATE_HZ, DURATION_S)
@@ -183,7 +183,7 @@ def _restitution_of_contact(bodies: Bodies, speed_m_per_s: float) -> float:
     return -after / before
 
 
-def bound(rig: Rig, played: Played) -> dict[str, float]:
+def bound(rig: Bench, played: Played) -> dict[str, float]:
     """Return the least standard deviations of what the flights tell, given the true spectrum of all that shakes.
 
     Generalised least squares of two straight flights with the covariance of frame, optics and floor; lines have

@@ -12,7 +12,7 @@ from analysis.quantity import Quantity
 from analysis.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
-from instrument.bench.bench import Rig
+from instrument.bench.bench import Bench
 from instrument.bench.blind import RATE_HZ, Record, Truth, drawn, records
 from instrument.bench.effects import BEYOND, CATALOGUE
 from instrument.bench.noise import Noise, NoiseKind
@@ -150,7 +150,7 @@ def motions(truth: Truth, case: Case) -> tuple[Motion, ...]:
     """Return what the analysis is given."""
     if case.kind != "raw":
         return tuple(as_motion(record) for record in records(truth))
-    rig = Rig(bodies=truth.bodies, effects=truth.effects, optics=_optics(case.raw), floor_m=0.0, seed=truth.seed)
+    rig = Bench(bodies=truth.bodies, effects=truth.effects, optics=_optics(case.raw), floor_m=0.0, seed=truth.seed)
     shots = (record_shot(rig, i, speed, 10e6, 0.06)[0] for i, speed in enumerate(truth.speeds_m_per_s))
     return tuple(demodulate(shot, AnalysisSettings()) for shot in shots)
 

@@ -23,7 +23,7 @@ from instrument.acquisition import State
 from instrument.analyst import fit_here
 from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import DigitizerApart
-from instrument.bench.bench import Rig
+from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.capture import Capture, CaptureOptions
 from instrument.digitizer import CaptureSettings
@@ -88,7 +88,7 @@ def soak(
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        bench = partial(BenchDigitizer, Rig(seed=7), real_time=False, first_push_s=0.02, push_every_s=0.01)
+        bench = partial(BenchDigitizer, Bench(seed=7), real_time=False, first_push_s=0.02, push_every_s=0.01)
         digitizer = DigitizerApart(bench) if apart else bench()
         options = CaptureOptions(folder, SHOT, watch=False)
         with Capture(digitizer, options, analyse=analysed, fit=fitted, queue_length=8, say=problems.append) as capture:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from instrument.bench.bench import Rig
+from instrument.bench.bench import Bench
 from instrument.bench.simulate import play_shot
 from instrument.bench.site import site_named
 from tests.benchmarks.coverage_shots import CONDITIONS, SITES, Case, bound, truth
@@ -11,7 +11,7 @@ from tests.benchmarks.coverage_table import BEGIN, END, excused, faults, into_pa
 
 
 def test_truth_is_the_reference_solution_where_nothing_shakes():
-    rig = Rig()
+    rig = Bench()
     true = truth(play_shot(rig, 0, 0.265, 0.06), rig.bodies, 0.265)
     assert true["velocity_out_m_per_s"] == pytest.approx(0.261702343, abs=1e-9)
     assert true["contact_time_s"] == pytest.approx(28.70771255e-3, abs=1e-9)
@@ -25,13 +25,15 @@ def test_truth_is_the_reference_solution_where_nothing_shakes():
 
 
 def test_the_bound_follows_the_site_and_is_reached_by_weighted_least_squares():
-    least = [bound(Rig(site=site_named(name)), play_shot(Rig(), 0, 0.265, 0.06)) for name in ("VC-A", "VC-C", "quiet")]
+    least = [
+        bound(Bench(site=site_named(name)), play_shot(Bench(), 0, 0.265, 0.06)) for name in ("VC-A", "VC-C", "quiet")
+    ]
     values = [b["cor_quasi_static"] for b in least]
     assert values[0] == pytest.approx(4 * values[1], rel=0.1) and values[2] < 1e-3 * values[1]
 
 
 def test_v_in_in_space_scatters_by_the_bound():
-    rig = Rig(site=site_named("VC-C"), floor_m=0.0)
+    rig = Bench(site=site_named("VC-C"), floor_m=0.0)
     least = bound(rig, play_shot(rig, 0, 0.265, 0.06))["velocity_in_m_per_s"]
     off = []
     for index in range(60):  # a straight line is not the best estimator: no better than the bound, not ten times worse

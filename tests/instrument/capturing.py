@@ -33,7 +33,7 @@ def analysed(recording: Recording, progress: Callable[[str, float], None], cance
     )  # fmt: skip
 
 
-class Rig:
+class Capturing:
     """A capture in a folder, with what it said."""
 
     def __init__(self, folder: Path, digitizer: FakeDigitizer | None = None, **how: object) -> None:
@@ -42,7 +42,7 @@ class Rig:
         options = how.pop("options", CaptureOptions(folder, SETTINGS))
         self.capture = Capture(self.digitizer, options, say=self.said.append, **how)  # type: ignore[arg-type]
 
-    def __enter__(self) -> "Rig":
+    def __enter__(self) -> "Capturing":
         self.capture.start()
         return self
 

@@ -8,14 +8,14 @@ from analysis.awaited_fit import awaits_fit
 from analysis.pipeline import analyse, fitted, read
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled
 from instrument.analyst import Analyst, fit_here
-from tests.beats import Rig, recording_of
+from tests.beats import Synthetic, recording_of
 
 LONGEST_S = 60.0
 
 
 @pytest.fixture(scope="module")
 def recording():
-    return recording_of(Rig(duration_s=0.06))
+    return recording_of(Synthetic(duration_s=0.06))
 
 
 @pytest.fixture

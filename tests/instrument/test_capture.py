@@ -18,12 +18,12 @@ from instrument.capture import CaptureOptions
 from instrument.digitizer import Block, CaptureSettings
 from instrument.recording_file import read_recording, verify
 from instrument.trigger import Level
-from tests.instrument.capturing import SETTINGS, Rig, analysed, assert_true_samples, until
+from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import CHANNELS, FIRST, PERIOD, RATE_HZ, FakeDigitizer, samples
 
 
 def test_a_shot_from_arm_to_result(tmp_path: Path) -> None:
-    with Rig(tmp_path, analyse=analysed) as rig:
+    with Capturing(tmp_path, analyse=analysed) as rig:
         idle = until(rig.capture, lambda s: s.state is State.IDLE and s.signal.channels != ())
         assert idle.shots == 0 and not list(tmp_path.iterdir())
         rig.capture.arm()
@@ -49,7 +49,7 @@ def test_automatic_goes_on_and_no_sample_is_lost_to_a_slow_analysis(tmp_path: Pa
         gate.wait(20)
         return analysed(*what)  # type: ignore[arg-type]
 
-    with Rig(tmp_path, analyse=slow, queue_length=3, live=False) as rig:
+    with Capturing(tmp_path, analyse=slow, queue_length=3, live=False) as rig:
         rig.capture.arm(automatic=True)
         piled = until(rig.capture, lambda s: s.shots >= 7)
         assert piled.automatic and piled.analysing == 4  # one under way, three waiting
@@ -72,7 +72,7 @@ def test_automatic_goes_on_and_no_sample_is_lost_to_a_slow_analysis(tmp_path: Pa
 
 
 def test_a_rearming_given_up_while_armed_ends_with_the_shot_under_way(tmp_path: Path) -> None:
-    with Rig(tmp_path, live=False) as rig:
+    with Capturing(tmp_path, live=False) as rig:
         rig.capture.arm(automatic=True)
         until(rig.capture, lambda s: s.shots >= 2)
         rig.capture.set_automatic(False)
@@ -85,7 +85,7 @@ def test_a_rearming_given_up_while_armed_ends_with_the_shot_under_way(tmp_path: 
 
 def test_lost_samples_become_gaps_and_never_zeros(tmp_path: Path) -> None:
     gaps: dict[int, int | None] = {FIRST - 1_000: 777, FIRST + 5_000: 3_000}
-    with Rig(tmp_path, FakeDigitizer(gaps=dict(gaps)), live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(gaps=dict(gaps)), live=False) as rig:
         rig.capture.arm()
         done = until(rig.capture, lambda s: bool(s.finished))
         path = done.finished[0].path
@@ -103,7 +103,7 @@ def test_lost_samples_become_gaps_and_never_zeros(tmp_path: Path) -> None:
 
 
 def test_losses_of_unknown_number_are_gaps_too(tmp_path: Path) -> None:
-    with Rig(tmp_path, FakeDigitizer(gaps={FIRST + 4_000: None}), live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(gaps={FIRST + 4_000: None}), live=False) as rig:
         rig.capture.arm()
         path = until(rig.capture, lambda s: bool(s.finished)).finished[0].path
         assert path is not None and [g.samples_lost for g in read_recording(path).gaps] == [None]
@@ -119,7 +119,7 @@ def test_abort_while_armed_or_triggered(tmp_path: Path, fires: bool) -> None:
             return Block(0)
         return None
 
-    with Rig(tmp_path, FakeDigitizer(before_block=slow), analyse=analysed, live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(before_block=slow), analyse=analysed, live=False) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.state is (State.TRIGGERED if fires else State.ARMED))
         rig.capture.abort()
@@ -138,7 +138,7 @@ def test_abort_while_armed_or_triggered(tmp_path: Path, fires: bool) -> None:
 
 
 def test_two_channels_without_a_switch_wait_for_the_operator(tmp_path: Path) -> None:
-    with Rig(tmp_path, FakeDigitizer(channels=CHANNELS[:2], pace_s=0.002), live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(channels=CHANNELS[:2], pace_s=0.002), live=False) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.state is State.ARMED)
         time.sleep(0.1)
@@ -150,7 +150,7 @@ def test_two_channels_without_a_switch_wait_for_the_operator(tmp_path: Path) -> 
 
 def test_a_scope_s_stream_is_the_shot(tmp_path: Path) -> None:
     fake = FakeDigitizer(max_samples=20_000, hardware_trigger=True, channels=CHANNELS[:2])
-    with Rig(tmp_path, fake, live=False) as rig:
+    with Capturing(tmp_path, fake, live=False) as rig:
         rig.capture.arm()
         first = until(rig.capture, lambda s: bool(s.finished)).finished[0]
         until(rig.capture, lambda s: s.state is State.IDLE)
@@ -169,7 +169,7 @@ def test_abort_stops_an_analysis(tmp_path: Path) -> None:
             time.sleep(0.001)
         raise Cancelled
 
-    with Rig(tmp_path, analyse=endless, live=False) as rig:
+    with Capturing(tmp_path, analyse=endless, live=False) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.state is State.ANALYSING and s.doing == "analysing")
         rig.capture.abort()
@@ -177,7 +177,7 @@ def test_abort_stops_an_analysis(tmp_path: Path) -> None:
 
 
 def test_settings_that_no_shot_can_be_taken_with_are_refused(tmp_path: Path) -> None:
-    with Rig(tmp_path, live=False) as rig:
+    with Capturing(tmp_path, live=False) as rig:
         for wrong in (
             CaptureSettings(float("nan"), 100, 0),
             CaptureSettings(RATE_HZ, 0, 0),
@@ -199,7 +199,7 @@ def test_settings_that_no_shot_can_be_taken_with_are_refused(tmp_path: Path) -> 
 def test_thresholds_in_volts_and_the_operator_s_setup_are_used(tmp_path: Path) -> None:
     setup = Setup(0.5, rest_frequency_hz=91e3, extra={"bench": 3})
     options = CaptureOptions(tmp_path, SETTINGS, setup, switch_low_v=0.5, switch_high_v=1.5)
-    with Rig(tmp_path, options=options) as rig:
+    with Capturing(tmp_path, options=options) as rig:
         watched = until(rig.capture, lambda s: s.signal.switch_level is not Level.UNKNOWN and len(s.live.time_s) > 0)
         assert watched.live.velocity_m_per_s.shape == watched.live.time_s.shape
         rig.capture.arm()
@@ -208,7 +208,7 @@ def test_thresholds_in_volts_and_the_operator_s_setup_are_used(tmp_path: Path) -
 
 
 def test_the_signal_line_tells_what_the_fake_sends(tmp_path: Path) -> None:
-    with Rig(tmp_path, FakeDigitizer(pace_s=0.005)) as rig:
+    with Capturing(tmp_path, FakeDigitizer(pace_s=0.005)) as rig:
         now = until(rig.capture, lambda s: len(s.signal.channels) == 3 and s.signal.switch_toggles >= 2)
         reference, measurement, switch = now.signal.channels
         assert reference.frequency_hz == pytest.approx(91e3, abs=5)
@@ -232,7 +232,7 @@ def test_an_analysis_that_goes_on_is_waited_for_and_one_that_hangs_is_not(tmp_pa
             raise Cancelled
         return analysed(recording, progress, cancelled)
 
-    with Rig(tmp_path, analyse=slow, live=False, deadlines=Deadlines(analysing_s=0.3)) as rig:
+    with Capturing(tmp_path, analyse=slow, live=False, deadlines=Deadlines(analysing_s=0.3)) as rig:
         rig.capture.arm()
         done = until(rig.capture, lambda s: bool(s.finished))
         assert done.finished[0].shot is not None and done.state is not State.FAULT
@@ -245,7 +245,7 @@ def test_an_analysis_that_goes_on_is_waited_for_and_one_that_hangs_is_not(tmp_pa
 
 def test_a_capture_that_is_over_keeps_no_memory(tmp_path: Path) -> None:
     """A circle through it held the ring, 20 to 500 MB, until the garbage collector came by."""
-    rig = Rig(tmp_path)
+    rig = Capturing(tmp_path)
     with rig:
         rig.capture.arm()
         until(rig.capture, lambda now: bool(now.finished))

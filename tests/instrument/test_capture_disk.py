@@ -9,7 +9,7 @@ import pytest
 from instrument.acquisition import State
 from instrument.capture import Capture, CaptureOptions
 from instrument.recording_file import RecordingError, RecordingWriter, read_recording, verify
-from tests.instrument.capturing import SETTINGS, Rig, analysed, assert_true_samples, until
+from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import FakeDigitizer
 
 
@@ -31,7 +31,7 @@ def test_a_full_disk_keeps_the_shot_in_memory_savable_elsewhere(
     there, elsewhere = tmp_path / "a", tmp_path / "b"
     there.mkdir()
     elsewhere.mkdir()
-    with Rig(there, analyse=analysed, live=False) as rig:
+    with Capturing(there, analyse=analysed, live=False) as rig:
         rig.capture.arm(automatic=True)
         fault = until(rig.capture, lambda s: s.state is State.FAULT and bool(s.finished))
         assert "No space left" in fault.message and "memory" in fault.remedy and fault.unsaved == ("shot-0001",)
@@ -77,7 +77,7 @@ def test_shots_that_no_file_could_be_opened_for_are_all_kept(tmp_path: Path, mon
     there, elsewhere = tmp_path / "a", tmp_path / "b"
     for folder in (there, elsewhere):
         folder.mkdir()
-    with Rig(there, analyse=analysed, live=False) as rig:
+    with Capturing(there, analyse=analysed, live=False) as rig:
         for wanted in (1, 2):
             rig.capture.arm()
             until(rig.capture, lambda s, n=wanted: len(s.unsaved) == n)  # type: ignore[misc]
@@ -87,7 +87,7 @@ def test_shots_that_no_file_could_be_opened_for_are_all_kept(tmp_path: Path, mon
 
 def test_a_folder_removed_or_missing_is_said(tmp_path: Path) -> None:
     folder = tmp_path / "shots"
-    with Rig(folder, live=False) as rig:
+    with Capturing(folder, live=False) as rig:
         rig.capture.arm()
         fault = until(rig.capture, lambda s: s.state is State.FAULT)
         assert "does not exist" in fault.message and fault.signal.folder_problem
@@ -113,7 +113,7 @@ def test_a_folder_that_cannot_be_written_to_is_said(tmp_path: Path, monkeypatch:
             raise OSError(30, "Read-only file system")
         return real(name, mode, *more, **how)  # type: ignore[call-overload]
 
-    with Rig(tmp_path, live=False) as rig:
+    with Capturing(tmp_path, live=False) as rig:
         monkeypatch.setattr(builtins, "open", read_only)
         rig.capture.arm()
         fault = until(rig.capture, lambda s: s.state is State.FAULT)
@@ -125,12 +125,12 @@ def test_a_folder_that_cannot_be_written_to_is_said(tmp_path: Path, monkeypatch:
 
 
 def test_a_second_instance_is_refused_politely(tmp_path: Path) -> None:
-    with Rig(tmp_path, live=False) as first, Rig(tmp_path, live=False) as second:
+    with Capturing(tmp_path, live=False) as first, Capturing(tmp_path, live=False) as second:
         first.capture.arm()
         until(first.capture, lambda s: s.shots == 1)
         second.capture.arm()
         assert "another Levimass" in until(second.capture, lambda s: s.state is State.FAULT).message
-    with Rig(tmp_path, live=False) as third:
+    with Capturing(tmp_path, live=False) as third:
         third.capture.arm()
         until(third.capture, lambda s: s.shots == 1)
         assert (tmp_path / "shot-0002.sigmf-meta").exists()  # the first one's is not overwritten
@@ -138,6 +138,6 @@ def test_a_second_instance_is_refused_politely(tmp_path: Path) -> None:
 
 def test_too_little_room_is_said_before_the_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("instrument.capture_thread.disk_free_bytes", lambda folder: 70_000_000 - 3_000_000)
-    with Rig(tmp_path, live=False) as rig:
+    with Capturing(tmp_path, live=False) as rig:
         rig.capture.arm()
         assert "67 MB free" in until(rig.capture, lambda s: s.state is State.FAULT).message

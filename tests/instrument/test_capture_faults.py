@@ -11,7 +11,7 @@ from instrument.acquisition import Deadlines, State
 from instrument.capture import Capture, CaptureOptions
 from instrument.digitizer import Block, CaptureSettings, DigitizerError
 from instrument.recording_file import read_recording, verify
-from tests.instrument.capturing import SETTINGS, Rig, analysed, until
+from tests.instrument.capturing import SETTINGS, Capturing, analysed, until
 from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer
 
 
@@ -23,7 +23,7 @@ def test_unplugging_keeps_what_came_and_plugging_in_recovers(tmp_path: Path) -> 
             raise DigitizerError("the device was unplugged", "plug it in and arm again")
         return None
 
-    with Rig(tmp_path, FakeDigitizer(before_block=unplugged), live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(before_block=unplugged), live=False) as rig:
         rig.capture.arm(automatic=True)
         fault = until(rig.capture, lambda s: s.state is State.FAULT)
         assert fault.message == "the device was unplugged" and fault.remedy == "plug it in and arm again"
@@ -48,7 +48,7 @@ def test_a_digitizer_that_sends_nonsense_is_a_fault(tmp_path: Path, nonsense: ob
             raise nonsense
         return nonsense if isinstance(nonsense, Block) else Block("x")  # type: ignore[arg-type]
 
-    with Rig(tmp_path, FakeDigitizer(before_block=wrong), live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(before_block=wrong), live=False) as rig:
         rig.capture.arm()
         fault = until(rig.capture, lambda s: s.state is State.FAULT)
         assert fault.message and fault.remedy and "\n" not in fault.message
@@ -68,7 +68,7 @@ def test_a_stalled_stream_and_a_driver_that_hangs_are_said(tmp_path: Path) -> No
         now[0] += 0.5
         return Block(0)
 
-    with Rig(tmp_path, FakeDigitizer(before_block=silent), live=False, clock=lambda: now[0]) as rig:
+    with Capturing(tmp_path, FakeDigitizer(before_block=silent), live=False, clock=lambda: now[0]) as rig:
         rig.capture.arm()
         assert "no samples" in until(rig.capture, lambda s: s.state is State.FAULT).message
         mode[0] = "hang"
@@ -89,7 +89,9 @@ def test_a_shot_longer_than_every_deadline_is_taken_whole(tmp_path: Path) -> Non
             now[0] += 2.0
         return None
 
-    with Rig(tmp_path, FakeDigitizer(before_block=slow), live=False, clock=lambda: now[0], options=options) as rig:
+    with Capturing(
+        tmp_path, FakeDigitizer(before_block=slow), live=False, clock=lambda: now[0], options=options
+    ) as rig:
         rig.capture.arm()
         shot = until(rig.capture, lambda s: s.shots == 1 or s.state is State.FAULT)
         assert shot.state is not State.FAULT, shot.message
@@ -105,7 +107,7 @@ def test_nothing_fires_is_said_after_the_deadline(tmp_path: Path) -> None:
         fake.at = at % 20_000
         return None
 
-    with Rig(tmp_path, FakeDigitizer(before_block=flat), live=False, deadlines=Deadlines(armed_s=0.2)) as rig:
+    with Capturing(tmp_path, FakeDigitizer(before_block=flat), live=False, deadlines=Deadlines(armed_s=0.2)) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.state is State.ARMED)
         idle = until(rig.capture, lambda s: s.state is State.IDLE)
@@ -117,7 +119,7 @@ def test_nothing_fires_is_said_after_the_deadline(tmp_path: Path) -> None:
 
 
 def test_a_stream_that_ends_unfired_is_said(tmp_path: Path) -> None:
-    with Rig(tmp_path, FakeDigitizer(max_samples=20_000), live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(max_samples=20_000), live=False) as rig:
         rig.capture.arm()
         assert "ended before" in until(rig.capture, lambda s: s.state is State.FAULT).message
 
@@ -127,7 +129,7 @@ def test_a_failing_analysis_costs_only_itself(tmp_path: Path, error: Exception) 
     def broken(*what: object) -> Shot:
         raise error
 
-    with Rig(tmp_path, analyse=broken, live=False) as rig:
+    with Capturing(tmp_path, analyse=broken, live=False) as rig:
         rig.capture.arm()
         shot = until(rig.capture, lambda s: bool(s.finished)).finished[0]
         assert shot.shot is None and shot.problem and shot.path is not None and "\n" not in shot.problem
@@ -137,7 +139,7 @@ def test_a_failing_analysis_costs_only_itself(tmp_path: Path, error: Exception) 
 def test_all_threads_end_and_nothing_stays_open(tmp_path: Path) -> None:
     before = set(threading.enumerate())
     for _ in range(2):
-        with Rig(tmp_path, analyse=analysed) as rig:
+        with Capturing(tmp_path, analyse=analysed) as rig:
             rig.capture.arm(automatic=True)
             until(rig.capture, lambda s: s.shots >= 1)
     assert set(threading.enumerate()) == before
@@ -149,7 +151,7 @@ def test_closing_in_the_middle_of_a_shot_keeps_it(tmp_path: Path) -> None:
     def slow(fake: FakeDigitizer, at: int) -> Block | None:
         return Block(0) if at > FIRST + 3_000 else None
 
-    with Rig(tmp_path, FakeDigitizer(before_block=slow), live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(before_block=slow), live=False) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.state is State.TRIGGERED)
     recording = read_recording(tmp_path / "shot-0001")
@@ -197,7 +199,7 @@ def test_a_simulated_device_that_is_late_is_no_fault(tmp_path: Path) -> None:
         return None
 
     digitizer = FakeDigitizer(before_block=late, simulated=True)
-    with Rig(tmp_path, digitizer, live=False, clock=lambda: now[0]) as rig:
+    with Capturing(tmp_path, digitizer, live=False, clock=lambda: now[0]) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.shots == 1)
         assert now[0] == 30.0 and not rig.said

@@ -10,7 +10,7 @@ from instrument.acquisition import State
 from instrument.delivered_rate import DeliveredRate
 from instrument.digitizer import Block
 from instrument.recording_file import read_recording
-from tests.instrument.capturing import Rig, until
+from tests.instrument.capturing import Capturing, until
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 
 
@@ -52,7 +52,7 @@ def test_the_recording_of_a_half_delivering_device_says_so(tmp_path: Path) -> No
         time.sleep(max(0.0, begun[0] + 2.0 * at / RATE_HZ - time.monotonic()))
         return None
 
-    with Rig(tmp_path, FakeDigitizer(before_block=half, real_time=True), live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(before_block=half, real_time=True), live=False) as rig:
         until(rig.capture, lambda s: s.signal.samples_read > 0.8 * RATE_HZ)
         rig.capture.arm()
         shot = until(rig.capture, lambda s: bool(s.finished)).finished[0]

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from instrument.acquire import acquire
-from instrument.bench.bench import Rig
+from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.optics import Optics
 from instrument.digitizer import CaptureSettings
@@ -70,7 +70,7 @@ def test_a_block_that_moves_from_the_start_must_rest_first() -> None:
 
 
 def test_a_bench_without_a_light_switch_is_triggered_by_its_block(tmp_path: Path) -> None:
-    digitizer = BenchDigitizer(Rig(optics=Optics(with_switch=False)), real_time=False, first_push_s=0.1)
+    digitizer = BenchDigitizer(Bench(optics=Optics(with_switch=False)), real_time=False, first_push_s=0.1)
     (path,) = acquire(digitizer, tmp_path, 1, CaptureSettings(10e6, 400_000, 100_000))
     recording = read_recording(path)
     assert (recording.samples, recording.trigger_sample) == (400_000, 100_000)

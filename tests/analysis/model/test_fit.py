@@ -12,7 +12,7 @@ from analysis.model.prepare import prepare
 from analysis.model.starts import NoCollision
 from analysis.shot import AnalysisSettings, Cancelled
 from analysis.signal.demodulate import demodulate
-from tests.analysis.collision import PLATE_N_PER_M, Rig, motion_of
+from tests.analysis.collision import PLATE_N_PER_M, Synthetic, motion_of
 from tests.analysis.model.simulated import shot
 
 NAMES = (
@@ -132,7 +132,7 @@ def test_recording_of_the_paper(recordings: Path) -> None:
 
 @pytest.mark.parametrize("seed", [28, 29, 30])
 def test_a_collision_integrated_elsewhere_converges(seed: int) -> None:
-    fit = fit_shots([motion_of(Rig(noise_m=0.3e-9), seed=seed)])
+    fit = fit_shots([motion_of(Synthetic(noise_m=0.3e-9), seed=seed)])
     assert fit.converged and not fit.flags
     assert abs(fit.parameters["plate_stiffness_n_per_m"].value - PLATE_N_PER_M) < SIGMAS * (
         fit.parameters["plate_stiffness_n_per_m"].std

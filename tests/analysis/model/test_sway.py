@@ -15,7 +15,7 @@ from analysis.pipeline import analyse
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from instrument.bench import forces as slot
-from instrument.bench.bench import Rig
+from instrument.bench.bench import Bench
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, collide
 from instrument.bench.simulate import record_shot
@@ -49,7 +49,7 @@ def test_the_sway_adds_what_the_two_bodies_make_of_it(frequency_hz: float) -> No
 
 
 def _shot(site: str, seed: int, *knocks: Knock) -> Shot:
-    rig = Rig(site=replace(site_named(site), knocks=knocks), seed=seed)
+    rig = Bench(site=replace(site_named(site), knocks=knocks), seed=seed)
     return analyse(record_shot(rig, 0, 0.27, 10e6, 0.06)[0])
 
 
@@ -66,7 +66,7 @@ def test_closer_sines_stand_for_the_same_floor_over_longer() -> None:
 
 
 def test_the_touch_is_found_under_a_strong_line() -> None:
-    rig = Rig(site=Site(lines=(Line(555.0, 65e-9),)), seed=11)
+    rig = Bench(site=Site(lines=(Line(555.0, 65e-9),)), seed=11)
     recording = record_shot(rig, 0, 0.236, 10e6, 0.06)[0]
     shot = analyse(recording)
     assert shot.fit is not None and shot.fit.converged and shot.fit.reduced_chi2 < 1.3
@@ -108,7 +108,7 @@ def test_a_plate_swings_with_what_shakes_it_near_its_own_note() -> None:
     assert shot.impact is not None and shot.impact.disturbance is not None
     shaking = shot.impact.disturbance.shaking
     assert shaking is not None
-    rig = Rig(site=site_named("VC-C"), seed=4)
+    rig = Bench(site=site_named("VC-C"), seed=4)
     own = float(np.sqrt(PAPER.plate_stiffness_n_per_m / PAPER.plate_mass_kg))
     swings = [frame_of(rig.site, seed).swing(own)[0] for seed in range(40)]
     displacement, velocity = plate_swing_std(shaking, PAPER)

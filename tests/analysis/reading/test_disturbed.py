@@ -7,10 +7,10 @@ from analysis.impact import Impact
 from analysis.quantity import Quantity
 from analysis.reading.locate import find_collision
 from analysis.reading.read import read_impact
-from tests.analysis.collision import Rig, motion_from, motion_of, position_m
+from tests.analysis.collision import Synthetic, motion_from, motion_of, position_m
 from tests.analysis.disturbance import Disturbance, Knock, Line, disturbed_motion
 
-RIG = Rig(speed_m_per_s=0.16, touch_s=0.012003)
+RIG = Synthetic(speed_m_per_s=0.16, touch_s=0.012003)
 COR = 0.261702343 / 0.265
 TRUE = {
     "velocity_in_m_per_s": -0.16,
@@ -121,7 +121,7 @@ def test_a_record_that_outlasts_the_flight_gives_the_same_numbers_flagged(lasts_
 
 def test_the_first_collision_after_the_trigger_is_read() -> None:
     """Two impacts in one record, the block thrown back by a hand between them."""
-    once = Rig(speed_m_per_s=0.16, touch_s=0.012003, duration_s=0.08)
+    once = Synthetic(speed_m_per_s=0.16, touch_s=0.012003, duration_s=0.08)
     time = np.arange(0.0, once.duration_s, 1.0 / once.rate_hz)
     first = position_m(once, time)
     x = np.concatenate([first, first[::-1][1:], first[1:]])

@@ -13,9 +13,9 @@ from analysis.reading.locate import find_collision
 from analysis.reading.octaves import Octaves
 from analysis.reading.pulse import read_slope
 from analysis.reading.read import NoImpact, read_impact
-from tests.analysis.collision import Rig, motion_from, motion_of
+from tests.analysis.collision import Synthetic, motion_from, motion_of
 
-RIG = Rig()
+RIG = Synthetic()
 
 
 def seen(reading: Reading) -> Quantity:
@@ -82,7 +82,7 @@ def test_stated_uncertainty_of_the_restitution_is_true() -> None:
 
 @pytest.mark.parametrize("speed", [0.05, 0.15, 0.6])
 def test_speeds(speed: float) -> None:
-    impact = read_impact(motion_of(Rig(speed_m_per_s=speed)))
+    impact = read_impact(motion_of(Synthetic(speed_m_per_s=speed)))
     assert seen(impact.velocity_in_m_per_s).value == pytest.approx(-speed, rel=1e-5)
     # the model is linear: restitution and times do not depend on the speed
     assert seen(impact.cor_quasi_static).value == pytest.approx(0.987556, abs=2e-5)
@@ -91,7 +91,7 @@ def test_speeds(speed: float) -> None:
 
 def test_drag_bends_the_flights_but_not_the_reading() -> None:
     drag = 1e-3
-    impact = read_impact(motion_of(Rig(drag_n_s_per_m=drag)))
+    impact = read_impact(motion_of(Synthetic(drag_n_s_per_m=drag)))
     # the velocity is that at the touch, not the flight's mean: with this drag the two differ by 7e-5 m/s
     assert seen(impact.velocity_in_m_per_s).value == pytest.approx(-0.265, abs=3e-6)
     assert abs(seen(impact.cor_kinetic.force_peaks).value - 0.563) < 0.01
@@ -129,7 +129,7 @@ def test_a_hole_in_the_contact_is_said_not_bridged(motion: Motion) -> None:
 
 def test_a_contact_below_the_force_noise_is_found_by_its_reversal() -> None:
     """A motion capture at 500 Hz: its second derivative drowns a contact that its displacement shows plainly."""
-    rig = Rig(rate_hz=500.0, bandwidth_hz=100.0, noise_m=40e-6)
+    rig = Synthetic(rate_hz=500.0, bandwidth_hz=100.0, noise_m=40e-6)
     time = np.arange(0.0, 4.0, 1.0 / rig.rate_hz)
     duration, speed = 0.05, 0.16
     u = time - 2.0

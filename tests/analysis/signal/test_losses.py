@@ -10,11 +10,11 @@ from analysis.quantity import Quantity
 from analysis.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.losses import find_losses
-from tests.analysis.collision import Rig
+from tests.analysis.collision import Synthetic
 from tests.analysis.disturbance import without_samples
 from tests.beats import REST_HZ, recording_of
 
-SHORT = Rig(duration_s=0.02)
+SHORT = Synthetic(duration_s=0.02)
 LOST = {30_000: 1, 61_440: 2, 90_001: 12, 90_301: 3, 120_500: 256, 150_000: 4}
 
 
@@ -44,7 +44,7 @@ def test_a_rest_beat_that_wobbles_has_lost_nothing() -> None:
 
 
 def test_readings_hold_although_samples_were_lost_in_the_contact() -> None:
-    whole = recording_of(Rig(duration_s=0.06, touch_s=0.012003))
+    whole = recording_of(Synthetic(duration_s=0.06, touch_s=0.012003))
     lossy = without_samples(whole, {200_000: 2, 261_000: 4, 300_000: 1})
     shot = analyse(lossy)
     assert {"samples_lost", "gap"} <= set(shot.flags)

@@ -9,7 +9,7 @@ from analysis.model.fitting import fit_shots
 from analysis.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
-from instrument.bench.bench import Rig
+from instrument.bench.bench import Bench
 from instrument.bench.blind import RATE_HZ, Record, clean_m, drawn, records
 from instrument.bench.noise import Noise, NoiseKind
 from instrument.bench.separation import separation
@@ -36,7 +36,7 @@ def test_a_record_tells_nothing_but_the_motion():
 @pytest.mark.parametrize("names", [("coulomb_friction", "frame_vibration"), ("cyclic_error",)])
 def test_the_fast_road_shows_what_the_optics_show(names):
     truth = replace(drawn(names, 5), speeds_m_per_s=(0.2,))
-    rig = Rig(bodies=truth.bodies, effects=truth.effects, floor_m=0.0, seed=truth.seed)
+    rig = Bench(bodies=truth.bodies, effects=truth.effects, floor_m=0.0, seed=truth.seed)
     recording, _ = record_shot(rig, 0, 0.2, 10e6, 0.06)
     motion = demodulate(recording, AnalysisSettings())
     rest = motion.displacement_m - clean_m(truth, 0, time_s=motion.time_s)

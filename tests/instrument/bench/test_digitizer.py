@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from instrument.bench.bench import Rig
+from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.optics import Optics
 from instrument.digitizer import CaptureSettings, DigitizerError
@@ -60,7 +60,7 @@ def test_however_it_is_read_the_counts_are_the_same():
 
 
 def test_each_arm_brings_another_push_and_each_seed_another_sequence():
-    bench, again, other = _fast(), _fast(), _fast(rig=Rig(seed=2))
+    bench, again, other = _fast(), _fast(), _fast(rig=Bench(seed=2))
     shots = {}
     for name, source in (("bench", bench), ("again", again), ("other", other)):
         for arm in range(2):
@@ -159,7 +159,7 @@ def test_what_it_cannot_do_is_refused_in_one_line():
 
 
 def test_two_channels_and_eight_bits():
-    bench = _fast(rig=Rig(optics=Optics(bits=8, with_switch=False)))
+    bench = _fast(rig=Bench(optics=Optics(bits=8, with_switch=False)))
     bench.arm(SETTINGS)
     counts = _read(bench, 200_000)
     assert counts.shape[1] == 2 and bench.setup.digitizer_bits == 8

@@ -7,6 +7,7 @@ by what the block went meanwhile.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -30,6 +31,7 @@ MOST_SINGLE = 64  # samples lost one by one ...
 PACKET, MOST_LOST = 64, 8192  # ... or in the packets of a transfer
 SHARP = 2.0  # of the noise beside it: a phase that moves during its jump is no loss
 MOST_LOSSES = 200
+CLOSE_BLOCKS, MOST_CLOSE = 3, 16  # two losses within so many blocks; samples lost by the first of them
 KINK_SIGMAS, KINK_CYCLES = 10.0, 0.02  # of a fourth difference of the moving beat's phase
 KINK_GUARD, KINK_SIDE = 256, 2048  # samples: as near as a kink is known, and how far the beat is led on from
 REACH = KINK_SIDE + 64  # samples about a kink that are looked at
@@ -81,7 +83,7 @@ def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()
     counts = recording.counts[:, column]
     turns, places = _jumps(counts, turns, block)
     known = np.array([gap.sample_start for gap in recording.gaps], dtype=np.int64)
-    places = [at for at in places if not known.size or np.abs(known - at).min() > 2 * block]
+    places = _joined([at for at in places if not known.size or np.abs(known - at).min() > 2 * block])
     if len(places) > MOST_LOSSES:
         return ()
     found = []
@@ -90,19 +92,21 @@ def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()
         last = min(at + SIDE_BLOCKS * block, counts.size)
         if number + 1 < len(places):
             last = min(last, (places[number + 1] + at) // 2)
-        gap = _loss(
+        gaps = _losses(
             recording.counts[first:last, column], recording.counts[first:last, moving_column], at - first, turns
         )
-        if gap is not None:
-            found.append(Gap(first + gap.sample_start, gap.samples_lost))
+        found += [Gap(first + gap.sample_start, gap.samples_lost) for gap in gaps]
     taken = np.array([*places, *known], dtype=np.int64)
     for near in kinked:
         first, last = max(near - REACH, 0), min(near + REACH, counts.size)
         if taken.size and np.abs(taken - near).min() < 2 * block:
             continue
         whole = _whole_periods(counts[first:last], recording.counts[first:last, moving_column], near - first, turns)
-        if whole is not None:
-            found.append(Gap(first + whole.sample_start, whole.samples_lost))
+        if whole is None:
+            continue
+        at = first + whole.sample_start
+        if all(abs(at - gap.sample_start) > 2 * block for gap in found):  # else it is that one, seen again
+            found.append(Gap(at, whole.samples_lost))
     return tuple(sorted(found, key=lambda gap: gap.sample_start))
 
 
@@ -142,27 +146,97 @@ def _jumps(counts: NDArray[np.int16], turns: float, block: int) -> tuple[float, 
     return turns + per_block / (block // 2), places
 
 
-def _loss(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, turns: float) -> Gap | None:
-    """Return the loss about sample ``near`` of a stretch of both beats, None where it is none."""
-    x = reference.astype(np.float64)
-    guard = min(SHORTEST_BLOCK, near // 2, (x.size - near) // 2)
+def _joined(places: list[int]) -> list[int]:
+    """Return places of which two that lie close together are one, in their middle."""
+    joined: list[list[int]] = []
+    for at in places:
+        if joined and at - joined[-1][0] <= CLOSE_BLOCKS * SHORTEST_BLOCK:
+            joined[-1].append(at)
+        else:
+            joined.append([at])
+    return [sum(together) // len(together) for together in joined]
+
+
+def _losses(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, turns: float) -> tuple[Gap, ...]:
+    """Return the loss about sample ``near`` of a stretch of both beats, or two close together, if any is there."""
+    x, beat = reference.astype(np.float64), moving.astype(np.float64)
+    room = min(near // 2, (x.size - near) // 2)
+    guard = min(SHORTEST_BLOCK, room)
     if guard < 32:
-        return None
-    index = np.arange(x.size)
-    tone = np.stack([np.cos(2 * np.pi * turns * index), np.sin(2 * np.pi * turns * index), np.ones(x.size)], axis=1)
-    sides = (slice(0, near - guard), slice(near + guard, x.size))
-    solutions = [np.linalg.lstsq(tone[side], x[side], rcond=None)[0] for side in sides]
-    errors = [(x - tone @ solution) ** 2 for solution in solutions]
-    noise = float(np.mean([error[side].mean() for error, side in zip(errors, sides, strict=True)]))
-    within = slice(near - guard, near + guard)
-    cost = np.concatenate([[0.0], np.cumsum(errors[0][within] - errors[1][within])])
-    at = near - guard + int(cost.argmin())
-    left = float(errors[0][near - guard : at].sum() + errors[1][at : near + guard].sum()) / (2 * guard)
-    if left > SHARP * noise + 1.0:
-        return None
-    amplitude = float(np.hypot(*solutions[0][:2]))
-    sigma = np.sqrt(noise) / max(amplitude, 1e-9) / (2 * np.pi) * np.sqrt(4.0 / max(near - guard, 8))
-    return _counted(at, turns, _jump_of(solutions), sigma, _moving_jump(moving.astype(np.float64), at))
+        return ()
+    one = _Sides.of(x, near, guard, turns)
+    place = int((one.before - one.after).argmin())
+    if one.before[place] - one.after[place] + one.after[-1] <= one.most:
+        at = near - guard + place
+        gap = _counted(at, turns, one.jump, one.sigma, _moving_jump(beat, at))
+        return () if gap is None else (gap,)
+    guard = min(CLOSE_BLOCKS * SHORTEST_BLOCK, room)
+    two = _Sides.of(x, near, guard, turns)
+    left, place, lasts, count = two.parted(turns)
+    at = near - guard + place
+    whole = _counted(at, turns, two.jump, two.sigma, _moving_jump(beat, at, lasts)) if left <= two.most else None
+    if whole is None or whole.samples_lost is None or whole.samples_lost <= count:
+        return ()
+    return Gap(at, count), Gap(at + lasts, whole.samples_lost - count)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sides:
+    """What the tones on either side of a doubtful stretch of the rest beat leave of it.
+
+    ``before`` and ``after``, shape (n + 1,), sum the squares up to each of the stretch's samples ``x``, shape (n,);
+    ``tone``, shape (n, 3), are the beat's cosine, sine and level, ``solution``, shape (3,), the tone before.  ``most``
+    is what noise may leave, ``jump`` the cycles from one tone to the other, ``sigma`` its standard deviation.
+    """
+
+    x: Floats
+    tone: Floats
+    solution: Floats
+    before: Floats
+    after: Floats
+    most: float
+    jump: float
+    sigma: float
+
+    @classmethod
+    def of(cls, x: Floats, near: int, guard: int, turns: float) -> "_Sides":
+        """Take what lies within ``guard`` samples of one for doubtful."""
+        tone = np.column_stack([_tone(turns * np.arange(x.size, dtype=np.float64)), np.ones(x.size)])
+        sides = (slice(0, near - guard), slice(near + guard, x.size))
+        solutions: list[Floats] = [np.asarray(np.linalg.lstsq(tone[side], x[side], rcond=None)[0]) for side in sides]
+        errors = [(x - tone @ solution) ** 2 for solution in solutions]
+        noise = float(np.mean([error[side].mean() for error, side in zip(errors, sides, strict=True)]))
+        within = slice(near - guard, near + guard)
+        amplitude = float(np.hypot(*solutions[0][:2]))
+        return cls(
+            x[within],
+            tone[within],
+            solutions[0],
+            _summed(errors[0][within]),
+            _summed(errors[1][within]),
+            2 * guard * (SHARP * noise + 1.0),
+            _jump_of(solutions),
+            np.sqrt(noise) / max(amplitude, 1e-9) / (2 * np.pi) * np.sqrt(4.0 / max(near - guard, 8)),
+        )
+
+    def parted(self, turns: float) -> tuple[float, int, int, int]:
+        """Return what two losses leave, where the first lies, how far off the second, and how many the first is of."""
+        best = (float(np.inf), 0, 0, 0)
+        cosine, sine, level = self.solution
+        for count in range(1, MOST_CLOSE + 1):
+            turn = 2 * np.pi * turns * count
+            moved = (cosine * np.cos(turn) + sine * np.sin(turn), sine * np.cos(turn) - cosine * np.sin(turn), level)
+            between = _summed((self.x - self.tone @ np.array(moved)) ** 2)
+            entered = self.before - between
+            left = np.minimum.accumulate(entered) + between - self.after
+            last = int(left.argmin())
+            first = int(entered[: last + 1].argmin())
+            best = min(best, (float(left[last] + self.after[-1]), first, last - first, count), key=lambda one: one[0])
+        return best
+
+
+def _summed(values: Floats) -> Floats:
+    return np.asarray(np.concatenate([[0.0], np.cumsum(values)]))
 
 
 def _jump_of(solutions: Sequence[Floats]) -> float:
@@ -212,9 +286,12 @@ def _tone(cycles: Floats) -> Floats:
     return np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
-def _moving_jump(x: Floats, at: int) -> tuple[float, float] | None:
-    """Return cycles a sample and the jump in cycles of the moving beat at a sample; None where it is not seen."""
-    before, after = (_led_on(x - x.mean(), side, at) for side in (slice(0, at - 2), slice(at + 2, x.size)))
+def _moving_jump(x: Floats, at: int, lasts: int = 0) -> tuple[float, float] | None:
+    """Return cycles a sample and the jump in cycles of the moving beat at a sample; None where it is not seen.
+
+    What lies within ``lasts`` samples from there is left out.
+    """
+    before, after = (_led_on(x - x.mean(), side, at) for side in (slice(0, at - 2), slice(at + lasts + 2, x.size)))
     if before is None or after is None:
         return None
     turns = 0.5 * (float(before.deriv()(0.0)) + float(after.deriv()(0.0)))

@@ -27,6 +27,15 @@ def test_each_loss_is_found_to_a_few_samples_and_counted(snr_db: float) -> None:
     assert np.abs(np.array(list(found)) - stored).max() <= 3
 
 
+@pytest.mark.parametrize("apart", [12, 40, 90, 104, 150, 190, 230])
+def test_two_losses_close_together_are_two(apart: int) -> None:
+    """Taken for one or for none, they leave the rest beat a step, and every displacement behind it wrong."""
+    recording = without_samples(recording_of(SHORT, snr_db=30.0), {90_000: 4, 90_004 + apart: 3, 120_500: 2})
+    found = [(gap.sample_start, gap.samples_lost) for gap in find_losses(recording, REST_HZ)]
+    assert [count for _, count in found] == [4, 3, 2]
+    assert np.abs(np.array([at for at, _ in found]) - [90_000, 90_000 + apart, 120_493]).max() <= 3
+
+
 def test_nothing_is_lost_where_nothing_was_lost() -> None:
     recording = recording_of(SHORT)
     assert find_losses(recording, REST_HZ) == ()

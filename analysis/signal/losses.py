@@ -7,13 +7,13 @@ by what the block went meanwhile.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from analysis.recording import Gap, Recording, Role
+from analysis.signal.rest_tones import RestTones, jump_of, tone_of
 from analysis.signal.track import Track
 
 Floats = NDArray[np.float64]
@@ -29,9 +29,8 @@ SIDE_BLOCKS = 8  # of samples on each side that a jump is measured with
 PD0_CYCLES, PD1_CYCLES = 0.003, 0.04  # to which jumps are known, at least
 MOST_SINGLE = 64  # samples lost one by one ...
 PACKET, MOST_LOST = 64, 8192  # ... or in the packets of a transfer
-SHARP = 2.0  # of the noise beside it: a phase that moves during its jump is no loss
 MOST_LOSSES = 200
-CLOSE_BLOCKS, MOST_CLOSE = 3, 16  # two losses within so many blocks; samples lost by the first of them
+CLOSE_BLOCKS = 3  # within which two losses are looked at together
 KINK_SIGMAS, KINK_CYCLES = 10.0, 0.02  # of a fourth difference of the moving beat's phase
 KINK_GUARD, KINK_SIDE = 256, 2048  # samples: as near as a kink is known, and how far the beat is led on from
 REACH = KINK_SIDE + 64  # samples about a kink that are looked at
@@ -164,84 +163,20 @@ def _losses(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, 
     guard = min(SHORTEST_BLOCK, room)
     if guard < 32:
         return ()
-    one = _Sides.of(x, near, guard, turns)
+    one = RestTones.of(x, near, guard, turns)
     place = int((one.before - one.after).argmin())
     if one.before[place] - one.after[place] + one.after[-1] <= one.most:
         at = near - guard + place
         gap = _counted(at, turns, one.jump, one.sigma, _moving_jump(beat, at))
         return () if gap is None else (gap,)
     guard = min(CLOSE_BLOCKS * SHORTEST_BLOCK, room)
-    two = _Sides.of(x, near, guard, turns)
+    two = RestTones.of(x, near, guard, turns)
     left, place, lasts, count = two.parted(turns)
     at = near - guard + place
     whole = _counted(at, turns, two.jump, two.sigma, _moving_jump(beat, at, lasts)) if left <= two.most else None
     if whole is None or whole.samples_lost is None or whole.samples_lost <= count:
         return ()
     return Gap(at, count), Gap(at + lasts, whole.samples_lost - count)
-
-
-@dataclass(frozen=True, slots=True)
-class _Sides:
-    """What the tones on either side of a doubtful stretch of the rest beat leave of it.
-
-    ``before`` and ``after``, shape (n + 1,), sum the squares up to each of the stretch's samples ``x``, shape (n,);
-    ``tone``, shape (n, 3), are the beat's cosine, sine and level, ``solution``, shape (3,), the tone before.  ``most``
-    is what noise may leave, ``jump`` the cycles from one tone to the other, ``sigma`` its standard deviation.
-    """
-
-    x: Floats
-    tone: Floats
-    solution: Floats
-    before: Floats
-    after: Floats
-    most: float
-    jump: float
-    sigma: float
-
-    @classmethod
-    def of(cls, x: Floats, near: int, guard: int, turns: float) -> "_Sides":
-        """Take what lies within ``guard`` samples of one for doubtful."""
-        tone = np.column_stack([_tone(turns * np.arange(x.size, dtype=np.float64)), np.ones(x.size)])
-        sides = (slice(0, near - guard), slice(near + guard, x.size))
-        solutions: list[Floats] = [np.asarray(np.linalg.lstsq(tone[side], x[side], rcond=None)[0]) for side in sides]
-        errors = [(x - tone @ solution) ** 2 for solution in solutions]
-        noise = float(np.mean([error[side].mean() for error, side in zip(errors, sides, strict=True)]))
-        within = slice(near - guard, near + guard)
-        amplitude = float(np.hypot(*solutions[0][:2]))
-        return cls(
-            x[within],
-            tone[within],
-            solutions[0],
-            _summed(errors[0][within]),
-            _summed(errors[1][within]),
-            2 * guard * (SHARP * noise + 1.0),
-            _jump_of(solutions),
-            np.sqrt(noise) / max(amplitude, 1e-9) / (2 * np.pi) * np.sqrt(4.0 / max(near - guard, 8)),
-        )
-
-    def parted(self, turns: float) -> tuple[float, int, int, int]:
-        """Return what two losses leave, where the first lies, how far off the second, and how many the first is of."""
-        best = (float(np.inf), 0, 0, 0)
-        cosine, sine, level = self.solution
-        for count in range(1, MOST_CLOSE + 1):
-            turn = 2 * np.pi * turns * count
-            moved = (cosine * np.cos(turn) + sine * np.sin(turn), sine * np.cos(turn) - cosine * np.sin(turn), level)
-            between = _summed((self.x - self.tone @ np.array(moved)) ** 2)
-            entered = self.before - between
-            left = np.minimum.accumulate(entered) + between - self.after
-            last = int(left.argmin())
-            first = int(entered[: last + 1].argmin())
-            best = min(best, (float(left[last] + self.after[-1]), first, last - first, count), key=lambda one: one[0])
-        return best
-
-
-def _summed(values: Floats) -> Floats:
-    return np.asarray(np.concatenate([[0.0], np.cumsum(values)]))
-
-
-def _jump_of(solutions: Sequence[Floats]) -> float:
-    before, after = (float(np.arctan2(-s[1], s[0])) / (2 * np.pi) for s in solutions)
-    return after - before
 
 
 def _counted(at: int, turns: float, jump: float, sigma: float, moved: tuple[float, float] | None) -> Gap | None:
@@ -268,22 +203,17 @@ def _whole_periods(reference: NDArray[np.int16], moving: NDArray[np.int16], near
         if cycles is None:
             return None
         index = np.arange(x.size)[span]
-        level = np.linalg.lstsq(_tone(cycles(index - near)), x[span], rcond=None)[0]
-        errors.append((x[within] - _tone(cycles(within - near)) @ level) ** 2)
+        level = np.linalg.lstsq(tone_of(cycles(index - near)), x[span], rcond=None)[0]
+        errors.append((x[within] - tone_of(cycles(within - near)) @ level) ** 2)
     at = near - KINK_GUARD + int(np.concatenate([[0.0], np.cumsum(errors[0] - errors[1])]).argmin())
     moved = _moving_jump(x, at)
     if moved is None or abs(moved[1]) < PD1_CYCLES:
         return None
     y = reference - reference.mean()
     sides = (slice(0, at - 2), slice(at + 2, y.size))
-    tone = _tone(turns * np.arange(y.size))
-    jump = _jump_of([np.linalg.lstsq(tone[side], y[side], rcond=None)[0] for side in sides])
+    tone = tone_of(turns * np.arange(y.size))
+    jump = jump_of([np.linalg.lstsq(tone[side], y[side], rcond=None)[0] for side in sides])
     return _counted(at, turns, float(_wrapped(np.array(jump))), 0.0, moved)
-
-
-def _tone(cycles: Floats) -> Floats:
-    turn = 2 * np.pi * cycles
-    return np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
 def _moving_jump(x: Floats, at: int, lasts: int = 0) -> tuple[float, float] | None:

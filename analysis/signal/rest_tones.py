@@ -1,0 +1,83 @@
+"""The rest beat's tones on either side of a stretch in which samples may be missing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+SHARP = 2.0  # of the noise beside it: a phase that moves during its jump is no loss
+MOST_CLOSE = 16  # samples lost at once, the first of two losses within a few periods of the beat
+
+
+@dataclass(frozen=True, slots=True)
+class RestTones:
+    """What the tones on either side of a doubtful stretch of the rest beat leave of it.
+
+    ``before`` and ``after``, shape (n + 1,), sum the squares up to each of the stretch's samples ``x``, shape (n,);
+    ``tone``, shape (n, 3), are the beat's cosine, sine and level, ``solution``, shape (3,), the tone before.  ``most``
+    is what noise may leave, ``jump`` the cycles from one tone to the other, ``sigma`` its standard deviation.
+    """
+
+    x: Floats
+    tone: Floats
+    solution: Floats
+    before: Floats
+    after: Floats
+    most: float
+    jump: float
+    sigma: float
+
+    @classmethod
+    def of(cls, x: Floats, near: int, guard: int, turns: float) -> "RestTones":
+        """Take what lies within ``guard`` samples of one for doubtful."""
+        tone = np.column_stack([tone_of(turns * np.arange(x.size, dtype=np.float64)), np.ones(x.size)])
+        sides = (slice(0, near - guard), slice(near + guard, x.size))
+        solutions: list[Floats] = [np.asarray(np.linalg.lstsq(tone[side], x[side], rcond=None)[0]) for side in sides]
+        errors = [(x - tone @ solution) ** 2 for solution in solutions]
+        noise = float(np.mean([error[side].mean() for error, side in zip(errors, sides, strict=True)]))
+        within = slice(near - guard, near + guard)
+        amplitude = float(np.hypot(*solutions[0][:2]))
+        return cls(
+            x[within],
+            tone[within],
+            solutions[0],
+            _summed(errors[0][within]),
+            _summed(errors[1][within]),
+            2 * guard * (SHARP * noise + 1.0),
+            jump_of(solutions),
+            np.sqrt(noise) / max(amplitude, 1e-9) / (2 * np.pi) * np.sqrt(4.0 / max(near - guard, 8)),
+        )
+
+    def parted(self, turns: float) -> tuple[float, int, int, int]:
+        """Return what two losses leave, where the first lies, how far off the second, and how many the first is of."""
+        best = (float(np.inf), 0, 0, 0)
+        cosine, sine, level = self.solution
+        for count in range(1, MOST_CLOSE + 1):
+            turn = 2 * np.pi * turns * count
+            moved = (cosine * np.cos(turn) + sine * np.sin(turn), sine * np.cos(turn) - cosine * np.sin(turn), level)
+            between = _summed((self.x - self.tone @ np.array(moved)) ** 2)
+            entered = self.before - between
+            left = np.minimum.accumulate(entered) + between - self.after
+            last = int(left.argmin())
+            first = int(entered[: last + 1].argmin())
+            best = min(best, (float(left[last] + self.after[-1]), first, last - first, count), key=lambda one: one[0])
+        return best
+
+
+def jump_of(solutions: Sequence[Floats]) -> float:
+    """Return the cycles from one tone to the other, each given by its cosine's and its sine's size."""
+    before, after = (float(np.arctan2(-s[1], s[0])) / (2 * np.pi) for s in solutions)
+    return after - before
+
+
+def tone_of(cycles: Floats) -> Floats:
+    """Return cosine and sine at a phase, shape (n, 2)."""
+    turn = 2 * np.pi * cycles
+    return np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def _summed(values: Floats) -> Floats:
+    return np.asarray(np.concatenate([[0.0], np.cumsum(values)]))

@@ -201,8 +201,11 @@ def test_settings_are_refused_in_words_and_kept_when_right(opened, qtbot, tmp_pa
 
 def test_every_key_of_the_sheet_is_bound_to_something(opened, qtbot):
     window = opened(rigs.still_bench)
+    window.resize(1480, 920)
     qtbot.keyClick(window, Qt.Key.Key_F1)
     assert window.panels.keys.isVisible()
+    qtbot.waitUntil(lambda: window.panels.keys.height() > 600)
+    assert window.panels.keys._scroll.verticalScrollBar().maximum() == 0  # all there at once
     qtbot.keyClick(window, Qt.Key.Key_F1)
     assert not window.panels.keys.isVisible()
 

@@ -39,6 +39,7 @@ class KeySheet(QFrame):
         if not self._lists:  # made when first looked at: two hundred labels take longer than the rest of the sheets
             self._lists = {sides: _list(sides) for sides in (1, 2)}
             self._scroll.setWidget(self._lists[2])
+            self._scroll.updateGeometry()  # the sheet's layout knows it without a list
         around = self.sizeHint() - self._scroll.sizeHint()
         spare = self._scroll.verticalScrollBar().sizeHint().width() + around.width()
         room = parent.width() - 20

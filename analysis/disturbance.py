@@ -48,10 +48,15 @@ class Shaking:
         apart = np.array([line.frequency_hz.std for line in lines])
         middle = np.array([line.frequency_hz.value for line in lines])
         power = np.array([0.5 * line.amplitude_m.value**2 for line in lines])
-        frequency = np.concatenate([self.frequency_hz, middle - apart, middle + apart])
-        order = np.argsort(frequency)
-        random = np.concatenate([self.random, np.zeros(2 * middle.size, dtype=np.bool_)])
-        return Shaking(frequency[order], np.concatenate([self.power_m2, power, power])[order], random[order])
+        two = np.concatenate([middle - apart, middle + apart])
+        return self._with(Shaking(two, np.concatenate([power, power]), np.zeros(two.size, dtype=np.bool_)))
+
+    def _with(self, other: "Shaking") -> "Shaking":
+        """Return both together."""
+        frequency = np.concatenate([self.frequency_hz, other.frequency_hz])
+        order = np.argsort(frequency, kind="stable")
+        power = np.concatenate([self.power_m2, other.power_m2])
+        return Shaking(frequency[order], power[order], np.concatenate([self.random, other.random])[order])
 
     @property
     def rms_m(self) -> float:
@@ -79,10 +84,8 @@ class Shaking:
         within = np.concatenate([k + np.arange(count) / count for k, count in enumerate(parts)] + [place[-1:]])
         fine = np.interp(within, place, known)
         density = np.interp(fine, known, self.power_m2[self.random] / np.gradient(known))
-        frequency = np.concatenate([fine, self.frequency_hz[~self.random]])
-        power = np.concatenate([density * np.gradient(fine), self.power_m2[~self.random]])
-        order = np.argsort(frequency, kind="stable")
-        return Shaking(frequency[order], power[order], (np.arange(frequency.size) < fine.size)[order])
+        floor = Shaking(fine, density * np.gradient(fine), np.ones(fine.size, dtype=np.bool_))
+        return floor._with(self.below(0.0))
 
     def below(self, frequency_hz: float) -> "Shaking":
         """Return what shakes more slowly than that, and all lines."""

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 Floats = NDArray[np.float64]
 
@@ -269,6 +268,8 @@ def _most_by_chance(bins: int) -> float:
 
     Neighbours in a Hann window share 4/9 of their power, next neighbours 1/36.
     """
+    from scipy.special import chdtri  # a fifth of a second that opening the window need not wait for
+
     freedom = 2 * bins / (1 + 2 * (1 - 1 / bins) * 4 / 9 + 2 * max(0.0, 1 - 2 / bins) / 36)
     return float(chdtri(freedom, _CHANCE / np.count_nonzero(_OF_CRITERIA))) / freedom
 

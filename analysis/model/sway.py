@@ -50,10 +50,9 @@ class Grid:
     @classmethod
     def of(cls, beat: Noise, knots_s: Floats, time_s: Floats, valid: NDArray[np.bool_]) -> "Grid":
         """Lay it; cost about 5 ms, 40 ms where the beat's noise is not white."""
-        inside = np.clip(time_s, knots_s[0], knots_s[-1])
-        splines = BSpline.design_matrix(inside, _spline(knots_s, np.zeros(knots_s.size)).t, 3)
+        splines = _splines_at(knots_s, time_s)
         if beat.only_white:
-            return cls.holding(knots_s, splines.tocsr()[np.flatnonzero(valid)] / beat.white_std_m)
+            return cls.holding(knots_s, splines[np.flatnonzero(valid)] / beat.white_std_m)
         return cls.holding(knots_s, _local(beat.whiten(splines.toarray(), valid)))
 
     @classmethod
@@ -93,9 +92,7 @@ class Swayed:
 
     def sines_at(self, time_s: Floats) -> Floats:
         """Return what each sine of the sway does to the displacement at its std, shape (n, 2 f)."""
-        inside = np.clip(time_s, self.grid.knots_s[0], self.grid.knots_s[-1])
-        splines = _spline(self.grid.knots_s, np.zeros(self.grid.knots_s.size))
-        return np.asarray(BSpline.design_matrix(inside, splines.t, 3) @ self.sines)
+        return np.asarray(_splines_at(self.grid.knots_s, time_s) @ self.sines)
 
     @property
     def std_m(self) -> float:
@@ -189,6 +186,12 @@ def _shrink(grid: Grid, sines: Floats) -> Floats:
 
 def _spline(knots_s: Floats, values: Floats) -> BSpline:
     return make_interp_spline(knots_s, values, k=3)
+
+
+def _splines_at(knots_s: Floats, time_s: Floats) -> csr_matrix:
+    """Return each of the knots' splines at times, shape (n, m); beyond the knots what they are at the nearest."""
+    inside = np.clip(time_s, knots_s[0], knots_s[-1])
+    return BSpline.design_matrix(inside, _spline(knots_s, np.zeros(knots_s.size)).t, 3).tocsr()
 
 
 def _local(columns: Floats) -> csr_matrix:

@@ -13,7 +13,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from analysis.recording import Gap, Recording, Role
-from analysis.signal.rest_tones import RestTones, jump_of, tone_of
+from analysis.signal.rest_tones import RestTones, jump_of, summed, tone_of
 from analysis.signal.track import Track
 
 Floats = NDArray[np.float64]
@@ -205,7 +205,7 @@ def _whole_periods(reference: NDArray[np.int16], moving: NDArray[np.int16], near
         index = np.arange(x.size)[span]
         level = np.linalg.lstsq(tone_of(cycles(index - near)), x[span], rcond=None)[0]
         errors.append((x[within] - tone_of(cycles(within - near)) @ level) ** 2)
-    at = near - KINK_GUARD + int(np.concatenate([[0.0], np.cumsum(errors[0] - errors[1])]).argmin())
+    at = near - KINK_GUARD + int(summed(errors[0] - errors[1]).argmin())
     moved = _moving_jump(x, at)
     if moved is None or abs(moved[1]) < PD1_CYCLES:
         return None

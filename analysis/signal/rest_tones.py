@@ -44,8 +44,8 @@ class RestTones:
             x[within],
             tone[within],
             solutions[0],
-            _summed(errors[0][within]),
-            _summed(errors[1][within]),
+            summed(errors[0][within]),
+            summed(errors[1][within]),
             2 * guard * (SHARP * noise + 1.0),
             jump_of(solutions),
             np.sqrt(noise) / max(amplitude, 1e-9) / (2 * np.pi) * np.sqrt(4.0 / max(near - guard, 8)),
@@ -58,7 +58,7 @@ class RestTones:
         for count in range(1, MOST_CLOSE + 1):
             turn = 2 * np.pi * turns * count
             moved = (cosine * np.cos(turn) + sine * np.sin(turn), sine * np.cos(turn) - cosine * np.sin(turn), level)
-            between = _summed((self.x - self.tone @ np.array(moved)) ** 2)
+            between = summed((self.x - self.tone @ np.array(moved)) ** 2)
             entered = self.before - between
             left = np.minimum.accumulate(entered) + between - self.after
             last = int(left.argmin())
@@ -79,5 +79,6 @@ def tone_of(cycles: Floats) -> Floats:
     return np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
-def _summed(values: Floats) -> Floats:
+def summed(values: Floats) -> Floats:
+    """Return the sums of none, one, two ... of the values, shape (n + 1,)."""
     return np.asarray(np.concatenate([[0.0], np.cumsum(values)]))

@@ -80,7 +80,8 @@ def doubts_of_fit(impact: Impact, fit: Fit) -> tuple[str, ...]:
     if len(fit.shots) != 1:
         return tuple(flags)
     own = fit.shots[0]
-    if fit.on_frames and own.rings:  # what a frame does all the time is weighed: this is something else
+    # what a frame does all the time is weighed: this is something else
+    if fit.on_frames and (own.rings or fit.reduced_chi2 > CHI2_FAR):
         flags.append(FIT_DOUBTS[3])
     pairs = (
         (impact.velocity_in_m_per_s, own.velocity_in_m_per_s),

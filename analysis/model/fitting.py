@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
@@ -14,6 +15,7 @@ from analysis.model.build_fit import Estimate, Part, Path, build_fit
 from analysis.model.effect_starts import effect_starts
 from analysis.model.effects import MOST_AT_ONCE, findings, named
 from analysis.model.frame_residual import sway_left_std_m
+from analysis.model.learned_sway import LearnedSway, with_learned_sway
 from analysis.model.least_squares import Infeasible, Minimum, covariance
 from analysis.model.on_frame import can_tell, elsewhere, on_frames
 from analysis.model.prepare import base_named, prepare
@@ -21,6 +23,7 @@ from analysis.model.response import Model, respond
 from analysis.model.search import Problem, own_start, search
 from analysis.model.sway import Swayed
 from analysis.motion import Motion
+from analysis.noise import Noise
 from analysis.shot import AnalysisError, Progress, Stop
 
 _LAST_EVALUATIONS = 120  # for the best of several searches that were all cut short
@@ -88,10 +91,14 @@ def fit_shots(
         if rows:
             tell("fitting the effects", 0.6)
             problem, found = _with_effects(bare, found, Model(base, rows), given, stop)
+        learned = None
+        if any(known) and found.converged:
+            tell("weighing the frame's motion", 0.8)
+            learned = with_learned_sway(problem, found, known, _free(found), stop)
     except Infeasible as why:
         raise AnalysisError(f"no motion of the {model} model comes near these shots: {why}") from why
     tell("uncertainties", 0.9)
-    fit = fit_of(model, problem, motions, found, time.perf_counter() - began)
+    fit = fit_of(model, problem, motions, found, time.perf_counter() - began, learned)
     tell("fitted", 1.0)
     return fit
 
@@ -136,13 +143,22 @@ def _with_effects(
     return best
 
 
-def fit_of(model_name: str, problem: Problem, motions: Sequence[Motion], found: Minimum, seconds: float) -> Fit:
-    """Return a minimum as a Fit."""
-    model, count = problem.model, problem.shared
-    free = np.ones(found.parameters.size, dtype=np.bool_)
-    free[list(found.at_bound)] = False
-    freedom = max(1, found.square.samples - int(free.sum()))
+def fit_of(
+    model_name: str,
+    problem: Problem,
+    motions: Sequence[Motion],
+    found: Minimum,
+    seconds: float,
+    learned: LearnedSway | None = None,
+) -> Fit:
+    """Return a minimum as a Fit; with ``learned`` its values and covariance, chi^2 by what was known before."""
+    weighed = problem
+    free = _free(found)
     inverse = covariance(found.square, free)
+    if learned is not None and learned.found.converged and learned.covariance is not None:
+        weighed, found, inverse = learned.problem, learned.found, learned.covariance
+    model, count = problem.model, problem.shared
+    freedom = max(1, found.square.samples - int(free.sum()))
     known = np.full((found.parameters.size, found.parameters.size), np.nan) if inverse is None else inverse
     flags = [f"{model.shared_names[i]}_at_bound" for i in found.at_bound if i < count]
     if not all(shot.noise.trusted for shot in problem.shots):
@@ -160,17 +176,25 @@ def fit_of(model_name: str, problem: Problem, motions: Sequence[Motion], found: 
         chosen=dict(model.chosen),
         flags=tuple(flags),
     )
-    parts = [_part(problem, index, motion, found) for index, motion in enumerate(motions)]
+    parts = [_part(problem, weighed.shots[index].noise, index, motion, found) for index, motion in enumerate(motions)]
     noise_std_m = float(np.sqrt(np.mean([shot.noise.std_m**2 for shot in problem.shots])))
     return build_fit(estimate, parts, noise_std_m, seconds)
 
 
-def _part(problem: Problem, index: int, motion: Motion, found: Minimum) -> Part:
+def _free(found: Minimum) -> NDArray[np.bool_]:
+    """Return which parameters no bound holds, shape (p,)."""
+    free = np.ones(found.parameters.size, dtype=np.bool_)
+    free[list(found.at_bound)] = False
+    return free
+
+
+def _part(problem: Problem, noise: Noise | Swayed, index: int, motion: Motion, found: Minimum) -> Part:
+    """Return a shot's part; ``noise`` is the one it was fitted with, which says how its frame sways."""
     model, shot, places = problem.model, problem.shots[index], problem.places(index)
     own = found.parameters[problem.own_slice(index)]
     response = respond(model, shot, found.parameters[: problem.shared], own)
     rest = np.where(shot.valid, shot.displacement_m - response.displacement_m, 0.0)
-    swayed = shot.noise if isinstance(shot.noise, Swayed) else None
+    swayed = noise if isinstance(noise, Swayed) else None
     return Part(
         motion=motion,
         own={name: int(place) for name, place in zip(model.own_names, places[problem.shared :], strict=True)},

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.disturbance import Shaking
-from analysis.model.parameters import Floats
+from analysis.model.parameters import Collision, Floats
 from analysis.model.response import Base, ShotData
 from analysis.model.sway import BELOW_HZ, Grid, Swayed, knots_of, plate_swing_std
 from analysis.motion import Motion
+from analysis.noise import Noise
 
 _APART = 0.45  # of 1 / the time that is fitted: the sines that stand for a floor
 _FEWEST_A_TURN = 10.0  # samples of what shakes fastest
@@ -41,9 +42,15 @@ def _on_frame(shot: ShotData, shaking: Shaking, base: Base, shared: Floats, own:
         quickest_hz = float(np.max(slow.frequency_hz[~slow.random], initial=1.0))
         knots_s = knots_of(shot.time_s, shot.valid, touch_s, collision.contact_time_estimate_s, quickest_hz)
         beat, grid = shot.noise, Grid.of(shot.noise, knots_s, shot.time_s, shot.valid)
-    slow = slow.less(beat.psd)
-    noise = Swayed.of(beat, grid, slow, collision, touch_s)
-    return replace(shot, noise=noise, plate_std=plate_swing_std(slow, collision))
+    return sways_as(shot, beat, grid, slow.less(beat.psd), collision, touch_s)
+
+
+def sways_as(
+    shot: ShotData, beat: Noise, grid: Grid, shaking: Shaking, collision: Collision, touch_time_s: float
+) -> ShotData:
+    """Return a shot with the noise that a frame makes of it which sways so, and with what its plate may have done."""
+    noise = Swayed.of(beat, grid, shaking, collision, touch_time_s)
+    return replace(shot, noise=noise, plate_std=plate_swing_std(shaking, collision))
 
 
 def elsewhere(shots: Sequence[ShotData], shakings: Sequence[Shaking | None], before: Floats, now: Floats) -> bool:

@@ -31,6 +31,7 @@ _MOST_KNOTS = 400
 _BOUNCE_KNOTS = 30
 _BOUNCING = 0.12  # of the contact time
 _CLOSE = 2e-5  # of a contact's time: knots nearer than that are one
+_ROUNDING = 1e-13
 _LEAST = 1e-8  # of the largest value: less counts as nothing
 
 Complex = NDArray[np.complex128]
@@ -54,6 +55,12 @@ class Grid:
         if beat.only_white:
             return cls.holding(knots_s, splines[np.flatnonzero(valid)] / beat.white_std_m)
         return cls.holding(knots_s, _local(beat.whiten(splines.toarray(), valid)))
+
+    @property
+    def root(self) -> Floats:
+        """Get R, shape (m, m), upper triangular, of the products R^T R: columns R^-1 are orthonormal."""
+        least = _ROUNDING * float(np.trace(self.products)) / self.products.shape[0]
+        return np.asarray(np.linalg.cholesky(self.products + least * np.eye(self.products.shape[0])).T)
 
     @classmethod
     def holding(cls, knots_s: Floats, columns: csr_matrix) -> "Grid":
@@ -80,9 +87,8 @@ class Swayed:
     @classmethod
     def of(cls, beat: Noise, grid: Grid, shaking: Shaking, collision: Collision, touch_time_s: float) -> "Swayed":
         """Return the noise of a shot that went as ``collision`` from ``touch_time_s`` on; cost about 10 ms."""
-        omega = 2 * np.pi * shaking.frequency_hz
-        moved, left = responses(collision, grid.knots_s - touch_time_s, omega)
-        sines = _spline(grid.knots_s, np.hstack([moved.real, moved.imag])).c * np.sqrt(np.tile(shaking.power_m2, 2))
+        sines, left = unit_sines(grid, shaking.frequency_hz, collision, touch_time_s)
+        sines = sines * np.sqrt(np.tile(shaking.power_m2, 2))
         return cls(beat, grid, sines, _shrink(grid, sines), speed_stds(shaking, left))
 
     def of_first(self, samples: int) -> "Swayed":
@@ -108,6 +114,15 @@ class Swayed:
         """Filter ``columns``, shape (n,) or (n, k), to unit white noise where their noise is this one."""
         white = self.beat.whiten(columns, valid)
         return np.asarray(white - self.grid.columns @ (self.shrink @ (self.grid.columns.T @ white)))
+
+
+def unit_sines(grid: Grid, frequency_hz: Floats, collision: Collision, touch_time_s: float) -> tuple[Floats, Complex]:
+    """Return what unit sways do to a shot, cosines and then sines in the grid's splines, shape (m, 2 f).
+
+    The second is what ``responses`` says of them after the last release, shape (f,).
+    """
+    moved, left = responses(collision, grid.knots_s - touch_time_s, 2 * np.pi * frequency_hz)
+    return np.asarray(_spline(grid.knots_s, np.hstack([moved.real, moved.imag])).c), left
 
 
 def speed_stds(shaking: Shaking, left: Complex) -> tuple[float, float]:

@@ -28,6 +28,11 @@ class Octaves:
         span, flown = float(np.ptp(time_s)) + bin_s, time_s.size * bin_s
         return _octaves(span, flown, bin_s)
 
+    @classmethod
+    def over(cls, span_s: float, highest_hz: float) -> "Octaves":
+        """Choose them for a stretch without gaps, up to ``highest_hz``."""
+        return _octaves(span_s, span_s, 0.5 / highest_hz)
+
     def density(self, power: Floats, frequency_hz: Floats) -> Floats:
         """Return the one-sided density in m^2/Hz of octaves with ``power`` (k,) in (m/s)^2."""
         frequency = np.asarray(frequency_hz, np.float64)

@@ -66,7 +66,7 @@ class Sight:
 
     def powers(self, at: Floats) -> Floats:
         """Return the octaves' powers (k,) in (m/s)^2."""
-        return np.asarray(SPEED_M_PER_S**2 * np.exp(np.clip(at[:-1], -60.0, 60.0)))
+        return powers_of(at[:-1])
 
     def weigh(self, design: Floats, start: Floats | None = None) -> Weighing:
         """Find the likeliest strengths beside a design (n, p) whose coefficients are free; SI units.
@@ -92,7 +92,7 @@ class Sight:
             worth, slope, curve = found
             if np.abs(move).max() < _ENOUGH or gained < 1e-3:
                 break
-        parts = self._about(at, curve)
+        parts = tuple((1.0 / _POINTS, point) for point in points_about(at, curve))
         still = np.concatenate([np.full(at.size - 1, _NOTHING), at[-1:]])
         left = self._likelihood(still, columns, scale, (still, prior[1]))[0] - 0.5 * prior[1][-1, -1] * at[-1] ** 2
         # how much likelier any floor is than none, its strengths integrated over (Laplace)
@@ -101,13 +101,6 @@ class Sight:
         if none > _LEAST:
             parts = (*((weight * (1.0 - none), point) for weight, point in parts), (none, still))
         return Weighing(parts, at, self.likelihood(at, design))
-
-    @staticmethod
-    def _about(at: Floats, curve: Floats) -> tuple[tuple[float, Floats], ...]:
-        """Return points of the normal distribution about the likeliest strengths."""
-        level, turn = np.linalg.eigh(curve)
-        spread = turn / np.sqrt(level)
-        return tuple((1.0 / _POINTS, at + spread @ point) for point in _normal(at.size))
 
     def _guess(self, columns: Floats, scale: Floats) -> Floats:
         """Return strengths to begin with: what white noise would leave, as if it were all in the middle octave."""
@@ -219,6 +212,18 @@ def _scale(design: Floats) -> Floats:
     return np.asarray(np.abs(design).max(axis=0) + 1e-300)
 
 
+def powers_of(at: Floats) -> Floats:
+    """Return the powers of octaves in (m/s)^2, (k,), whose logarithms over what is expected are these."""
+    return np.asarray(SPEED_M_PER_S**2 * np.exp(np.clip(at, -60.0, 60.0)))
+
+
+def points_about(at: Floats, curve: Floats) -> tuple[Floats, ...]:
+    """Return points that stand for a normal distribution about ``at``, (k,), of precision ``curve``, (k, k)."""
+    level, turn = np.linalg.eigh(curve)
+    spread = turn / np.sqrt(level)
+    return tuple(at + spread @ point for point in _normal(at.size))
+
+
 @lru_cache(maxsize=8)
 def _normal(size: int) -> Floats:
     """Return points that stand for a normal distribution, (_POINTS, size): their mean is 0, their covariance one."""
@@ -228,12 +233,19 @@ def _normal(size: int) -> Floats:
 
 
 @lru_cache(maxsize=8)
-def _prior(size: int) -> tuple[Floats, Floats]:
-    """Return mean and precision of the logarithms before anything is seen, ((k + 1),) and (k + 1, k + 1)."""
-    precision = np.zeros((size + 1, size + 1))
-    for k in range(size - 1):
-        spread = SLOW_SPREAD if k < size // 2 else FAST_SPREAD
+def prior_of(octaves: int) -> tuple[Floats, Floats]:
+    """Return mean and precision of the octaves' logarithms before anything is seen, (k,) and (k, k)."""
+    precision = np.zeros((octaves, octaves))
+    for k in range(octaves - 1):
+        spread = SLOW_SPREAD if k < octaves // 2 else FAST_SPREAD
         precision[k : k + 2, k : k + 2] += np.array([[1.0, -1.0], [-1.0, 1.0]]) / spread**2
-    precision[size // 2, size // 2] += 1.0 / SPEED_SPREAD**2
-    precision[size, size] = 1.0 / DRAG_SPREAD**2
-    return np.zeros(size + 1), precision
+    precision[octaves // 2, octaves // 2] += 1.0 / SPEED_SPREAD**2
+    return np.zeros(octaves), precision
+
+
+@lru_cache(maxsize=8)
+def _prior(octaves: int) -> tuple[Floats, Floats]:
+    """Return the same with the drags' logarithm last, ((k + 1),) and (k + 1, k + 1)."""
+    mean, precision = (np.pad(part, (0, 1)) for part in prior_of(octaves))
+    precision[octaves, octaves] = 1.0 / DRAG_SPREAD**2
+    return mean, precision

@@ -25,7 +25,7 @@ FLAG_WORDS = {
     "fit_disagrees": "the model's velocities contradict those read, beyond their uncertainties",
     "chi2_far_from_one": "the model leaves far more, or far less, than the noise: its uncertainties do not hold",
     "plate_shaken": "the table shakes the plate before it is touched: the fitted ± do not contain that",
-    "knock_suspected": "for a moment the shot moves as neither model nor site would: a knock, or what the model lacks",
+    "knock_suspected": "the shot moves as neither model nor site would: a knock, or what the model lacks",
     "fit_not_converged": "the model's fit did not converge: its numbers are withheld",
     "mass_disagrees": "force and motion contradict the stated mass: the fitted one is used",
     "fit_to_follow": "the readings stand; the model is still being fitted, and its numbers come by themselves",

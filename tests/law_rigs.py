@@ -73,15 +73,17 @@ class LawRig:
         out[before.size :] = self._solve(start, 0.0, float(time_s[-1]), True, time_s[before.size :], step_s)
         return out
 
-    def norms(self, speeds: Sequence[float]) -> float:
+    def norms(self, speeds: Sequence[float], beside: Sequence["LawRig"] = ()) -> float:
         """Return what the law leaves beside the bodies' own parameters and the starts, over the noise of a sample.
 
-        To first order: what one rig without the law can imitate is moved out of the difference that the law makes.
+        To first order: what one rig without the law can imitate is moved out of the difference that the law makes,
+        and so is what rigs of other laws ``beside`` do, each of any size.
         """
         bare = LawRig(bodies=self.bodies)
         time_s, step_s = np.arange(-8e-3, self._end_s, 4 / RATE_HZ), 3e-4
         names = [one.name for one in fields(Bodies)]
-        columns = np.zeros((len(speeds), time_s.size, 5 + 3 * len(speeds)))
+        first = len(names) + 3 * len(speeds)
+        columns = np.zeros((len(speeds), time_s.size, first + len(beside)))
         left = np.zeros((len(speeds), time_s.size))
         for index, speed in enumerate(speeds):
             x = bare.displacement_m(time_s, speed, step_s)
@@ -92,6 +94,8 @@ class LawRig:
             columns[index, :, 5 + 3 * index] = bare.displacement_m(time_s, speed * 1.001, step_s) - x
             columns[index, :, 6 + 3 * index] = np.gradient(x, time_s)
             columns[index, :, 7 + 3 * index] = 1.0  # where zero lies is a shot's own
+            for k, other_law in enumerate(beside):
+                columns[index, :, first + k] = other_law.displacement_m(time_s, speed, step_s) - x
         flat = columns.reshape(-1, columns.shape[2])
         flat = flat / np.linalg.norm(flat, axis=0)
         basis, _ = np.linalg.qr(np.delete(flat, 0, axis=1))  # of the masses only their ratio to the springs tells

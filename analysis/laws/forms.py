@@ -4,6 +4,7 @@ A form is written once, as the text of a formula; what is fitted to the curve an
 same text.  ``a`` is always the size, in which a form is linear.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -48,16 +49,24 @@ class Form:
         return np.asarray(Formula(text, ("a", *self.bent), ()).values(state, parameters)) + 0.0 * z
 
     def starts(self, low: float, high: float) -> list[dict[str, float]]:
-        """Return where the bent parameters may begin for an argument in [low, high]."""
+        """Return where the bent parameters may begin for an argument in [low, high].
+
+        A place off zero begins everywhere, as close as the form is wide: a search from beside a bump never meets it.
+        """
         span = max(abs(low), abs(high))
-        axes = {name: [span * f for f in (0.02, 0.07, 0.2, 0.6, 2.0)] for name in self.positive}
-        shifts = [low + (high - low) * f for f in (0.1, 0.3, 0.5, 0.7, 0.9)]
-        axes |= {name: shifts for name in self.lengths if name not in self.positive}
-        axes |= {name: [0.5, 1.5, 2.5, 4.0] for name in self.powers}
         out: list[dict[str, float]] = [{}]
         for name in self.bent:
-            out = [one | {name: value} for one in out for value in axes[name]]
+            if name in self.positive:
+                out = [one | {name: span * f} for one in out for f in (0.02, 0.07, 0.2, 0.6, 2.0)]
+            elif name in self.powers:
+                out = [one | {name: value} for one in out for value in (0.5, 1.5, 2.5, 4.0)]
+            else:
+                out = [one | {name: value} for one in out for value in self._shifts(low, high, one)]
         return out
+
+    def _shifts(self, low: float, high: float, widths: Mapping[str, float]) -> list[float]:
+        count = 5 if not widths else max(5, min(50, math.ceil((high - low) / min(widths.values()))))
+        return [low + (high - low) * (k + 0.5) / count for k in range(count)]
 
     def law(self, argument: Argument, parameters: Mapping[str, float], span: float) -> OwnLaw:
         """Return the form with these values as a law that the exact solver takes."""

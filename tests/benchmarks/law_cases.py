@@ -58,6 +58,8 @@ class LawOutcome:
     norms: float = math.nan  # of what the base fit leaves, over the noise
     noise_m: float = NOISE_M
     seconds: float = 0.0
+    classes: tuple[tuple[str, ...], ...] = ()  # of every effect, what it is said not to be told from
+    beside: dict[str, float] = field(default_factory=dict)  # effect said: norms its row leaves of the law, at best
     problem: str = ""
     said: str = field(default="", compare=False)
 
@@ -240,9 +242,15 @@ TWO = (
 )
 
 
-def cases(sets: int, clean: int, seed: int) -> list[LawCase]:
-    """Return ``sets`` blind cases over all families in turn, with 3 to 5 shots, and ``clean`` without a law."""
+def cases(sets: int, clean: int, seed: int, only: str | None = None) -> list[LawCase]:
+    """Return ``sets`` blind cases over all families in turn, with 3 to 5 shots, and ``clean`` without a law.
+
+    ``only`` is a family, or "memory" for those that have one, or "pair".
+    """
     kinds = [*FAMILIES, *(" and ".join(pair) for pair in TWO)]
+    if only is not None:
+        groups = {"memory": [n for n, f in FAMILIES.items() if f.argument == "memory"], "pair": kinds[len(FAMILIES) :]}
+        kinds = groups.get(only, [only])
     found = [LawCase(kinds[i % len(kinds)], seed * 1_000_003 + i, 3 + i // len(kinds) % 3) for i in range(sets)]
     return found + [LawCase("clean", seed * 1_000_003 + 500_000 + i) for i in range(clean)]
 
@@ -275,6 +283,18 @@ def draw(case: LawCase) -> tuple[LawRig, tuple[tuple[str, str, str], ...], dict[
     return replace(rig, **parts, kinks=kinks), tuple(true), numbers
 
 
+ROWS: dict[str, dict[str, Any]] = {  # of the catalogue, each as a rig of its own, small
+    "plate_damping": _on_plate(lambda _x, _v, _y, u: -1e-5 * u),
+    "nonlinear_contact_damping": _between(lambda x, v, y, u: 10.0 * max(y - x, 0.0) * (u - v)),
+}
+
+
+def row_leaves(rig: LawRig, row: str, speeds: Sequence[float]) -> float:
+    """Return what a row of the catalogue leaves of a rig's law at its best, in norms of the noise."""
+    parts = {"kinks": (), **ROWS[row]}
+    return rig.norms(speeds, [LawRig(bodies=rig.bodies, **parts)])
+
+
 def judge(case: LawCase, diagnose: Callable[[Sequence[Motion]], Any]) -> LawOutcome:
     """Draw a case, have it diagnosed, and write down what was said beside what was true."""
     rig, true, numbers = draw(case)
@@ -298,6 +318,7 @@ def judge(case: LawCase, diagnose: Callable[[Sequence[Motion]], Any]) -> LawOutc
             "nearest": law.nearest_form,
             "parameters": {key: (q.value, q.std) for key, (q, _) in law.parameters.items()},
             "others": [(o.where, o.argument, o.form, o.delta_bic) for o in law.other_forms],
+            "same": law.same_by_gauge,
             "freedom": law.evidence["degrees_of_freedom"],
         }
         for law in said.laws
@@ -314,5 +335,7 @@ def judge(case: LawCase, diagnose: Callable[[Sequence[Motion]], Any]) -> LawOutc
         held_out_chi2=float(said.laws[0].evidence["held_out_chi2"]) if said.laws else math.nan,
         norms=rig.norms(speeds),
         seconds=seconds,
+        classes=tuple(effect.indistinguishable_from for effect in said.effects),
+        beside={effect.name: row_leaves(rig, effect.name, speeds) for effect in said.effects if effect.name in ROWS},
         said=said.sentence,
     )

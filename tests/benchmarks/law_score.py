@@ -9,6 +9,7 @@ from tests.benchmarks.law_cases import FAMILIES, NORMS, LawOutcome
 from tests.benchmarks.loop_score import Line, Share, share
 
 _Z95 = 1.959964
+_TOLD_APART = 5.0  # norms that a row of the catalogue leaves of a law: with less no shot tells one from the other
 _IN_THE_CATALOGUE = {"Maxwell arm": "viscoelastic_arm"}  # the one family with a memory that a row holds
 _WHOLE = {1.0: ("linear",), 2.0: ("quadratic", "quadratic, odd"), 3.0: ("cubic",)}
 
@@ -32,17 +33,32 @@ def told(outcome: LawOutcome) -> set[tuple[str, str]]:
     return first | {(other[0], other[1]) for law in outcome.laws for other in law["others"]}
 
 
+def is_as_good(outcome: LawOutcome) -> bool:
+    """Return whether one row of the catalogue was named that does what the true law does, to within the noise.
+
+    That is reckoned from the bench's own rigs (``row_leaves``), not from what was said.
+    """
+    alone = outcome.verdict == "effect_found" and len(outcome.effects) == 1
+    return alone and outcome.beside.get(outcome.effects[0], math.inf) < _TOLD_APART
+
+
 def placed(outcome: LawOutcome) -> bool:
     """Return whether every true law is said to be where it is, or that it may be there."""
-    return {(where, argument) for where, argument, _ in outcome.true} <= told(outcome)
+    return is_as_good(outcome) or {(where, argument) for where, argument, _ in outcome.true} <= told(outcome)
 
 
 def formed(outcome: LawOutcome) -> bool:
     """Return whether every true form stands first, or among those that the shots do not exclude."""
     listed = {(law["where"], law["argument"], law["form"]) for law in outcome.laws}
     listed |= {tuple(other[:3]) for law in outcome.laws for other in law["others"]}
+    twins = [(law["where"], law["argument"], text) for law in outcome.laws for text in law.get("same", ())]
+
+    def stands(where: str, argument: str, form: str) -> bool:
+        same = (text for *place, text in twins if place == [where, argument])
+        return (where, argument, form) in listed or any(text.startswith(f"{form}, ") for text in same)
+
     pairs = zip(outcome.true, forms_of(outcome), strict=True)
-    return all(any((where, argument, form) in listed for form in forms) for (where, argument, _), forms in pairs)
+    return is_as_good(outcome) or all(any(stands(*true[:2], form) for form in forms) for true, forms in pairs)
 
 
 def remembers(outcome: LawOutcome) -> bool:
@@ -100,9 +116,13 @@ def lines(outcomes: Sequence[LawOutcome]) -> list[Line]:
 
 
 def _owned_up(outcome: LawOutcome) -> bool:
-    """Return whether a law with a memory was told as no force of one argument: in part, or as the catalogue's row."""
+    """Return whether a law with a memory was told as no force of one argument: in part, or as the catalogue's row.
+
+    A class that holds the row is right where what it is told by may as well be the law.
+    """
     own = _IN_THE_CATALOGUE.get(outcome.case.family)
-    return outcome.verdict == "partly_explained" or (own is not None and list(outcome.effects) == [own])
+    in_class = is_as_good(outcome) and any(own in members for members in outcome.classes)
+    return outcome.verdict == "partly_explained" or (own is not None and list(outcome.effects) == [own]) or in_class
 
 
 def _covered(outcome: LawOutcome) -> list[bool]:
@@ -127,7 +147,9 @@ def page(outcomes: Sequence[LawOutcome], command: str) -> str:
         f"Regenerate with `{command}`. Every set holds three to five shots at different speeds from an integrator of "
         f"its own, with a law of one of {len(FAMILIES)} families that is not in the catalogue, or with two, sized to "
         f"leave {NORMS[0]:g} to {NORMS[1]:g} noise norms beside the base model. A law that may as well be in another "
-        "argument counts as placed where that is said. Intervals are Wilson's at 95 %.\n\n"
+        "argument counts as placed where that is said; so does a row of the catalogue that leaves less than "
+        f"{_TOLD_APART:g} norms of the law when it does its best, as the bench's own rigs tell: a quick arm is a "
+        "damping. Intervals are Wilson's at 95 %.\n\n"
     )
     marks = {True: "yes", False: "**no**", None: ""}
     table = ["| figure | measured | target | met |", "|---|---|---|---|"]

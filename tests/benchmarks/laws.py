@@ -19,12 +19,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--sets", type=int, default=63, metavar="N", help="with a law, over all families in turn")
     parser.add_argument("--clean", type=int, default=300, metavar="N", help="sets without a law")
+    parser.add_argument("--only", metavar="NAME", help='a family, "memory" or "pair"')
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument("--page", type=Path, metavar="FILE", help="write figures and every set as Markdown")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="outcomes, a JSON object a line; read back if there")
     options = parser.parse_args(arguments)
-    todo = cases(options.sets, options.clean, options.seed)
+    todo = cases(options.sets, options.clean, options.seed, options.only)
     outcomes = []
     for done, outcome in enumerate(kept_runs(todo, _one, options.processes, options.keep, _from_json), 1):
         outcomes.append(outcome)
@@ -54,6 +55,7 @@ def _from_json(values: dict[str, Any]) -> LawOutcome:
     values["true"] = tuple(tuple(one) for one in values["true"])
     for name in ("effects", "laws", "chi2"):
         values[name] = tuple(values[name])
+    values["classes"] = tuple(tuple(one) for one in values.get("classes", ()))
     values["held_out"] = tuple(values["held_out"]) if values["held_out"] else None
     return LawOutcome(**values)
 

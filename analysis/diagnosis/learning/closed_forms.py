@@ -53,7 +53,7 @@ def compress(learned: Learned, which: int = 0) -> list[Fitting]:
         return np.asarray(row - basis @ (basis.T @ row))
 
     low, high = float(knots[0]), float(knots[-1])
-    laid = [(form, *_laid(form, fine, seen, target, low, high)) for form in FORMS if _apt(form, low, high)]
+    laid = [(form, *_laid(form, fine, seen, target, low, high)) for form in FORMS if is_its_own(form, low, high)]
     toll = _toll(learned, which)
     found = [
         Fitting(form, values, distance, toll @ (into @ form.values(fine, values) - term.coefficients))
@@ -102,9 +102,10 @@ def gauge(argument: Argument, at: Floats) -> Floats:
     return np.column_stack([columns[name] for name in argument.gauge]) if argument.gauge else np.zeros((at.size, 0))
 
 
-def _apt(form: Form, low: float, high: float) -> bool:
+def is_its_own(form: Form, low: float, high: float) -> bool:
+    """Return whether a form is one of its own over a range: on one side of zero some are the same function."""
     one_sided = low > -0.02 * high or high < -0.02 * low
-    twins = ("quadratic, odd", "power, odd", "falling exponential" if high <= 0 else "rising exponential")
+    twins = ("quadratic, odd", "power, odd", "falling exponential" if high > -low else "rising exponential")
     return not (one_sided and form.name in twins)
 
 

@@ -12,12 +12,13 @@ from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.diagnosis.result import LearnedLaw, OtherForm
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction
+from analysis.laws.arguments import Argument
 from analysis.laws.own import from_key
 from analysis.quantity import Quantity
 
 Floats = NDArray[np.float64]
 _SHOWN = 81  # points of a curve that is told
-_SAME = 1e-3  # of the largest force: what may lie between two readings of one function
+_SAME = 1e-3  # of the largest force that is news: what may lie between two readings of one function
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,8 @@ def told(start: Fitted, fits: Sequence[FormFit], named: bool, after: Prediction,
     shown = best.curve(at)
     near = [one for one in fits[1:] if one.bic < best.bic + CRITERIA.form_excluded and one.key != best.key]
     others = [_other(one, best, at, shown) for one in near]
-    twins = [other for other in others if is_same_function(other, shown)]
+    new_n = news(argument, at, shown)
+    twins = [other for other in others if is_same_function(other, shown, new_n)]
     curve = term.curve(at)
     return LearnedLaw(
         name=best.key,
@@ -71,7 +73,7 @@ def told(start: Fitted, fits: Sequence[FormFit], named: bool, after: Prediction,
         formula=from_key(best.key).formula.text if named else None,
         nearest_form=best.form.form.name,
         parameters=_parameters(best.key, fitted) if named else {},
-        other_forms=tuple(other for other in others if not is_same_function(other, shown)),
+        other_forms=tuple(other for other in others if not is_same_function(other, shown, new_n)),
         same_by_gauge=tuple(
             filter(None, (argument.unseen, *(f"{t.form}, {t.formula}: the same over the range visited" for t in twins)))
         ),
@@ -119,11 +121,19 @@ def _other(one: FormFit, best: FormFit, at: Floats, shown: Floats) -> OtherForm:
     return OtherForm(argument.where, argument.name, form.name, form.formula(argument).text, one.bic - best.bic, curve)
 
 
-def is_same_function(other: OtherForm, shown: Floats) -> bool:
-    """Return whether another form is the same curve over the range visited, as y|y| is y^2 of what has one sign."""
+def news(argument: Argument, at: Floats, shown: Floats) -> Floats:
+    """Return of a curve what the base model does not hold already: nearly all of a law nearly linear may be k_N."""
+    return _as(shown, np.zeros(at.size), gauge(argument, at), np.ones(at.size))
+
+
+def is_same_function(other: OtherForm, shown: Floats, new_n: Floats) -> bool:
+    """Return whether another form is the same curve over the range visited, as y|y| is y^2 of what has one sign.
+
+    ``shown`` is the curve, ``new_n`` what is news of it, which alone tells its forms apart.
+    """
     if other.curve_force_n is None:
         return False
-    return bool(np.max(np.abs(other.curve_force_n - shown)) <= _SAME * float(np.max(np.abs(shown))))
+    return bool(np.max(np.abs(other.curve_force_n - shown)) <= _SAME * float(np.max(np.abs(new_n))))
 
 
 def _as(curve: Floats, shown: Floats, columns: Floats, std: Floats) -> Floats:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis import words
-from analysis.diagnosis.learning.law_telling import is_same_function
+from analysis.diagnosis.learning.law_telling import is_same_function, news
 from analysis.diagnosis.result import OtherForm
 from analysis.laws.arguments import ARGUMENTS
 from analysis.laws.forms import FORMS
@@ -27,12 +27,26 @@ def curve(form: str, **values: float) -> np.ndarray:
 def test_forms_that_are_one_curve_over_the_range_are_readings_of_one_function(
     form: str, values: dict[str, float], same: bool
 ) -> None:
-    other = OtherForm(BEND.where, BEND.name, form, "", 0.1, curve(form, **values))
-    assert is_same_function(other, curve("quadratic", a=200.0)) is same
+    other, shown = OtherForm(BEND.where, BEND.name, form, "", 0.1, curve(form, **values)), curve("quadratic", a=200.0)
+    assert is_same_function(other, shown, news(BEND, AT_M, shown)) is same
 
 
 def test_a_form_of_another_argument_is_never_the_same_function() -> None:
-    assert not is_same_function(OtherForm("block", "place", "quadratic", "", 0.0), curve("quadratic", a=200.0))
+    assert not is_same_function(OtherForm("block", "place", "quadratic", "", 0.0), curve("quadratic", a=200.0), AT_M)
+
+
+def test_forms_that_differ_only_beside_what_the_base_model_holds_are_not_one_function() -> None:
+    overlap = next(one for one in ARGUMENTS if (one.where, one.name) == ("contact", "overlap"))
+    at_m = np.linspace(0.0, 3.5e-5, 50)
+    saturating = -2.5e-3 * at_m / (at_m + 1.66e-4)
+    power = 5900.0 * at_m**1.74
+    (linear,) = np.linalg.lstsq(at_m[:, None], saturating - power, rcond=None)[0]
+    moved = power + linear * at_m  # what is linear in the overlap is k_N
+    apart = float(np.max(np.abs(moved - saturating)))
+    close = saturating + (moved - saturating) * 5e-4 * float(np.max(np.abs(saturating))) / apart
+    other = OtherForm("contact", "overlap", "power", "", 0.3, close)
+    assert is_same_function(other, saturating, saturating)
+    assert not is_same_function(other, saturating, news(overlap, at_m, saturating))
 
 
 def test_a_law_of_ones_own_is_told_with_its_formula_and_its_units() -> None:

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from analysis.diagnosis import words
 from analysis.diagnosis.fits.as_fit import effect_parameters
 from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
-from analysis.diagnosis.learning.law_learning import Discovery, learn_another, learn_law, learn_laws
+from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.law_telling import retold
+from analysis.diagnosis.learning.two_laws import learn_another, learn_laws
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.search.projector import Projector, projector

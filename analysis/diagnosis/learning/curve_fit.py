@@ -5,6 +5,7 @@ smoothing is set anew at every step (``curve_step``).  A law does little to wher
 for many steps: they are taken anew where a step brings less than they promised.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +23,7 @@ from analysis.laws.arguments import Argument
 from analysis.laws.curve import graded
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Stop
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 _DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after another until one leads down
@@ -61,6 +63,19 @@ class Learned:
         part = slice(edges[:-1][which], edges[1:][which])
         return self.penalty[part, part]
 
+    def with_last(self, which: int) -> "Learned":
+        """Return the same fit with one of its curves put last."""
+        order = [*(k for k in range(len(self.terms)) if k != which), which]
+        edges = np.cumsum([0, *(term.basis.count for term in self.terms)])
+        at = np.concatenate([np.arange(edges[k], edges[k + 1]) for k in order])
+        whole = np.concatenate([np.arange(self.z.size), self.z.size + at])
+        return replace(
+            self,
+            terms=tuple(self.terms[k] for k in order),
+            curvature=self.curvature[np.ix_(whole, whole)],
+            penalty=self.penalty[np.ix_(at, at)],
+        )
+
     @property
     def bic(self) -> float:
         """Get the Bayesian information criterion, the curves' effective freedom among the parameters."""
@@ -77,9 +92,49 @@ def screen(ground: Ground, argument: Argument, pieces: int, stop: Stop, *, steps
     basis = graded(low, high, pieces)
     term = Term(argument, basis, np.zeros(basis.count))
     left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, start.hypothesis.data.shots, strict=True)])
-    rms = float(np.sqrt(np.mean(left**2)))
-    rough = white_floor(rms, start.floor.spacing_s)
+    rough = white_floor(float(np.sqrt(np.mean(left**2))), start.floor.spacing_s)
     return _fitted(start.hypothesis, start.z, (term,), rough, stop, steps, ground.beside(term), to_the_end=False)
+
+
+def likeliest_pairs(ground: Ground, arguments: Sequence[Argument], pieces: int, stop: Stop) -> list[tuple[Term, Term]]:
+    """Return pairs of curves that are still nothing, those first that explain most of what a fit leaves; Cancelled.
+
+    To first order.  What all curves do is turned once onto as many rows as there are numbers, which keeps every sum of
+    squares: the 55 pairs of eleven arguments are some seconds.
+    """
+    start = ground.fitted
+    shots, size = start.hypothesis.data.shots, start.z.size
+    left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, shots, strict=True)])
+    rough = white_floor(float(np.sqrt(np.mean(left**2))), start.floor.spacing_s)
+
+    def columns(argument: Argument) -> tuple[Term, Floats] | None:
+        try:
+            basis = graded(*ground.visited(argument), pieces)
+            term = Term(argument, basis, np.zeros(basis.count))
+            both = zip(start.residual_m, ground.beside(term).derivatives, strict=True)
+            return term, _whitened(start.hypothesis, [np.column_stack([one, j]) for one, j in both], rough)
+        except (Infeasible, ValueError):
+            return None
+
+    known = [one for one in side_by_side(columns, arguments) if one is not None]
+    if len(known) < 2:
+        return []
+    count = known[0][1].shape[0]
+    whole = np.hstack([known[0][1][:, : 1 + size], *(rows[:, 1 + size :] for _, rows in known)])
+    turned: Floats = np.asarray(np.linalg.qr(whole, mode="r"), dtype=np.float64)
+    edges = np.cumsum([1 + size, *(term.basis.count for term, _ in known)])
+
+    def judged(pair: tuple[int, int]) -> tuple[float, tuple[Term, Term]]:
+        if stop():
+            raise Cancelled
+        both = (known[pair[0]][0], known[pair[1]][0])
+        rows = np.hstack([turned[:, : 1 + size], *(turned[:, edges[k] : edges[k + 1]] for k in pair)])
+        by, _, freedom = penalised_step(rows, size, both, samples=count)
+        rest = rows[:, 0] - rows[:, 1:] @ by
+        return count * math.log(float(rest @ rest)) + freedom * math.log(count), both
+
+    pairs = side_by_side(judged, itertools.combinations(range(len(known)), 2))
+    return [both for _, both in sorted(pairs, key=lambda one: one[0])]
 
 
 def refine(learned: Learned, pieces: int, stop: Stop, *, steps: int) -> Learned:

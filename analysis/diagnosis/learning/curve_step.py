@@ -16,10 +16,13 @@ Floats = NDArray[np.float64]
 _RIDGE = 1e-9  # of each coefficient's own curvature: keeps what no shot visits at rest
 
 
-def penalised_step(rows: Floats, base: int, terms: Sequence[Term]) -> tuple[Floats, Floats, float]:
+def penalised_step(
+    rows: Floats, base: int, terms: Sequence[Term], *, samples: int | None = None
+) -> tuple[Floats, Floats, float]:
     """Return the step of all numbers, the smoothing of the coefficients and their effective freedom.
 
-    Smoothing by restricted maximum likelihood of the linearised problem, one number for each curve.
+    Smoothing by restricted maximum likelihood of the linearised problem, one number for each curve.  ``samples`` is
+    how many samples ``rows`` stand for, where they were turned onto fewer.
     """
     left, fixed, free = rows[:, 0], rows[:, 1 : 1 + base], rows[:, 1 + base :]
     now = np.concatenate([term.coefficients for term in terms])
@@ -29,7 +32,7 @@ def penalised_step(rows: Floats, base: int, terms: Sequence[Term]) -> tuple[Floa
     target_in = target - basis @ (basis.T @ target)
     free_in = free - basis @ (basis.T @ free)
     a, b, s = free_in.T @ free_in, free_in.T @ target_in, float(target_in @ target_in)
-    penalty, solution = _smoothing(a, b, s, rows.shape[0] - base, terms)
+    penalty, solution = _smoothing(a, b, s, (samples or rows.shape[0]) - base, terms)
     total = a + penalty
     freedom = float(np.trace(np.linalg.solve(total, a)))
     rest = left - free @ (solution - now)

@@ -19,7 +19,7 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit, lead_on
 from analysis.diagnosis.learning.closed_forms import Fitting, compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import ground_of
-from analysis.diagnosis.learning.law_telling import FormFit, retold, told
+from analysis.diagnosis.learning.law_telling import FormFit, told
 from analysis.diagnosis.result import LearnedLaw
 from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -43,8 +43,12 @@ _NEAR, _NEAR_NORMS = 4.0, 200.0  # times the nearest form's distance, and more: 
 
 @dataclass(frozen=True, slots=True)
 class Discovery:
-    """Learned laws: how they are told, the fit that holds them, what that leaves over, how the held-out shots fare."""
+    """Learned laws: how they are told, the fit that holds them, what that leaves over, how the held-out shots fare.
 
+    ``start`` is the fit that lacks them.
+    """
+
+    start: Fitted
     laws: tuple[LearnedLaw, ...]
     fitted: Fitted
     rest: Residual
@@ -57,49 +61,25 @@ class Discovery:
         return named and self.fitted.converged and not self.rest.significant
 
 
-def learn_law(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery | None:
+def learn_law(
+    start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop, *, beside: LearnedLaw | None = None
+) -> Discovery | None:
     """Return the law that ``start`` lacks, if the shots show any; Cancelled when asked to stop.
 
-    ``held`` are the shots that are foretold in turn.  A single shot shows no law: it could not be tested.
+    ``held`` are the shots that are foretold in turn.  A single shot shows no law: it could not be tested.  ``beside``
+    is a law that ``start`` has already.
     """
-    return _learn(start, held, None, tell, stop)
-
-
-def learn_laws(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery | None:
-    """Return the law that ``start`` lacks, or the two: a second is asked where the first leaves more than noise."""
-    first = learn_law(start, held, tell, stop)
-    return first if first is None or first.explains else learn_another(first, held, tell, stop)
-
-
-def learn_another(first: Discovery, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery:
-    """Return a law with a second one beside it, or itself where there is none; Cancelled when asked to stop.
-
-    A form that fell short of its curve only for what the second explains is then the first law's after all.
-    """
-    law = first.laws[0]
-    tell("learning a second law", 0.86)
-    second = _learn(first.fitted, held, law, tell, stop)
-    if second is None:
-        return first
-    both = (retold(law, second.fitted, law.form is not None or second.explains), *second.laws)
-    return Discovery(both, second.fitted, second.rest, (first.foretold[0], second.foretold[1]))
-
-
-def _learn(
-    start: Fitted, held: tuple[int, ...], beside: LearnedLaw | None, tell: Progress, stop: Stop
-) -> Discovery | None:
     if len(start.hypothesis.data.shots) < 2 or not held:
         return None
-    one_body = start.hypothesis.data.base.one_body
     known = (beside.where, beside.argument) if beside is not None else None
-    arguments = [a for a in ARGUMENTS if (a.where, a.name) != known and not (one_body and a.where == "plate")]
+    arguments = [a for a in arguments_of(start) if (a.where, a.name) != known]
     curves = _screened(start, arguments, tell, stop)
     if not curves or curves[0].bic > start.bic - CRITERIA.law_fall:
         return None
     fits: list[FormFit] = []
     for place, learned in enumerate(curves[:FOLLOWED]):
         tell(f"reading the curve of the {_argument(learned).name}", 0.84 + 0.03 * place)
-        forms = [form for form in compress(learned) if _is_law(form, _argument(learned))][:FORMS_FITTED]
+        forms = [form for form in compress(learned) if is_law(form, _argument(learned))][:FORMS_FITTED]
         near = [form for form in forms if form.distance <= _NEAR * forms[0].distance + _NEAR_NORMS]
         met = _refined(start, learned, near, stop)
         if not any(_meets(one, curves) for one in met):  # distances were to first order
@@ -120,7 +100,13 @@ def _learn(
     if before is None or after is None or not after.beats(before):
         return None
     named = _meets(fits[0], curves)
-    return Discovery((told(start, fits, named, after, held),), best, rest, (before, after))
+    return Discovery(start, (told(start, fits, named, after, held),), best, rest, (before, after))
+
+
+def arguments_of(start: Fitted) -> list[Argument]:
+    """Return what a law beside a fit may depend on."""
+    one_body = start.hypothesis.data.base.one_body
+    return [argument for argument in ARGUMENTS if not (one_body and argument.where == "plate")]
 
 
 def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
@@ -128,7 +114,7 @@ def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
     return one.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
 
 
-def _is_law(form: Fitting, argument: Argument) -> bool:
+def is_law(form: Fitting, argument: Argument) -> bool:
     """Return whether a form is news: a constant is, in contact alone (a force while they touch, and only then)."""
     return form.form.name != "constant" or (argument.where == "contact" and not argument.factor)
 

@@ -23,11 +23,15 @@ _SAME = 1e-3  # of the largest force that is news: what may lie between two read
 
 @dataclass(frozen=True, slots=True)
 class FormFit:
-    """A closed form fitted to the shots, and the curve that it was read from."""
+    """A closed form fitted to the shots, and the curve that it was read from: the last one of ``learned``.
+
+    ``place`` is where the law stands among the effects of ``fitted``.
+    """
 
     fitted: Fitted
     learned: Learned
     form: Fitting
+    place: int = -1
 
     @property
     def bic(self) -> float:
@@ -37,7 +41,7 @@ class FormFit:
     @property
     def key(self) -> str:
         """Get the name under which the model holds the law."""
-        return self.fitted.names[-1]
+        return self.fitted.names[self.place]
 
     def values(self) -> dict[str, float]:
         """Return the law's parameters as fitted."""

@@ -8,18 +8,23 @@ from analysis.diagnosis.fits.base_fit import base_fit
 from analysis.diagnosis.fits.hypothesis import JointData
 from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.diagnosis.fits.samples import together
-from analysis.diagnosis.learning.law_learning import Discovery, learn_laws
+from analysis.diagnosis.learning.law_learning import Discovery
+from analysis.diagnosis.learning.two_laws import learn_laws, learn_two
 from analysis.diagnosis.verdict.cross_validation import choose, predict
 from analysis.model.fitting import fit_shots
 from analysis.model.prepare import base_named
 from tests.law_rigs import LawRig
 
 
-def learned(rig: LawRig) -> tuple[Fitted, Discovery | None]:
+def begun(rig: LawRig) -> Fitted:
     motions = rig.shots()
-    data = JointData(together(motions), base_named("paper"))
-    start = base_fit(data, fit_shots(motions), lambda: False)
-    return start, learn_laws(start, choose(data), lambda _what, _fraction: None, lambda: False)
+    return base_fit(JointData(together(motions), base_named("paper")), fit_shots(motions), lambda: False)
+
+
+def learned(rig: LawRig) -> tuple[Fitted, Discovery | None]:
+    start = begun(rig)
+    held = choose(start.hypothesis.data)
+    return start, learn_laws(start, held, lambda _what, _fraction: None, lambda: False)
 
 
 def test_a_law_of_the_place_is_learned_with_its_form() -> None:
@@ -52,6 +57,22 @@ def test_a_law_of_the_bend_that_begins_in_mid_contact_is_not_taken_for_one_of_th
     slope, hinge = law.parameters["a"][0], law.parameters["c"][0]
     assert abs(slope.value - 0.3) < 4 * slope.std < 0.01
     assert abs(hinge.value - hinge_m) < 4 * hinge.std < 2e-5
+
+
+def test_two_laws_that_one_alone_would_pass_for_a_third_are_learned_at_once() -> None:
+    rig = LawRig(
+        on_block=lambda x, v, _y, _u: -2e-6 * math.exp(-abs(x) / 9e-4) * v,
+        on_plate=lambda _x, _v, y, _u: -10.0 * abs(y) ** 2.5 * math.copysign(1.0, y),
+        kinks=(lambda x, *_: x,),
+    )
+    start = begun(rig)
+    found = learn_two(start, choose(start.hypothesis.data), lambda: False)
+    assert found is not None and found.explains
+    assert [(law.argument, law.form) for law in found.laws] == [("place times speed", "exponential"), ("bend", "power")]
+    squeeze, bend = (law.parameters for law in found.laws)
+    for told, truth in ((squeeze["a"], -2e-6), (squeeze["b"], 9e-4), (bend["n"], 2.5)):
+        assert abs(told[0].value - truth) < 4 * told[0].std < 0.5 * abs(truth)
+    assert all(law.evidence["delta_bic"] < -28 for law in found.laws)
 
 
 def test_a_clean_set_grows_no_law() -> None:

@@ -1,0 +1,164 @@
+"""Two laws, where one does not explain all: both at once, and, where that finds none, a second beside the first.
+
+One law alone takes what is another's, and may then be given to the wrong argument, or lie on no form at all.  Two free
+curves side by side do not; each is read as a closed form with the other still free, and the forms are fitted together.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.free_parameters import trial_effect
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit, lead_on
+from analysis.diagnosis.learning.closed_forms import Fitting, compress
+from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs, refine
+from analysis.diagnosis.learning.curve_motion import Term, ground_of
+from analysis.diagnosis.learning.law_learning import (
+    FINER_PAYS,
+    FIRST_PIECES,
+    Discovery,
+    arguments_of,
+    is_law,
+    learn_law,
+)
+from analysis.diagnosis.learning.law_telling import FormFit, retold, told
+from analysis.diagnosis.search.forward_selection import without_effect
+from analysis.diagnosis.search.projector import projector
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.cross_validation import predict
+from analysis.diagnosis.verdict.residual import judge
+from analysis.laws.own import LawError
+from analysis.model.least_squares import Infeasible
+from analysis.shot import Progress, Stop
+from analysis.side_by_side import side_by_side
+
+_PAIRS = 4  # of arguments, likeliest to first order: fitted to the end
+_STEPS, _FINER_STEPS = 7, 4
+_MOST_PIECES = 48
+_FORMS = 4  # of each curve, by their distance from it
+_AT_FIRST = 2  # of these with as many of the other's; then all beside the other's best
+
+
+def learn_laws(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery | None:
+    """Return the law that ``start`` lacks, or the two: a second is asked where the first leaves more than noise."""
+    first = learn_law(start, held, tell, stop)
+    return first if first is None or first.explains else learn_another(first, held, tell, stop)
+
+
+def learn_another(first: Discovery, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery:
+    """Return two laws, or the first where there is no second; Cancelled when asked to stop.
+
+    Both at once where that explains all, else a second beside the first.  A form that fell short of its curve only for
+    what the second explains is then the first law's after all.
+    """
+    tell("learning two laws at once", 0.86)
+    together = learn_two(first.start, held, stop)
+    if together is not None and together.explains:
+        return together
+    tell("learning a second law", 0.88)
+    law = first.laws[0]
+    second = learn_law(first.fitted, held, tell, stop, beside=law)
+    if second is None:
+        return first
+    both = (retold(law, second.fitted, law.form is not None or second.explains), *second.laws)
+    return Discovery(first.start, both, second.fitted, second.rest, (first.foretold[0], second.foretold[1]))
+
+
+def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop) -> Discovery | None:
+    """Return two laws that ``start`` lacks, learned at once, or None where no two do; Cancelled when asked to stop."""
+    curves = _curves(start, stop)
+    if curves is None or curves.bic > start.bic - 2 * CRITERIA.law_fall:
+        return None
+    forms = [
+        [form for form in compress(curves, which) if is_law(form, term.argument)][:_FORMS]
+        for which, term in enumerate(curves.terms)
+    ]
+    tried: dict[tuple[int, int], Fitted] = {}
+
+    def ask(pairs: Sequence[tuple[int, int]]) -> None:
+        new = [pair for pair in pairs if pair not in tried]
+        fits = side_by_side(lambda pair: _joint(start, curves, (forms[0][pair[0]], forms[1][pair[1]]), stop), new)
+        tried.update({pair: one for pair, one in zip(new, fits, strict=True) if one is not None})
+
+    def best() -> tuple[int, int]:
+        return min(tried, key=lambda pair: tried[pair].bic)
+
+    counts = [len(one) for one in forms]
+    ask([(i, j) for i in range(min(_AT_FIRST, counts[0])) for j in range(min(_AT_FIRST, counts[1]))])
+    if not tried:
+        return None
+    ask([(i, best()[1]) for i in range(counts[0])])
+    ask([(best()[0], j) for j in range(counts[1])])
+    within = tried[best()].bic + CRITERIA.form_excluded
+    near = [pair for pair, one in tried.items() if one.bic < within]
+    tried.update(zip(near, side_by_side(lambda pair: lead_on(tried[pair], cancelled=stop), near), strict=True))
+    at, fitted = best(), tried[best()]
+    if fitted.bic > curves.bic + CRITERIA.form_meets:
+        return None
+    fewer = [without_effect(fitted, name, stop) for name in fitted.names[-2:]]
+    if any(one is not None and fitted.bic > one.bic - CRITERIA.law_fall for one in fewer):
+        return None
+    before, after = (predict(one, held, fitted.floor, stop) for one in (start, fitted))
+    if before is None or after is None or not after.beats(before):
+        return None
+    laws = []
+    for which in (0, 1):
+        rivals = [pair for pair in tried if pair[1 - which] == at[1 - which]]
+        last = curves.with_last(which)
+        read = [FormFit(tried[pair], last, forms[which][pair[which]], which - 2) for pair in rivals]
+        read.sort(key=lambda one: one.bic)
+        laws.append(told(fewer[which] or start, read, True, after, held))
+    return Discovery(start, tuple(laws), fitted, judge(fitted, projector(fitted)), (before, after))
+
+
+def _curves(start: Fitted, stop: Stop) -> Learned | None:
+    """Return the two free curves side by side that explain most, with the knots they ask for."""
+    pairs = likeliest_pairs(ground_of(start), arguments_of(start), FIRST_PIECES, stop)[:_PAIRS]
+
+    def fitted(terms: tuple[Term, Term]) -> Learned | None:
+        try:
+            return fit_terms(start.hypothesis, start.z, terms, start.floor, stop, steps=_STEPS)
+        except (Infeasible, np.linalg.LinAlgError):
+            return None
+
+    found = [one for one in side_by_side(fitted, pairs) if one is not None]
+    if not found:
+        return None
+    learned = min(found, key=lambda one: one.bic)
+    for _ in learned.terms:
+        learned = _finer(learned.with_last(0), stop)
+    return learned
+
+
+def _finer(learned: Learned, stop: Stop) -> Learned:
+    """Return a fit whose last curve has twice the knots as often as that pays."""
+    pieces = FIRST_PIECES
+    while 2 * pieces <= _MOST_PIECES:
+        pieces *= 2
+        try:
+            trial = refine(learned, pieces, stop, steps=_FINER_STEPS)
+        except (Infeasible, ValueError, np.linalg.LinAlgError):
+            break
+        if trial.bic > learned.bic - FINER_PAYS:
+            break
+        learned = trial
+    return learned
+
+
+def _joint(start: Fitted, learned: Learned, forms: tuple[Fitting, Fitting], stop: Stop) -> Fitted | None:
+    """Return the fit of two closed forms to the shots, or None where there is none."""
+    try:
+        base = start.hypothesis.unpack(learned.z + forms[0].base_step + forms[1].base_step)
+        kinds, values = [], base.values
+        for form, term in zip(forms, learned.terms, strict=True):
+            span = max(abs(term.basis.knots[0]), abs(term.basis.knots[-1]))
+            kind = trial_effect(form.form.law(term.argument, form.parameters, span).effect)
+            kinds.append(kind)
+            values = tuple({**one, kind.name: dict(kind.starts[0])} for one in values)
+        hypothesis = Hypothesis(start.hypothesis.data, (*start.hypothesis.effects, *kinds), start.hypothesis.fixed)
+        z = hypothesis.pack(Point(base.base, base.own, values))
+        return fit(hypothesis, z, learned.floor, evaluations=40, cancelled=stop)
+    except (Infeasible, LawError, np.linalg.LinAlgError):
+        return None

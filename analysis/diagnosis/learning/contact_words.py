@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from analysis.diagnosis.result import FoundEffect, LearnedLaw
 from analysis.quantity import Quantity
 
+_ROW = "nonlinear_contact_damping"  # of the catalogue
 _WITHIN = 3.0  # standard deviations
 _KNOWN = 0.05  # an exponent that is known no better meets everything
 
@@ -46,9 +47,16 @@ def member(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Member
 
 
 def told(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> str:
-    """Return the contact that was met as a further sentence, or nothing."""
+    """Return the contact that was met as a further sentence, or nothing.
+
+    The catalogue's damping has its exponent by assumption, which is said: small, it passes for one of another exponent.
+    """
     met = member(effects, laws)
-    return "" if met is None else f" Its exponents are those of {met.words}."
+    if met is None:
+        return ""
+    if any(effect.name == _ROW for effect in effects):
+        return f" Its form is that of {met.words}; other exponents of the damping were not tried."
+    return f" Its exponents are those of {met.words}."
 
 
 def _meets(found: Quantity | None, exponent: float) -> bool:
@@ -64,7 +72,7 @@ def _force(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Quanti
 
 
 def _damping(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Quantity | None:
-    if any(effect.name == "nonlinear_contact_damping" for effect in effects):
+    if any(effect.name == _ROW for effect in effects):
         return Quantity(1.0, 0.0, "the row of the catalogue")
     return _power(laws, "overlap times rate")
 

@@ -35,6 +35,11 @@ def test_a_contact_of_the_literature_is_named(effects: list[FoundEffect], laws: 
     assert name in told(effects, laws)
 
 
+def test_an_exponent_that_was_assumed_is_not_told_as_found() -> None:
+    assert "not tried" in told([FoundEffect("nonlinear_contact_damping", {}, {})], [])
+    assert "not tried" not in told([], [_damping(1.0, form="linear")])
+
+
 @pytest.mark.parametrize(
     ("effects", "laws"),
     [

@@ -9,7 +9,7 @@ floor rather than a long free filter: a hidden mode or a vibration of the frame 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -93,6 +93,10 @@ class Noise:
     @property
     def _memory(self) -> float:
         return float(np.exp(-self.sample_interval_s / self.floor_time_s)) if self.floor_std_m > 0 else 0.0
+
+    def louder(self, factor: float) -> "Noise":
+        """Return noise of the same colour and so much the std."""
+        return replace(self, white_std_m=factor * self.white_std_m, floor_std_m=factor * self.floor_std_m)
 
     def whiten(self, columns: Floats, valid: Mask) -> Floats:
         """Filter ``columns``, shape (n,) or (n, k), to unit white noise where their noise is this one.

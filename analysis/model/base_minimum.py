@@ -25,6 +25,9 @@ _TRIED_STARTS = 6
 _SAME_PATTERN = 0.03  # of what another pattern of bounces leaves: what missing effects do is smaller, a wrong one more
 _SWAYED_PATTERN = 0.2  # ... where the frame's motion may be all that is left
 _FOLLOWED_STARTS = 3
+_TRIED_ON_FRAMES = 3
+_LOUDER = 100.0
+_DOWN = 1.5  # chi^2 a sample: as the frame and the beat would leave it
 _EARLY = 0.3  # of the contact time: the bounces
 STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
 
@@ -34,10 +37,7 @@ def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop, sways_m: fl
 
     ``sways_m`` is the rms of the frame's motion: a pattern of bounces that leaves no more is the right one.
     """
-    shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
-    ranked = guesses.rank(
-        shot.course, shot.time_s, shot.displacement_m, shot.block_mass_kg, base.variant, base.one_body
-    )
+    shot, ranked = _ranked(base, shots)
     some = guesses.thinned(shot.course, shot.time_s)
     coarse = ShotData(
         shot.time_s[some],
@@ -72,6 +72,14 @@ def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop, sways_m: fl
         if all(np.any(np.abs(shared - other) > 0.03 * np.abs(other)) for other in out):
             out.append(shared)
     return out
+
+
+def _ranked(base: Base, shots: Sequence[ShotData]) -> tuple[ShotData, list[guesses.Guess]]:
+    """Return the fastest shot and what its contact resembles, best first."""
+    shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
+    return shot, guesses.rank(
+        shot.course, shot.time_s, shot.displacement_m, shot.block_mass_kg, base.variant, base.one_body
+    )
 
 
 def _left_m(found: Minimum, shot: ShotData) -> float:
@@ -109,16 +117,54 @@ def base_on_frames(
     begins: Sequence[Floats],
     stop: Stop,
 ) -> tuple[Floats, Problem, Minimum]:
-    """Return where the frames' noise was computed, the problem on frames and its minimum."""
+    """Return where the frames' noise was computed, the problem on frames and its minimum.
+
+    Where there are no ``begins``, from what the fastest shot's contact resembles: a fit that knows of no frame, however
+    short, may be led far away by what the frame does.
+    """
     own = [own_start(shot, Model(base)) for shot in shots]
     found: list[tuple[Floats, Problem, Minimum]] = []
+    resembled = [] if begins else _ranked(base, shots)[1][:_TRIED_ON_FRAMES]
+    for shared in (base.shared(guess.collision) for guess in resembled):
+        with contextlib.suppress(Infeasible):
+            found.append(_coarse_to_fine(base, shots, known, shared, own, stop))
+            if _a_sample(found[-1][2]) < _DOWN:
+                return found[-1]
+    begins = begins or first_guesses(base, shots, stop, max(one.rms_m for one in known if one))
     with contextlib.suppress(Infeasible):
         problem = Problem.of(Model(base), on_frames(shots, known, base, begins[0], own))
         least = base_minimum(problem, [np.concatenate([shared, *own]) for shared in begins], stop)
         found.append((begins[0], problem, least))
-    if not found or least.square.chi2 > STRONG * least.square.samples:
+    if not found or min(_a_sample(least) for _, _, least in found) > STRONG:
         found.append(_by_way_of_rest(base, motions, shots, known, stop))
     return min(found, key=lambda one: one[2].square.chi2)
+
+
+def _coarse_to_fine(
+    base: Base,
+    shots: Sequence[ShotData],
+    known: Sequence[Shaking | None],
+    shared: Floats,
+    own: Sequence[Floats],
+    stop: Stop,
+) -> tuple[Floats, Problem, Minimum]:
+    """Return where a fit ends that takes the beat for louder than it is, and then for what it is.
+
+    Beside a sway that is much larger than the beat's noise only what is quick and small speaks for the bounces: their
+    valleys are narrow and bent, and too far from a first guess to be seen.
+    """
+    loud = [replace(shot, noise=shot.noise.louder(_LOUDER)) for shot in shots if not isinstance(shot.noise, Swayed)]
+    begin = np.concatenate([shared, *own])
+    rough = search(Problem.of(Model(base), on_frames(loud, known, base, shared, own)), begin, stop, evaluations=30)
+    count, each = shared.size, own[0].size
+    shared = rough.parameters[:count]
+    mine = list(rough.parameters[count:].reshape(-1, each))
+    problem = Problem.of(Model(base), on_frames(shots, known, base, shared, mine))
+    return shared, problem, search(problem, rough.parameters, stop)
+
+
+def _a_sample(found: Minimum) -> float:
+    return found.square.chi2 / found.square.samples
 
 
 def _by_way_of_rest(

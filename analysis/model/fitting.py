@@ -70,14 +70,14 @@ def fit_shots(
     base = replace(base, swings=any(known))
     own = [own_start(shot, Model(base)) for shot in shots]
     try:
+        begins = []
         if all(name in given for name in base.names):
             begins = [np.array([float(given[name]) for name in base.names])]
-        else:
-            begins = first_guesses(base, shots, stop, max((one.rms_m for one in known if one), default=0.0))
-        tell("fitting", 0.4)
         if any(known):
             before, bare, found = base_on_frames(base, motions, shots, known, begins, stop)
         else:
+            begins = begins or first_guesses(base, shots, stop)
+            tell("fitting", 0.4)
             before, bare = begins[0], Problem.of(Model(base), shots)
             found = base_minimum(bare, [np.concatenate([shared, *own]) for shared in begins], stop)
         problem = bare
@@ -94,7 +94,8 @@ def fit_shots(
         learned = None
         if any(known) and found.converged:
             tell("weighing the frame's motion", 0.8)
-            learned = with_learned_sway(problem, found, known, _free(found), stop)
+            with contextlib.suppress(Infeasible, np.linalg.LinAlgError):  # two parameters that do the same
+                learned = with_learned_sway(problem, found, known, _free(found), stop)
     except Infeasible as why:
         raise AnalysisError(f"no motion of the {model} model comes near these shots: {why}") from why
     tell("uncertainties", 0.9)

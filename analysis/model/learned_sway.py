@@ -7,7 +7,7 @@ covariances and the covariance of where each would put the values (law of total 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,12 @@ from analysis.model.on_frame import sways_as
 from analysis.model.parameters import Floats
 from analysis.model.response import OWN_NAMES, ShotData, respond
 from analysis.model.search import Problem, search
-from analysis.model.sway import BELOW_HZ, Swayed, unit_sines
+from analysis.model.sway import BELOW_HZ, Grid, Swayed, unit_sines
+from analysis.model.sway_knots import knots_of
 from analysis.model.sway_strengths import SeenThrough, Waves, learn
 from analysis.shot import Stop
 
+_CLOSELY = 0.01  # of the noise of a sample: what splines may miss of the sway
 _TURNS = 3  # of a fit and what it says of the sway
 _SETTLED = 0.1  # standard deviations: a fit that moved less will say the same
 
@@ -40,13 +42,14 @@ class LearnedSway:
 class _Share:
     """A shot's share in a fit's normal equations: where its free parameters stand, and what it tells of them.
 
-    ``best`` are the likeliest logarithms of its octaves; ``powers_m2`` are those of the sway, each (f,), all as likely;
-    none where the shot's noise is known.
+    ``best`` are the likeliest logarithms of its octaves, ``powers_m2`` those of the sway, each (f,), all as likely, on
+    a ``grid``; none where the shot's noise is known.
     """
 
     places: NDArray[np.intp]
     seen: SeenThrough
-    best: Floats | None = None
+    grid: Grid | None = None
+    best: Floats = field(default_factory=lambda: np.empty(0))
     powers_m2: tuple[Floats, ...] = ()
 
     def normal(self, index: int) -> Floats:
@@ -62,14 +65,14 @@ def with_learned_sway(
     ``free``, shape (p,), says which parameters no bound holds.  Cost: some 50 ms a shot and turn beside the search.
     """
     shares: list[_Share] = []
-    begin: list[Floats | None] = [None] * len(shakings)
+    begin: list[_Share | None] = [None] * len(shakings)
     for _ in range(_TURNS):
         both = [
             _learned(problem, index, found.parameters, free, shaking, begin[index])
             for index, shaking in enumerate(shakings)
         ]
-        begin = [share.best for _, share in both]
         shares = [share for _, share in both]
+        begin = [*shares]
         problem, before = Problem.of(problem.model, [shot for shot, _ in both]), found
         found = search(problem, found.parameters, stop)
         move = found.parameters - before.parameters
@@ -80,11 +83,11 @@ def with_learned_sway(
 
 def _learned(
     problem: Problem, index: int, parameters: Floats, free: NDArray[np.bool_], shaking: Shaking | None,
-    begin: Floats | None,
+    before: _Share | None,
 ) -> tuple[ShotData, _Share]:  # fmt: skip
     """Return a shot with the noise that all of it suggests, and its share in the normal equations.
 
-    ``begin``, shape (k,), are logarithms of its octaves near the likeliest, where they are known.
+    ``before`` is that share as parameters nearby had it.
     """
     model, shot, noise = problem.model, problem.shots[index], problem.shots[index].noise
     shared, own = parameters[: problem.shared], parameters[problem.own_slice(index)]
@@ -106,14 +109,20 @@ def _learned(
     seen_s = shot.time_s[shot.valid]
     waves = Waves.of(shaking, float(seen_s[-1] - seen_s[0]), BELOW_HZ)
     collision, touch_s = model.base.collision(shared, own[0], shot.block_mass_kg), float(own[1])
-    sines, _ = unit_sines(noise.grid, waves.frequency_hz, collision, touch_s)
-    root = noise.grid.root
-    along = solve_triangular(root, noise.grid.columns.T @ white, trans="T", check_finite=False)
-    seen = SeenThrough(root @ sines, along, products - along.T @ along)
-    best, points = learn(seen, waves, waves.start(shaking) if begin is None else begin)
-    share = _Share(places[moved], seen, best, tuple(waves.power_m2(point) for point in points))
+    if before is None or before.grid is None:
+        knots_s = knots_of(seen_s, collision, touch_s, shaking.below(BELOW_HZ), _CLOSELY * noise.beat.white_std_m)
+        grid = Grid.of(noise.beat, knots_s, shot.time_s, shot.valid)
+        start = waves.start(shaking)
+    else:
+        grid, start = before.grid, before.best
+    sines, _ = unit_sines(grid, waves.frequency_hz, collision, touch_s)
+    basis, seen_waves = np.linalg.qr(grid.root @ sines)
+    along = basis.T @ solve_triangular(grid.root, grid.columns.T @ white, trans="T", check_finite=False)
+    seen = SeenThrough(seen_waves, along, products - along.T @ along)
+    best, points = learn(seen, waves, start)
+    share = _Share(places[moved], seen, grid, best, tuple(waves.power_m2(point) for point in points))
     shaken = waves.shaking(waves.power_m2(best))
-    return sways_as(shot, noise.beat, noise.grid, shaken, collision, touch_s), share
+    return sways_as(shot, noise.beat, grid, shaken, collision, touch_s), share
 
 
 def _mixed(shares: Sequence[_Share], free: NDArray[np.bool_]) -> Floats | None:

@@ -8,12 +8,14 @@ import numpy as np
 from analysis.disturbance import Shaking
 from analysis.model.parameters import Collision, Floats
 from analysis.model.response import Base, ShotData
-from analysis.model.sway import BELOW_HZ, Grid, Swayed, knots_of, plate_swing_std
+from analysis.model.sway import BELOW_HZ, Grid, Swayed, plate_swing_std
+from analysis.model.sway_knots import knots_of
 from analysis.motion import Motion
 from analysis.noise import Noise
 
 _APART = 0.45  # of 1 / the time that is fitted: the sines that stand for a floor
 _FEWEST_A_TURN = 10.0  # samples of what shakes fastest
+_ROUGHLY = 1.0  # of the noise of a sample: what splines may miss of the sway while a fit looks for its minimum
 _MATTERS = 0.05  # of the beat's noise
 
 
@@ -39,8 +41,7 @@ def _on_frame(shot: ShotData, shaking: Shaking, base: Base, shared: Floats, own:
     if isinstance(shot.noise, Swayed):
         beat, grid = shot.noise.beat, shot.noise.grid
     else:
-        quickest_hz = float(np.max(slow.frequency_hz[~slow.random], initial=1.0))
-        knots_s = knots_of(shot.time_s, shot.valid, touch_s, collision.contact_time_estimate_s, quickest_hz)
+        knots_s = knots_of(seen_s, collision, touch_s, slow, _ROUGHLY * shot.noise.white_std_m)
         beat, grid = shot.noise, Grid.of(shot.noise, knots_s, shot.time_s, shot.valid)
     return sways_as(shot, beat, grid, slow.less(beat.psd), collision, touch_s)
 

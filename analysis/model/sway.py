@@ -25,13 +25,8 @@ from analysis.noise import Noise
 
 BELOW_HZ = 1000.0  # what shakes faster is part of the beat's noise
 PLATE_QUALITY = 300.0  # at most, of a metal plate's swing in air
-_KNOT_S = 0.25e-3
-_KNOTS_A_TURN = 8  # of a line
-_MOST_KNOTS = 400
-_BOUNCE_KNOTS = 30
-_BOUNCING = 0.12  # of the contact time
-_CLOSE = 2e-5  # of a contact's time: knots nearer than that are one
 _ROUNDING = 1e-13
+_NOTHING = 1e-6
 _LEAST = 1e-8  # of the largest value: less counts as nothing
 
 Complex = NDArray[np.complex128]
@@ -72,8 +67,8 @@ class Grid:
 class Swayed:
     """The noise of a displacement on a frame that sways: the beat's own, and smooth motion of known covariance.
 
-    ``sines``, shape (m, 2 f), are the splines of all sines of the sway at their stds; ``shrink``, shape (m, m), makes
-    of what the grid's splines hold the part that is to be taken off, so that what remains is white.
+    ``sines``, shape (m, 2 f), are the splines of all sines of the sway at their stds; ``across``, shape (m, r), and
+    ``share``, shape (r,), make of what the grid's splines hold the part to be taken off, so that the rest is white.
     ``speeds_m_per_s`` are the stds by which speeds against the frame differ from those in space, at the touch and after
     the release.
     """
@@ -81,7 +76,8 @@ class Swayed:
     beat: Noise
     grid: Grid
     sines: Floats
-    shrink: Floats
+    across: Floats
+    share: Floats
     speeds_m_per_s: tuple[float, float]
 
     @classmethod
@@ -89,12 +85,12 @@ class Swayed:
         """Return the noise of a shot that went as ``collision`` from ``touch_time_s`` on; cost about 10 ms."""
         sines, left = unit_sines(grid, shaking.frequency_hz, collision, touch_time_s)
         sines = sines * np.sqrt(np.tile(shaking.power_m2, 2))
-        return cls(beat, grid, sines, _shrink(grid, sines), speed_stds(shaking, left))
+        return cls(beat, grid, sines, *_taken(grid, sines), speed_stds(shaking, left))
 
     def of_first(self, samples: int) -> "Swayed":
         """Return the noise where only the first valid samples are looked at."""
         grid = Grid.holding(self.grid.knots_s, self.grid.columns[:samples])
-        return Swayed(self.beat, grid, self.sines, _shrink(grid, self.sines), self.speeds_m_per_s)
+        return Swayed(self.beat, grid, self.sines, *_taken(grid, self.sines), self.speeds_m_per_s)
 
     def sines_at(self, time_s: Floats) -> Floats:
         """Return what each sine of the sway does to the displacement at its std, shape (n, 2 f)."""
@@ -113,7 +109,8 @@ class Swayed:
     def whiten(self, columns: Floats, valid: NDArray[np.bool_]) -> Floats:
         """Filter ``columns``, shape (n,) or (n, k), to unit white noise where their noise is this one."""
         white = self.beat.whiten(columns, valid)
-        return np.asarray(white - self.grid.columns @ (self.shrink @ (self.grid.columns.T @ white)))
+        seen = (self.across.T @ (self.grid.columns.T @ white)).T * self.share
+        return np.asarray(white - self.grid.columns @ (self.across @ seen.T))
 
 
 def unit_sines(grid: Grid, frequency_hz: Floats, collision: Collision, touch_time_s: float) -> tuple[Floats, Complex]:
@@ -179,24 +176,15 @@ def responses(collision: Collision, at_s: Floats, omega: Floats) -> tuple[Comple
     return out, np.asarray(state[1] + 1j * omega * np.exp(1j * omega * events[-1].time_s))
 
 
-def knots_of(time_s: Floats, valid: NDArray[np.bool_], touch_s: float, contact_s: float, quickest_hz: float) -> Floats:
-    """Return where a grid's knots lie: evenly, and closer together while the plate bounces."""
-    first_s, last_s = (float(time_s[k]) for k in np.flatnonzero(valid)[[0, -1]])
-    apart_s = min(_KNOT_S, 1.0 / (_KNOTS_A_TURN * quickest_hz))
-    count = min(max(8, int(np.ceil((last_s - first_s) / apart_s)) + 1), _MOST_KNOTS)
-    bounces = touch_s + np.linspace(0.0, _BOUNCING * contact_s, _BOUNCE_KNOTS)
-    inside = bounces[(bounces > first_s) & (bounces < last_s)]
-    knots = np.sort(np.concatenate([np.linspace(first_s, last_s, count), inside]))
-    apart = np.diff(knots) > _CLOSE
-    return np.asarray(np.append(knots[:-1][apart], last_s))
+def _taken(grid: Grid, sines: Floats) -> tuple[Floats, Floats]:
+    """Return X (m, r) and w (r,): 1 - C X w X^T C^T is the inverse root of 1 + C S S^T C^T, C the columns, S the sines.
 
-
-def _shrink(grid: Grid, sines: Floats) -> Floats:
-    """Return S W S^T, S the sines, that makes 1 - C S W S^T C^T the inverse root of 1 + C S S^T C^T, C the columns."""
+    What stays below a millionth of the noise's power is left where it is.
+    """
     level, turn = np.linalg.eigh(sines.T @ grid.products @ sines)
-    root = np.sqrt(1.0 + np.maximum(level, 0.0))
-    across = sines @ turn
-    return np.asarray(across / (root * (1.0 + root)) @ across.T)
+    kept = level > _NOTHING
+    root = np.sqrt(1.0 + level[kept])
+    return np.asarray(sines @ turn[:, kept]), np.asarray(1.0 / (root * (1.0 + root)))
 
 
 def _spline(knots_s: Floats, values: Floats) -> BSpline:

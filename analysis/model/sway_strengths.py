@@ -19,6 +19,7 @@ from analysis.reading.strengths import points_about, powers_of, prior_of
 Floats = NDArray[np.float64]
 
 _ITERATIONS, _ENOUGH, _MOST = 20, 1e-2, 3.0  # steps, in log-likelihood, in the logarithm of a strength
+_ROUNDING = 1e-13
 _LEAST = 1e-30  # m^2/Hz: less is nothing
 
 
@@ -85,7 +86,7 @@ class SeenThrough:
         """Return the Cholesky factor, shape (m, m), of V in the basis."""
         half = self.waves * np.sqrt(np.tile(power_m2, 2))
         inside = half @ half.T
-        inside[np.diag_indices_from(inside)] += 1.0
+        inside[np.diag_indices_from(inside)] += 1.0 + _ROUNDING * float(np.trace(inside))
         return np.asarray(cholesky(inside, lower=True, overwrite_a=True, check_finite=False))
 
     def likelihood(self, waves: Waves, at: Floats) -> tuple[float, Floats, Floats]:

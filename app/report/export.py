@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 
 from analysis.budget import COLUMNS as BUDGET_COLUMNS
 from analysis.budget import budget, to_rows
+from analysis.disturbance import Shaking
+from analysis.fitted_shot import shaking_of
+from analysis.motion import Motion
+from analysis.noise_band import noise_band
 from analysis.quantity import Quantity, Reading
 from analysis.series import series
 from analysis.series import to_rows as series_rows
@@ -88,11 +92,28 @@ def motion_columns(shot: Shot) -> dict[str, Floats]:
     """Return the columns of a shot's motion, and of the model where the fit converged; each of shape (n,)."""
     assert shot.motion is not None
     columns = {name: np.asarray(getattr(shot.motion, name)) for name in MOTION_COLUMNS}
+    columns |= _stds(shot.motion, shaking_of(shot))
     if shot.fit is not None and shot.fit.converged and len(shot.fit.shots) == 1:
         overlay = shot.fit.shots[0].overlay
         modelled = (overlay.displacement_m, overlay.velocity_m_per_s, overlay.force_n, overlay.gap_m)
         columns |= dict(zip(MODEL_COLUMNS, modelled, strict=True))
     return columns
+
+
+def _stds(motion: Motion, shaking: Shaking | None) -> dict[str, Floats]:
+    """Return the columns of standard uncertainties as the noise and what shook the path make them, each (n,).
+
+    A motion's own take a path that wanders for a random walk: six times too much for the force at VC-D.
+    """
+    if shaking is None:
+        return {}
+    band = noise_band(motion, shaking)
+    stds = (band.displacement_m, band.velocity_m_per_s, band.force_n / motion.moving_mass_kg, band.force_n)
+    seen = motion.valid
+    return {
+        name: np.where(seen, std, np.nan)
+        for name, std in zip((name for name in MOTION_COLUMNS if "_std" in name), stds, strict=True)
+    }
 
 
 def write_motion(shot: Shot, path: Path) -> None:

@@ -123,6 +123,7 @@ class Argument:
             "factor",
             self.kernel,
             rough=self.touching,
+            kinked=self.factor == "sign(u)",  # the plate's turn is no event
             fastest=lambda _values, collision: self._rate(curve, collision),
         )
 

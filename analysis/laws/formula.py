@@ -51,6 +51,11 @@ class Formula:
         return _degree(_tree(self.text)) <= 1 and not self.timed
 
     @property
+    def kinked(self) -> bool:
+        """Get whether the formula has corners or steps that are none of the events of a collision."""
+        return any(map(_bends_sharply, ast.walk(_tree(self.text))))
+
+    @property
     def timed(self) -> bool:
         """Get whether the formula names the time since the first touch."""
         return TIME in self.state
@@ -165,6 +170,15 @@ def _degree(node: ast.expr) -> int:
         case _:
             named = any(isinstance(inner, ast.Name) and inner.id in STATE for inner in ast.walk(node))
             return 2 if named else 0
+
+
+def _bends_sharply(node: ast.AST) -> bool:
+    match node:
+        case ast.Call(func=ast.Name(id="sign" | "abs"), args=[ast.Name(id="v" | "d")]):
+            return False  # the block turns, or the bodies meet
+        case ast.Call(func=ast.Name(id="sign" | "abs" | "step" | "min" | "max")):
+            return any(isinstance(inner, ast.Name) and inner.id in STATE for inner in ast.walk(node))
+    return False
 
 
 def _whole(node: ast.expr) -> int | None:

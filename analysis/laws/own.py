@@ -179,6 +179,7 @@ def _row(law: OwnLaw) -> Effect:
         kernel_of(law.formula, adds_to, while_touching=acts is Acts.IN_CONTACT),
         rough=acts is Acts.IN_CONTACT,
         bent=not law.formula.straight,
+        kinked=law.formula.kinked,
         hidden=int(law.formula.timed),
         fastest=lambda values, collision: _fastest(law, values, collision),
     )

@@ -90,7 +90,8 @@ def solve(
     over so many samples, the last ones left out where they do not fill one.
 
     Effects that are linear in the state are solved to rounding.  Where one is not, ``stride`` lengthens the steps: 2
-    takes 0.6 of the time and shows the displacement of a millimetre to 0.05 pm instead of 0.001 pm.
+    takes 0.6 of the time and shows the displacement of a millimetre to 0.05 pm instead of 0.001 pm.  A kink is stepped
+    over, by no more than a stride of 1: a hinge of 5 N/m is right to 3 pm so (of 2: to 130 pm), one of 50 to 30 pm.
     Raises TooManyEvents, RunsAway, ValueError.
     """
     record, count, system = _solved(collision, effects, time_s, directions, stride, block)
@@ -218,6 +219,8 @@ def _fastest(rates: Swings, spacing_s: float) -> Floats:
 
 def _limits(rates: Swings, effects: Sequence[Active], stride: float) -> Floats:
     """Return the ``limits`` of ``RungeKutta``."""
+    if any(active.effect.kinked for active in effects):
+        stride = min(stride, 1.0)
     swinging = [math.hypot(rates.contact, rates.every), math.hypot(rates.plate, rates.every), rates.inside, 0.0]
 
     def longest(base: float, own: float) -> float:

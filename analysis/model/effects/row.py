@@ -117,6 +117,7 @@ class Effect:
     rides: bool = False
     rough: bool = False
     bent: bool = False  # not linear in the state, wherever that is asked: it may well be zero there
+    kinked: bool = False  # has corners or steps where no event lies
     range_at: int = -1  # which parameter is the range within which the bodies must be
     inverse: bool = False
     remembers: bool = False  # what the sensor shows at an instant depends on what it saw before

@@ -78,3 +78,15 @@ def test_a_parameter_may_not_take_a_word_of_the_state() -> None:
 def test_towers_of_powers_stay_small() -> None:
     text = "c*" + "(" * 20 + "x" + "**12)" * 20
     assert np.isfinite(read(text, ["c"]).values({"x": np.array([1.0])}, {"c": 1.0})).all()
+
+
+@pytest.mark.parametrize("text", ["-c*v*abs(v)", "-c*sign(v)", "c*abs(d)**1.5", "c*exp(x/2)*max(1, 2)", "c*tanh(u)"])
+def test_what_turns_where_an_event_lies_has_no_kink(text: str) -> None:
+    assert not read(text, ["c"]).kinked
+
+
+@pytest.mark.parametrize(
+    "text", ["c*max(0, 1 - y)", "c*exp(-abs(x))", "c*step(v - 1)", "c*abs(v - 1)", "c*max(0, abs(v) - 1)", "c*y*sign(u)"]
+)
+def test_a_corner_anywhere_else_is_a_kink(text: str) -> None:
+    assert read(text, ["c"]).kinked

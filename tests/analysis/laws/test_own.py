@@ -110,6 +110,20 @@ def test_a_law_that_begins_in_mid_contact_is_followed(where: str, hinge_m: float
     assert ours == pytest.approx(theirs, abs=2e-12)  # the kink itself is stepped over
 
 
+@pytest.mark.parametrize("hinge_m", [-1e-4, -6.6e-4])
+def test_a_steep_kink_is_met_as_finely_by_a_fit_as_it_needs(hinge_m: float) -> None:
+    bodies = Bodies()
+
+    def force(_x: float, _v: float, y: float, _u: float) -> float:
+        return 5.0 * max(0.0, hinge_m - y)
+
+    rig = LawRig(kinks=(lambda _x, _v, y, _u: y - hinge_m,), bodies=bodies, on_plate=force)
+    theirs = rig.displacement_m(TIMES_S, 0.25, 2e-5)
+    own = law("plate", "a*max(0, c - y)", a=5.0, c=hinge_m).effect
+    ours = general.solve(_collision(bodies), [general.Active(own, (5.0, hinge_m))], TIMES_S, stride=2.0).displacement_m
+    assert ours == pytest.approx(theirs, abs=5e-12)  # averaged noise of the beat: 16e-12
+
+
 @pytest.mark.parametrize("where", ["block", "plate"])
 def test_a_law_of_time_counts_from_the_touch(where: str) -> None:
     """By an integrator of its own, to which time is a memory that grows by a second a second; before, by hand."""

@@ -60,5 +60,5 @@ def law_text(law: OwnLaw) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _toml(value: str | float) -> str:
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(float(value))
+def _toml(value: str | float | bool) -> str:
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else repr(float(value))

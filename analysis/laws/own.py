@@ -70,6 +70,7 @@ class OwnLaw:
             p.name: {"unit": p.unit, "start": p.tried[0]}
             | ({"lower": p.lower} if math.isfinite(p.lower) else {})
             | ({"upper": p.upper} if math.isfinite(p.upper) else {})
+            | ({"own": True} if p.own else {})
             for p in self.parameters
         }
         return table
@@ -143,18 +144,21 @@ def _parameter(name: str, table: object) -> Parameter:
     if not isinstance(table, Mapping):
         raise LawError(f"parameters.{name}: write it as {{unit = ..., start = ...}}")
     for key in table:
-        if key not in ("unit", "start", "lower", "upper"):
-            raise LawError(f"parameters.{name}: unknown key {key!r}; there are unit, start, lower, upper")
+        if key not in ("unit", "start", "lower", "upper", "own"):
+            raise LawError(f"parameters.{name}: unknown key {key!r}; there are unit, start, lower, upper, own")
     unit = table.get("unit")
     if not isinstance(unit, str):
         raise LawError(f'parameters.{name}.unit: missing ("" where it has none)')
+    own = table.get("own", False)
+    if not isinstance(own, bool):
+        raise LawError(f"parameters.{name}.own: true where every shot has its own value, or false")
     start = _number(name, table, "start", math.nan)
     lower, upper = _number(name, table, "lower", -math.inf), _number(name, table, "upper", math.inf)
     if not start or not math.isfinite(start):
         raise LawError(f"parameters.{name}.start: a finite number other than 0, of the size to be expected")
     if not lower <= start <= upper or lower == upper:
         raise LawError(f"parameters.{name}: start {start:g} does not lie between {lower:g} and {upper:g}")
-    return Parameter(name, unit, abs(start), lower, upper, tried=(start,))
+    return Parameter(name, unit, abs(start), lower, upper, tried=(start,), own=own)
 
 
 def _number(name: str, table: Mapping[str, Any], key: str, otherwise: float) -> float:
@@ -186,7 +190,7 @@ def _row(law: OwnLaw) -> Effect:
 
 
 def _amplitude(law: OwnLaw) -> str:
-    """Return the parameter without which the law is nothing; one in which it is linear before any other."""
+    """Return the shared parameter without which the law is nothing; one in which it is linear before any other."""
     states, start = _states(PAPER), {p.name: p.tried[0] for p in law.parameters}
     with np.errstate(all="ignore"):
         here = np.broadcast_to(law.formula.values(states, start), (_DRAWN,))
@@ -195,14 +199,15 @@ def _amplitude(law: OwnLaw) -> str:
         if not np.any(here):
             raise LawError("formula: no force anywhere within an ordinary collision, at the parameters' start")
         off, linear = [], []
-        for name, value in start.items():
+        for name, value in ((p.name, p.tried[0]) for p in law.parameters if not p.own):
             nothing = np.asarray(law.formula.values(states, start | {name: 0.0}))
             if np.all(np.isfinite(nothing)) and not np.any(nothing):
                 off.append(name)
                 if np.allclose(law.formula.values(states, start | {name: 2 * value}), 2 * here, rtol=1e-9, atol=0):
                     linear.append(name)
     if not off:
-        raise LawError("formula: no parameter turns the law off at 0; multiply it by one")
+        shared = "parameter" if not any(p.own for p in law.parameters) else "parameter that the shots share"
+        raise LawError(f"formula: no {shared} turns the law off at 0; multiply it by one")
     return (linear or off)[0]
 
 

@@ -128,8 +128,12 @@ def _put(
 ) -> None:
     """Write an effect's starting values: the grid's point, and an amplitude of the wanted size and physical sign."""
     for parameter in effect.parameters:
+        name = f"{effect.name}.{parameter.name}"
         if not parameter.own:
-            values[f"{effect.name}.{parameter.name}"] = candidate.point.get(parameter.name, parameter.scale)
+            values[name] = candidate.point.get(parameter.name, parameter.scale)
+            continue
+        for mine in own:
+            mine[name] = parameter.tried[0] if parameter.tried else parameter.scale
     amplitudes = gain.amplitudes
     row = effect.parameters[effect.index(effect.amplitude)]
     if effect.own:

@@ -73,7 +73,10 @@ def candidates(problem: Problem, parameters: Floats, names: Iterable[str] | None
         elif row.own:
             yield _each_shots_own(problem, parameters, row)
         elif row.one_body or not problem.model.base.one_body:
-            hidden = _hidden(problem, parameters, row) if row.hidden else None
+            if any(p.own and p.name == "phase_rad" for p in row.parameters):
+                yield _quadratures(problem, parameters, row)
+                continue
+            hidden = _hidden(problem, parameters, row, grid(row)) if row.hidden else None
             if hidden is None:
                 singles += [(row, point) for point in grid(row)]
             else:
@@ -110,9 +113,21 @@ def _mechanical(
         yield Candidate(effect.name, point, tuple(each), own=False, inverse=effect.inverse)
 
 
-def _hidden(problem: Problem, parameters: Floats, effect: Effect) -> list[Candidate] | None:
+def _quadratures(problem: Problem, parameters: Floats, effect: Effect) -> Candidate:
+    """Return the candidate of a mechanical effect whose phase is each shot's own, as two quadratures a shot."""
+    points = [{"phase_rad": 0.0}, {"phase_rad": math.pi / 2}]
+    found = _hidden(problem, parameters, effect, points) if effect.hidden else None
+    if found is None:
+        found = [one for p in points for one in _mechanical(problem, parameters, [(effect, p)])]
+    sine, cosine = (one.columns for one in found)
+    return Candidate(effect.name, {}, tuple(np.hstack(both) for both in zip(sine, cosine, strict=True)), own=True)
+
+
+def _hidden(
+    problem: Problem, parameters: Floats, effect: Effect, points: Sequence[dict[str, float]]
+) -> list[Candidate] | None:
     """Return the candidates of an effect with hidden states; None where it has no first order along a path."""
-    points, sign = grid(effect), -1.0 if effect.inverse else 1.0
+    sign = -1.0 if effect.inverse else 1.0
     scale = effect.parameters[effect.index(effect.amplitude)].scale
     size = scale * _SMALL**sign
     rows = [

@@ -25,8 +25,18 @@ STIR = {
 }
 
 
-def test_a_law_is_written_as_it_is_read(tmp_path):
-    law = from_mapping(STIR)
+SHAKEN = {
+    "name": "shaken",
+    "words": "a frame that shakes the plate",
+    "where": "plate",
+    "formula": "a*sin(565*t + phase_rad)",
+    "parameters": {"a": {"unit": "N", "start": 1e-3}, "phase_rad": {"unit": "rad", "start": 0.1, "own": True}},
+}
+
+
+@pytest.mark.parametrize("table", [STIR, SHAKEN], ids=["shared", "each shot's own"])
+def test_a_law_is_written_as_it_is_read(tmp_path, table):
+    law = from_mapping(table)
     path = write_law(law, tmp_path / "laws")
     assert read_law(path) == law and law_text(law) == path.read_text()
     before = path.read_bytes()
@@ -54,6 +64,10 @@ def test_the_sheet_says_what_is_wrong_while_it_is_typed(qtbot):
     sheet = LawSheet(LIGHT)
     qtbot.addWidget(sheet)
     assert not sheet.save.isEnabled() and sheet.said == ""
+    sheet.fill(SHAKEN)
+    assert sheet.save.isEnabled() and sheet.table() == SHAKEN
+    sheet.own[0].setChecked(True)
+    assert not sheet.save.isEnabled() and "that the shots share" in sheet.said
     sheet.fill(STIR)
     assert sheet.save.isEnabled() and "this is a law" in sheet.said
     assert sheet.table() == STIR

@@ -75,7 +75,7 @@ def scores(at: Projector, kind: TrialEffect) -> list[Score]:
             return None
         return [(a - b)[:, None] for a, b in zip(x, base, strict=True)]
 
-    if kind.own:
+    if any(free.name in (*kind.amplitude, "phase_rad") for free in kind.own):
         return _own_amplitudes(at, kind, column, freedom)
     grid = partial(_columns, at, kind, kind.starts, column)
     starts, bare = at.once(f"columns of {kind.name}", grid, nearby=True)

@@ -4,6 +4,7 @@ from typing import Any
 
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import (
+    QCheckBox,
     QComboBox,
     QFormLayout,
     QGridLayout,
@@ -59,14 +60,21 @@ class LawSheet(SideSheet):
         heading.setProperty("heading", True)
         column.addWidget(heading)
         grid = QGridLayout()
-        for place, (name, _) in enumerate(COLUMNS):
+        for place, name in enumerate((*(name for name, _ in COLUMNS), "each shot's")):
             grid.addWidget(QLabel(name, self), 0, place)
+        self.own: list[QCheckBox] = []
         self.parameters: list[dict[str, QLineEdit]] = []
         for row in range(1, 1 + MOST_PARAMETERS):
             editors = {name: self._line(f"Parameter {row}, {name}", shown) for name, shown in COLUMNS}
             for place, editor in enumerate(editors.values()):
                 grid.addWidget(editor, row, place)
             self.parameters.append(editors)
+            own = QCheckBox(self)
+            own.setAccessibleName(f"Parameter {row}, each shot's own")
+            own.setToolTip("Every shot has its own value, as of a phase (call that phase_rad)")
+            own.toggled.connect(self._look)
+            grid.addWidget(own, row, len(COLUMNS))
+            self.own.append(own)
         column.addLayout(grid)
         self._said = QLabel(self)
         self._said.setWordWrap(True)
@@ -103,6 +111,7 @@ class LawSheet(SideSheet):
             for key in ("unit", "start", "lower", "upper"):
                 value = values.get(key, "")
                 editors[key].setText(value if isinstance(value, str) else f"{value:.6g}")
+            self.own[row].setChecked(bool(values.get("own", False)))
 
     def table(self) -> dict[str, Any]:
         """Return the law as it is typed; ValueError names the number that is none."""
@@ -114,7 +123,7 @@ class LawSheet(SideSheet):
         if self.words.text().strip():
             table["words"] = self.words.text().strip()
         table["parameters"] = {}
-        for editors in self.parameters:
+        for editors, own in zip(self.parameters, self.own, strict=True):
             name = editors["name"].text().strip()
             if not name:
                 continue
@@ -128,6 +137,8 @@ class LawSheet(SideSheet):
                         entry[key] = typed_number(typed)
                     except ValueError as error:
                         raise ValueError(f"parameters.{name}.{key}: {error}") from None
+            if own.isChecked():
+                entry["own"] = True
             table["parameters"][name] = entry
         return table
 

@@ -86,7 +86,8 @@ def test_what_turns_where_an_event_lies_has_no_kink(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["c*max(0, 1 - y)", "c*exp(-abs(x))", "c*step(v - 1)", "c*abs(v - 1)", "c*max(0, abs(v) - 1)", "c*y*sign(u)"]
+    "text",
+    ["c*max(0, 1 - y)", "c*exp(-abs(x))", "c*step(v - 1)", "c*abs(v - 1)", "c*max(0, abs(v) - 1)", "c*y*sign(u)"],
 )
 def test_a_corner_anywhere_else_is_a_kink(text: str) -> None:
     assert read(text, ["c"]).kinked

@@ -192,6 +192,8 @@ def test_what_was_written_is_read_again() -> None:
         ({"parameters": {"a": {"unit": "N", "start": 1, "upper": 0.5}}}, "does not lie between"),
         ({"parameters": {"a": {"unit": "N", "start": 10**400}}}, "parameters.a.start: beyond all size"),
         ({"parameters": {"a": {"start": 1.0}}}, "parameters.a.unit: missing"),
+        ({"parameters": {"a": {"unit": "N", "start": 1.0, "own": 1}}}, "parameters.a.own: true"),
+        ({"formula": "a*x", "parameters": {"a": {"unit": "N/m", "start": 1.0, "own": True}}}, "that the shots share"),
         ({"extra": 1}, "unknown key 'extra'"),
     ],
 )

@@ -68,6 +68,7 @@ def one(at: tuple[int, int]) -> dict[str, Any]:
         "chi2": (said["fit"] or {}).get("reduced_chi2"),
         "read": read,
         "bound": drawn.bound,
+        "bent": drawn.bent,
     }
 
 

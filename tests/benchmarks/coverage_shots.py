@@ -21,6 +21,7 @@ SITES = tuple(name for name in LEVELS_M_PER_S if name.startswith("VC"))
 CONDITIONS = ("plain", "line", "knock", "losses", "low light", "8 bits")
 RATE_HZ, DURATION_S = 10e6, 0.06
 _GRID_HZ = 100e3
+TILTED_M_PER_S2 = 1e-3  # of a flight, by a tilt of 0.1 mrad or a good bearing's friction
 _BOUND_HZ = 5e3  # of the samples that the bound is computed on: above all that shakes
 
 
@@ -49,6 +50,7 @@ class Drawn:
     recording: Recording
     truth: dict[str, float]
     bound: dict[str, float]
+    bent: dict[str, float]  # the same where nobody knows how level the bearing is
 
 
 def draw(case: Case) -> Drawn:
@@ -60,7 +62,7 @@ def draw(case: Case) -> Drawn:
     recording = recording_of(rig, case.index, played, RATE_HZ, DURATION_S)
     if case.condition == "losses":
         recording = _lossy(recording, played, random)
-    return Drawn(recording, truth(played, rig.bodies, speed), bound(rig, played))
+    return Drawn(recording, truth(played, rig.bodies, speed), bound(rig, played), bound(rig, played, TILTED_M_PER_S2))
 
 
 def _bodies(random: np.random.Generator) -> Bodies:
@@ -183,8 +185,10 @@ def _restitution_of_contact(bodies: Bodies, speed_m_per_s: float) -> float:
     return -after / before
 
 
-def bound(rig: Bench, played: Played) -> dict[str, float]:
+def bound(rig: Bench, played: Played, bent_m_per_s2: float = 0.0) -> dict[str, float]:
     """Return the least standard deviations of what the flights tell, given the true spectrum of all that shakes.
+
+    ``bent_m_per_s2`` is how large an acceleration of its own each flight may have.
 
     Generalised least squares of two straight flights with the covariance of frame, optics and floor; lines have
     known frequencies, unknown amplitudes and phases.  A knock is not in it: it is taken as known.
@@ -206,8 +210,11 @@ def bound(rig: Bench, played: Played) -> dict[str, float]:
         # amplitudes are known to their order: a prior keeps slow lines from being confounded with a flight
         wave = np.stack((np.cos(angle), np.sin(angle)))[:, keep]
         matrix = matrix + line.amplitude_m**2 / 2 * (wave.T @ wave)
+    columns += [before * (time_s - touch) ** 2 / 2, after * (time_s - release) ** 2 / 2] if bent_m_per_s2 else []
     design = np.stack(columns, axis=1)[keep].astype(np.float64)
-    found = np.linalg.inv(design.T @ np.linalg.solve(matrix, design))
+    normal = design.T @ np.linalg.solve(matrix, design)
+    normal[4:, 4:] += np.eye(len(columns) - 4) / (bent_m_per_s2 or 1.0) ** 2
+    found = np.linalg.inv(normal)[:4, :4]
     v_in, v_out = abs(played.trajectory.velocity_in_m_per_s), played.trajectory.velocity_out_m_per_s
     ratio = np.array([0.0, v_out / v_in**2, 0.0, 1 / v_in])  # of |v_out / v_in|, v_in negative
     return {

@@ -32,6 +32,15 @@ def test_the_bound_follows_the_site_and_is_reached_by_weighted_least_squares():
     assert values[0] == pytest.approx(4 * values[1], rel=0.1) and values[2] < 1e-3 * values[1]
 
 
+def test_a_flight_that_may_be_bent_is_known_less_where_little_shakes():
+    rig, played = Bench(site=site_named("VC-G")), play_shot(Bench(), 0, 0.265, 0.06)
+    straight, hardly, bent = (bound(rig, played, bend)["velocity_in_m_per_s"] for bend in (0.0, 1e-9, 1e-3))
+    assert hardly == pytest.approx(straight, rel=1e-6) and 1.2 * straight < bent < 3 * straight
+    loud = Bench(site=site_named("VC-A"))
+    of_loud = [bound(loud, played, bend)["velocity_in_m_per_s"] for bend in (0.0, 1e-3)]
+    assert of_loud[1] / of_loud[0] < bent / straight
+
+
 def test_v_in_in_space_scatters_by_the_bound():
     rig = Bench(site=site_named("VC-C"), floor_m=0.0)
     least = bound(rig, play_shot(rig, 0, 0.265, 0.06))["velocity_in_m_per_s"]

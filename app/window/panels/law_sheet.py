@@ -63,7 +63,7 @@ class LawSheet(SideSheet):
         for place, name in enumerate((*(name for name, _ in COLUMNS), "each shot's")):
             grid.addWidget(QLabel(name, self), 0, place)
         for place in range(1 + len(COLUMNS)):
-            grid.setColumnStretch(place, (5, 4, 4, 3, 3, 1)[place])  # a name is the longest
+            grid.setColumnStretch(place, (6, 5, 5, 5, 5, 0)[place])  # a name is the longest
         self.own: list[QCheckBox] = []
         self.parameters: list[dict[str, QLineEdit]] = []
         for row in range(1, 1 + MOST_PARAMETERS):

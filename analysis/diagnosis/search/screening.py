@@ -29,15 +29,13 @@ WORTH_REFINING = 12.0  # of gain on the grid, for a line to be looked at between
 class Score:
     """What one start of an effect would explain: ``gain`` of chi^2 for ``freedom`` parameters, from a linear step.
 
-    ``start`` holds the values a shot that this step leads to; ``direction`` is the whitened, projected change of the
-    displacement at that step (all shots in one row), for the angle to other effects.
+    ``start`` holds the values a shot that this step leads to.
     """
 
     kind: TrialEffect
     start: tuple[Mapping[str, float], ...]
     gain: float
     freedom: int
-    direction: Floats
     power: float = 0.0  # squared norm of what ``unit`` of the amplitude does beside everything fitted
     unit: float = 0.0
 
@@ -171,11 +169,12 @@ def _linear(
 ) -> list[Score]:
     """Return the scores of columns in whose amplitude the displacement is linear (signs kept physical)."""
     shots = at.fitted.hypothesis.data.shots
-    rows = at.projected(bare)
-    power = np.einsum("ij,ij->j", rows, rows)
+    spanned = at.basis.T @ bare
+    whole = np.einsum("ij,ij->j", bare, bare)
+    power = whole - np.einsum("ij,ij->j", spanned, spanned)
     # What the fitted parameters do as well leaves rounding, which would look like anything.
-    power[power < (SPANNED * np.linalg.norm(bare, axis=0)) ** 2] = 0.0
-    along = rows.T @ at.left
+    power[power < SPANNED**2 * whole] = 0.0
+    along = bare.T @ at.left  # which has nothing of what is spanned
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
     grows_as = named(kind.name).grows_as
     out = []
@@ -194,9 +193,7 @@ def _linear(
                 factor = max(factor, 0.0)
             start[free.name] = min(max(start[free.name] * factor, free.lower), free.upper)
         gain = 2 * factor * along[k] - factor**2 * power[k]
-        direction = factor * rows[:, k]
-        unit = begin[free.name]
-        out.append(Score(kind, (start,) * len(shots), float(gain), freedom, direction, float(power[k]), unit))
+        out.append(Score(kind, (start,) * len(shots), float(gain), freedom, float(power[k]), begin[free.name]))
     return out
 
 
@@ -234,8 +231,7 @@ def _own_amplitudes(
             blocks.append(at.whitened(row))
         rows = at.projected(np.concatenate(blocks, axis=1))
         solution, *_ = np.linalg.lstsq(rows, at.left, rcond=1e-9)
-        direction = rows @ solution
-        gain = float(direction @ at.left)
+        gain = float((rows @ solution) @ at.left)
         starts = []
         for s in range(len(shots)):
             mine = solution[s * len(parts) : (s + 1) * len(parts)]
@@ -247,7 +243,7 @@ def _own_amplitudes(
             else:
                 starts.append({n: start[n] * float(mine[k]) for k, n in enumerate(kind.amplitude)})
         power = float(rows[:, 0] @ rows[:, 0])
-        out.append(Score(kind, tuple(starts), gain, freedom, direction, power, start[kind.amplitude[0]]))
+        out.append(Score(kind, tuple(starts), gain, freedom, power, start[kind.amplitude[0]]))
     out.sort(key=lambda score: -score.gain)
     return out
 
@@ -270,9 +266,9 @@ def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
             blocks.append(at.whitened(row))
         rows = at.projected(np.concatenate(blocks, axis=1))
         solution, *_ = np.linalg.lstsq(rows, at.left, rcond=1e-9)
-        direction = rows @ solution
+        gain = float((rows @ solution) @ at.left)
         starts = tuple(wave(f, np.asarray(solution, dtype=np.float64).reshape(-1, 2)))
         power = float(rows[:, 0] @ rows[:, 0])
-        out.append(Score(kind, starts, float(direction @ at.left), freedom, direction, power, omega))
+        out.append(Score(kind, starts, gain, freedom, power, omega))
     out.sort(key=lambda score: -score.gain)
     return out

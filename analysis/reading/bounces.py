@@ -25,6 +25,8 @@ LONG_FLIGHT = 24  # samples, after trimming
 LINE_TRIM = 0.12  # of a long flight, left out at each end of its line: the contact may begin before it shows
 EDGE_REACH_SAMPLES = 40  # of contact beyond a long flight: it is followed while its force keeps its sign
 EDGE_SAMPLES = 10  # of contact on either side of a short flight that show where it begins and ends
+GRAZES = 0.35  # of the first contact: a shorter flight looks like a contact that only grazes, and the other way round
+GRAZING = 0.04  # ... by how much that leaves each of its ends open
 PEAK_DEGREES = (7, 6, 5, 4)  # of the polynomial through the displacement about a force peak
 PEAK_REACH = 1.3  # how far beyond the peak it goes, in units of the rise before it
 
@@ -66,6 +68,7 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
             edges = _flight_edges(motion, int(inside[first]), int(inside[last]), noise, levels)
             if edges is not None and _is_flight(edges, releases, onsets, 1.0 / motion.sample_rate_hz):
                 disturbed = disturbed or not _is_straight(motion, edges, bent)
+                edges = _as_it_grazes(edges, (releases[0] if releases else edges[0]).time_s - touch.time_s)
                 releases.append(edges[0])
                 onsets.append(edges[1])
     return Bounces(tuple(onsets), tuple(releases), _peaks(motion, onsets, releases, end, noise), disturbed)
@@ -160,6 +163,19 @@ def _flight_edges(
     release_range = (time[0] + 2 * step, motion.time_s[first] + room)
     onset_range = (motion.time_s[last] - room, time[-1] - 2 * step)
     return edges_of_short_flight(time, motion.displacement_m[low:high], levels_m[0], release_range, onset_range)
+
+
+def _as_it_grazes(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edge, Edge]:
+    """Return the edges of a flight, less sure where it is so short that the force would hardly stand off nothing.
+
+    About its least value the force of a contact that never lets go grows with the square of the time: for a sixth of
+    the first contact it stays below FLIGHT_FRACTION, as in a flight.
+    """
+    release, onset = edges
+    if onset.time_s - release.time_s > GRAZES * first_contact_s:
+        return edges
+    unsure = GRAZING * first_contact_s
+    return _less_sure(release, unsure), _less_sure(onset, unsure)
 
 
 def _less_sure(edge: Edge, std_s: float) -> Edge:

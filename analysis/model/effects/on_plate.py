@@ -19,6 +19,8 @@ from analysis.model.effects.kernel import (
 )
 from analysis.model.effects.row import Acts, Effect, Parameter, frequencies
 
+_LIGHTEST = 1e-300  # of a mode's mass: a search may step on nothing, which swings faster than anything follows
+
 
 def cubic_stiffness(s: Any, p: Any, out: Any) -> None:
     """Add -k_3 y^3; p = (k_3 in N/m^3).  A plate that stiffens (or softens) with its deflection; Duffing, 1918."""
@@ -115,7 +117,9 @@ ROWS = (
         hidden=2,
         shift=1.0,
         inverse=True,
-        stiffens=lambda values, c: 1 + 1 / (float(values[0]) * (1 / c.block_mass_kg + 1 / c.plate_mass_kg)),
+        stiffens=lambda values, c: (
+            1 + 1 / max(_LIGHTEST, float(values[0]) * (1 / c.block_mass_kg + 1 / c.plate_mass_kg))
+        ),
         fastest=lambda values, _: 2 * math.pi * float(values[1]),
     ),
     Effect(

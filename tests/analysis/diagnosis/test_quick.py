@@ -22,6 +22,9 @@ def test_impossible_parameters_are_refused() -> None:
     heavy = {"block_mode": {"mass_kg": 1.0, "frequency_hz": 100.0, "damping_ratio": 0.01}}
     with pytest.raises(Infeasible):
         respond(TIME_S, BASE, OWN, heavy, PAPER.block_mass_kg, OPTICS)
+    nothing = {"second_plate_mode": {"mass_kg": 0.0, "frequency_hz": 900.0, "damping_ratio": 0.01}}
+    with pytest.raises(Infeasible):
+        respond(TIME_S, BASE, OWN, nothing, PAPER.block_mass_kg, OPTICS)
 
 
 @pytest.mark.parametrize("reach_m", [1e-5, 1e-4])

@@ -35,7 +35,7 @@ FIRST_PIECES, MOST_PIECES = 12, 96
 _FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front
 _FINER_STEPS = 4  # from the curve in half as many pieces
 _GO_ON = 6  # arguments that are searched to the end
-FINER_PAYS = 10.0  # of the criterion: worth twice the knots
+_FINER_PAYS = 10.0  # of the criterion: worth twice the knots
 FOLLOWED = 3  # arguments that are given finer knots
 FORMS_FITTED = 6  # of an argument, by their distance from its curve
 _NEAR, _NEAR_NORMS = 4.0, 200.0  # times the nearest form's distance, and more: fitted before the others
@@ -143,26 +143,28 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
         except (Infeasible, np.linalg.LinAlgError):
             return learned
 
-    def finer(learned: Learned) -> Learned:
-        pieces = FIRST_PIECES
-        while 2 * pieces <= MOST_PIECES:
-            pieces *= 2
-            try:
-                trial = refine(learned, pieces, stop, steps=_FINER_STEPS)
-            except (Infeasible, ValueError, np.linalg.LinAlgError):
-                break
-            if trial.bic > learned.bic - FINER_PAYS:
-                break
-            learned = trial
-        return learned
-
     rough = side_by_side(one, arguments)
     first = sorted((curve for curve in rough if curve is not None), key=lambda curve: curve.bic)
     found = sorted(side_by_side(further, first[:_GO_ON]), key=lambda curve: curve.bic)
     ahead = [curve for curve in found[:FOLLOWED] if curve.bic < start.bic - CRITERIA.law_fall]
-    curves = sorted(side_by_side(finer, ahead), key=lambda curve: curve.bic)
+    curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
     # A form that meets its curve saves no more than the curve's freedom costs: others cannot come to the front.
     return [c for c in curves if c.bic - c.freedom * math.log(c.samples) < curves[0].bic + CRITERIA.form_excluded]
+
+
+def finer(learned: Learned, most_pieces: int, stop: Stop) -> Learned:
+    """Return a fit whose last curve has twice the knots as often as that pays, up to so many pieces."""
+    pieces = FIRST_PIECES
+    while 2 * pieces <= most_pieces:
+        pieces *= 2
+        try:
+            trial = refine(learned, pieces, stop, steps=_FINER_STEPS)
+        except (Infeasible, ValueError, np.linalg.LinAlgError):
+            break
+        if trial.bic > learned.bic - _FINER_PAYS:
+            break
+        learned = trial
+    return learned
 
 
 def _refined(start: Fitted, learned: Learned, forms: Sequence[Fitting], stop: Stop) -> list[FormFit]:

@@ -13,13 +13,13 @@ from analysis.diagnosis.fits.free_parameters import trial_effect
 from analysis.diagnosis.fits.hypothesis import Hypothesis
 from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit, lead_on
 from analysis.diagnosis.learning.closed_forms import Fitting, compress
-from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs, refine
+from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
 from analysis.diagnosis.learning.curve_motion import Term, ground_of
 from analysis.diagnosis.learning.law_learning import (
-    FINER_PAYS,
     FIRST_PIECES,
     Discovery,
     arguments_of,
+    finer,
     is_law,
     learn_law,
 )
@@ -35,7 +35,7 @@ from analysis.shot import Progress, Stop
 from analysis.side_by_side import side_by_side
 
 _PAIRS = 4  # of arguments, likeliest to first order: fitted to the end
-_STEPS, _FINER_STEPS = 7, 4
+_STEPS = 7
 _MOST_PIECES = 48
 _FORMS = 4  # of each curve, by their distance from it
 _AT_FIRST = 2  # of these with as many of the other's; then all beside the other's best
@@ -128,22 +128,7 @@ def _curves(start: Fitted, stop: Stop) -> Learned | None:
         return None
     learned = min(found, key=lambda one: one.bic)
     for _ in learned.terms:
-        learned = _finer(learned.with_last(0), stop)
-    return learned
-
-
-def _finer(learned: Learned, stop: Stop) -> Learned:
-    """Return a fit whose last curve has twice the knots as often as that pays."""
-    pieces = FIRST_PIECES
-    while 2 * pieces <= _MOST_PIECES:
-        pieces *= 2
-        try:
-            trial = refine(learned, pieces, stop, steps=_FINER_STEPS)
-        except (Infeasible, ValueError, np.linalg.LinAlgError):
-            break
-        if trial.bic > learned.bic - FINER_PAYS:
-            break
-        learned = trial
+        learned = finer(learned.with_last(0), _MOST_PIECES, stop)
     return learned
 
 

@@ -24,6 +24,7 @@ from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear, settle
+from analysis.diagnosis.verdict.coincidence import by_chance
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, choose, predict
 from analysis.diagnosis.verdict.identifiability import Separation, least_seen, missed_without
@@ -219,6 +220,8 @@ def _found(
             gap = min(gap, 2 * (best.log_likelihood - other.log_likelihood))
             if gap < CRITERIA.least_lead and new not in others:
                 others.append(new)
+    if not remainder.significant:
+        others = [other for other in others if not by_chance(trail.of((*kept, other)), other, best, name)]
     evidence = {
         "snr": min(far.snr, missed_without(best, fewer)),
         "delta_bic": -float(fall),

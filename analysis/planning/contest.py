@@ -1,7 +1,8 @@
 """The models that a diagnosis could not tell apart, each fitted to the shots at hand."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from analysis.diagnosis.search.competing_models import fitted_instead
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.search.screening import fixed_of
+from analysis.diagnosis.verdict.coincidence import in_every_shot, unforetold
 from analysis.diagnosis.verdict.identifiability import separation
 from analysis.fit import Fit
 from analysis.model.effects import named
@@ -34,6 +36,12 @@ class Member:
     effect: str
     fitted: Fitted
     chi2: float  # under the floor that all are compared under
+    coincidence: float = 0.0  # what it costs beside that, as chi^2, that nothing foretells its numbers in every shot
+
+    @property
+    def misfit(self) -> float:
+        """Get what members are compared by: chi^2, and the cost of numbers that nothing foretells."""
+        return self.chi2 + self.coincidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +50,12 @@ class Contest:
 
     members: tuple[Member, ...]
     floor: Floor
+    foretold_nats: float = inf  # what numbers cost that all shots share: those of every shot are charged what is more
 
     @property
     def likely(self) -> tuple[Member, ...]:
         """Get the members that may well be the true one."""
-        return tuple(m for m in self.members if m.chi2 < self.members[0].chi2 + _UNLIKELY)
+        return tuple(m for m in self.members if m.misfit < self.members[0].misfit + _UNLIKELY)
 
     @property
     def reached(self) -> float:
@@ -56,7 +65,7 @@ class Contest:
     def reached_from(self, one_with: Collection[str]) -> float:
         """Get the same from the next that is not among those that are one with the likeliest; 0 where there is none."""
         best, *others = self.members
-        left = [other.chi2 - best.chi2 for other in others if other.effect not in one_with]
+        left = [other.misfit - best.misfit for other in others if other.effect not in one_with]
         return float(np.sqrt(max(0.0, min(left, default=0.0))))
 
 
@@ -74,7 +83,31 @@ def contest(given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: S
     members = [Member(name, best, _chi2(best, best.floor)), *rivals(best, name, others, stop)]
     if len(members) < 2:
         return None
-    return Contest(tuple(sorted(members, key=lambda member: member.chi2)), best.floor)
+    nats = _foretold_nats(members)
+    members = [replace(member, coincidence=coincidence(member.effect, member.fitted, nats)) for member in members]
+    return Contest(tuple(sorted(members, key=lambda member: member.misfit)), best.floor, nats)
+
+
+def coincidence(effect: str, fitted: Fitted, foretold_nats: float) -> float:
+    """Return what it costs, as chi^2, that nothing foretells the numbers of an effect that are all a shot's own."""
+    if not in_every_shot(effect):
+        return 0.0
+    theirs = unforetold(fitted.hypothesis, fitted.z, fitted.inverse, effect)
+    return 0.0 if theirs is None else 2 * max(0.0, theirs.nats - foretold_nats)
+
+
+def _foretold_nats(members: Sequence[Member]) -> float:
+    """Return what the numbers cost of the best member whose numbers all shots share; no end of it where there is none.
+
+    Only members that have numbers in every shot are charged for the difference: among the others the one with fewer
+    parameters is not the true one for that alone.
+    """
+    shared = [member for member in members if not in_every_shot(member.effect)]
+    best = min(shared, key=lambda member: member.chi2, default=None)
+    if best is None or len(shared) == len(members):
+        return inf
+    ours = unforetold(best.fitted.hypothesis, best.fitted.z, best.fitted.inverse, best.effect)
+    return inf if ours is None else ours.nats
 
 
 def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop, tolerance: float = _ARRIVED) -> list[Member]:

@@ -3,13 +3,25 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement, count
-from math import inf, sqrt
+from math import inf, isfinite, sqrt
 
 from analysis.diagnosis.fits.free_parameters import trials_named
+from analysis.diagnosis.fits.samples import Samples
+from analysis.diagnosis.verdict.coincidence import in_every_shot
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.least_squares import Infeasible
-from analysis.planning.contest import Contest, rivals
-from analysis.planning.foreseen import NEAR, Informs, as_if_taken, at_hand, blank, foretold, informs, refitted_chi2
+from analysis.planning.contest import Contest, Member, rivals
+from analysis.planning.foreseen import (
+    NEAR,
+    Informs,
+    as_if_taken,
+    at_hand,
+    blank,
+    coincidence_with,
+    foretold,
+    informs,
+    refitted_chi2,
+)
 from analysis.planning.next_shot import NextShot
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
@@ -26,12 +38,12 @@ _FAR = 3.0  # times the nearest rival to first order: one so far off is not fitt
 class Distances:
     """What shots at hand and shots to choose from say to first order of every rival, were a member true.
 
-    ``own_chi2`` is what every member itself leaves of the shots at hand.
+    ``own_misfit`` is what every member itself leaves of the shots at hand.
     """
 
     at_hand: Mapping[Pair, Informs]
     each: Mapping[NextShot, Mapping[Pair, Informs]]
-    own_chi2: Mapping[int, float]
+    own_misfit: Mapping[int, float]
 
     @property
     def members(self) -> tuple[int, ...]:
@@ -44,8 +56,12 @@ class Distances:
         for pair, every in self.at_hand.items():
             for shot in shots:
                 every = every + self.each[shot][pair]
-            out[pair] = sqrt(max(0.0, every.least - self.own_chi2[pair[0]]))
+            out[pair] = sqrt(max(0.0, every.least - self.own_misfit[pair[0]]))
         return out
+
+    def coincidence(self, pair: Pair, shots: Shots) -> float:
+        """Return what it costs a rival after these shots that nothing foretells its numbers, as chi^2."""
+        return self.at_hand[pair].coincidence + sum(self.each[shot][pair].coincidence for shot in shots)
 
     def nearest(self, shots: Shots) -> dict[int, float]:
         """Return, for every member that may be true, the distance of its nearest rival after these shots."""
@@ -75,7 +91,14 @@ def screened(contest: Contest, shots: Sequence[NextShot], tell: Callable[[float]
     true = [k for k, member in enumerate(members) if member in contest.likely]
     pairs = tuple((a, b) for a in true for b in range(len(members)) if a != b)
     known = {b: at_hand(members[b].fitted, floor) for b in {b for _, b in pairs}}
+    known = {b: replace(of_b, coincidence=members[b].coincidence) for b, of_b in known.items()}
     done = count(1)
+
+    def of_pair(rival: Member, shown: Samples) -> Informs:
+        told = informs(rival.fitted, shown, floor)
+        if not isfinite(contest.foretold_nats) or not in_every_shot(rival.effect):
+            return told
+        return replace(told, coincidence=coincidence_with(rival.fitted, rival.effect, shown, floor))
 
     def of_shot(shot: NextShot) -> dict[Pair, Informs] | None:
         if stop():
@@ -83,7 +106,7 @@ def screened(contest: Contest, shots: Sequence[NextShot], tell: Callable[[float]
         try:
             empty = blank(shot, members[0].fitted)
             shown = {a: foretold(members[a].fitted, empty) for a in true}
-            return {(a, b): informs(members[b].fitted, shown[a], floor) for a, b in pairs}
+            return {(a, b): of_pair(members[b], shown[a]) for a, b in pairs}
         except Infeasible:
             return None
         finally:
@@ -93,7 +116,7 @@ def screened(contest: Contest, shots: Sequence[NextShot], tell: Callable[[float]
     return Distances(
         {pair: known[pair[1]] for pair in pairs},
         {shot: out for shot, out in found if out is not None},
-        {a: members[a].chi2 for a in true},
+        {a: members[a].misfit for a in true},
     )
 
 
@@ -117,7 +140,7 @@ def refitted(contest: Contest, shots: Shots, distances: Distances, stop: Stop) -
             chi2 = refitted_chi2(contest.members[rival].fitted, shown[true], contest.floor, stop)
         except Infeasible:
             return inf
-        return sqrt(max(0.0, chi2 - distances.own_chi2[true]))
+        return sqrt(max(0.0, chi2 + distances.coincidence(pair, shots) - distances.own_misfit[true]))
 
     pairs = list(first)
     return dict(zip(pairs, side_by_side(of_pair, pairs), strict=True))
@@ -141,7 +164,7 @@ def searched_anew(contest: Contest, shots: Shots, known: Pairs, distances: Dista
         best = as_if_taken(member.fitted, [foretold(member.fitted, one) for one in empty], contest.floor)
         for rival in rivals(best, member.effect, others, stop, NEAR):
             pair = (true, places[rival.effect])
-            out[pair] = min(out[pair], sqrt(max(0.0, rival.chi2 - distances.own_chi2[true])))
+            out[pair] = min(out[pair], sqrt(max(0.0, rival.chi2 - distances.own_misfit[true])))
     return out
 
 

@@ -12,6 +12,7 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, search, squar
 from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.site import on_site
+from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.model.least_squares import Infeasible
 from analysis.model.starts import Course
@@ -112,23 +113,30 @@ def as_if_taken(fitted: Fitted, added: Sequence[Samples], floor: Floor) -> Fitte
 class Informs:
     """What a shot says of a model's shared parameters to first order, its own start eliminated.
 
-    ``curvature``, shape (p, p), and ``gradient``, shape (p,), of half the sum of squares ``chi2`` by them.
+    ``curvature``, shape (p, p), and ``gradient``, shape (p,), of half the sum of squares ``chi2`` by them;
+    ``coincidence`` as chi^2 that its own numbers, which nothing foretells, fell where they did.
     """
 
     curvature: Floats
     gradient: Floats
     chi2: float
+    coincidence: float = 0.0
 
     def __add__(self, other: "Informs") -> "Informs":
-        return Informs(self.curvature + other.curvature, self.gradient + other.gradient, self.chi2 + other.chi2)
+        return Informs(
+            self.curvature + other.curvature,
+            self.gradient + other.gradient,
+            self.chi2 + other.chi2,
+            self.coincidence + other.coincidence,
+        )
 
     @property
     def least(self) -> float:
-        """Get the least sum of squares that the shared parameters can reach, to first order."""
+        """Get the least that the shared parameters can bring the sum of squares to, to first order, and coincidence."""
         scale = np.sqrt(np.maximum(np.diag(self.curvature), 1e-300))
         scaled = self.curvature / np.outer(scale, scale)
         step = np.linalg.lstsq(scaled, self.gradient / scale, rcond=1e-13)[0]
-        return max(0.0, self.chi2 - float(self.gradient / scale @ step))
+        return max(0.0, self.chi2 - float(self.gradient / scale @ step)) + self.coincidence
 
 
 def informs(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] = ()) -> Informs:
@@ -144,6 +152,27 @@ def informs(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] 
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
     return eliminated(rows[:, 1:], rows[:, 0], shared_places(hypothesis), unshared)
+
+
+def coincidence_with(rival: Fitted, effect: str, shot: Samples, floor: Floor) -> float:
+    """Return what a foretold shot costs an effect, as chi^2, whose own numbers there would have to fall in one place.
+
+    As much as the shot knows them better than they scatter: ln det(1 + S F), with what is known of them (F) when the
+    shot's own start is eliminated.  Raises Infeasible.
+    """
+    known = unforetold(rival.hypothesis, rival.z, rival.inverse, effect)
+    if known is None:
+        return 0.0
+    hypothesis, z = with_shots(rival, [shot])
+    last = len(hypothesis.data.shots) - 1
+    free = hypothesis.free_parameters
+    places = [hypothesis.offset + k for k, (name, _, index) in enumerate(free) if (name, index) == (effect, last)]
+    start = hypothesis.data.count + 3 * last + np.arange(3)
+    rows = shot.whitened(floor, hypothesis.of_shot(last, z)[1][:, [*start, *places]])
+    if not np.all(np.isfinite(rows)):
+        raise Infeasible("the trajectory is not finite")
+    of_numbers = eliminated(rows, np.zeros(len(rows)), range(3, rows.shape[1])).curvature
+    return float(np.linalg.slogdet(np.eye(len(places)) + of_numbers * np.outer(known.scatter, known.scatter))[1])
 
 
 def at_hand(fitted: Fitted, floor: Floor) -> Informs:

@@ -1,0 +1,78 @@
+"""What it says against an effect that its numbers, free in every shot, fall where another effect foretells them.
+
+A plate that swings when the block arrives has two numbers in every shot, and with them can do what one shared number of
+another effect does.  Each shot in which it does so and nothing else is a coincidence, which chi^2 does not see.  The
+evidence does (MacKay, "Information Theory, Inference, and Learning Algorithms", ch. 28): the likelihood averaged over
+what the numbers might have been, which scatter about zero by as much as the data themselves like best (empirical Bayes,
+so the effect is given every benefit).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.model.effects import named
+
+Floats = NDArray[np.float64]
+_ROUNDS = 300  # of expectation and maximisation; microseconds each
+
+
+@dataclass(frozen=True, slots=True)
+class Unforetold:
+    """What numbers that nothing foretold cost: ``nats`` of ln L; ``scatter`` of each of a shot's, in its order and the vector's units."""
+
+    nats: float
+    scatter: Floats
+
+
+def in_every_shot(effect: str) -> bool:
+    """Return whether all of an effect's numbers are a shot's own."""
+    return named(effect).own
+
+
+def unforetold(hypothesis: Hypothesis, z: Floats, inverse: Floats, effect: str) -> Unforetold | None:
+    """Return what the numbers of one effect of a fit cost, None where the data do not know them.
+
+    ``z`` are the parameters in the order of the hypothesis' vector, ``inverse`` their covariance there.
+    """
+    free = hypothesis.free_parameters
+    places = [hypothesis.offset + k for k, (name, _, _) in enumerate(free) if name == effect]
+    names = [parameter.name for name, parameter, _ in free if name == effect]
+    here, known = z[places], inverse[np.ix_(places, places)]
+    if not places or not np.all(np.isfinite(known)) or np.any(np.diag(known) <= 0.0):
+        return None
+    unit = np.sqrt(np.diag(known))
+    kinds = np.array([list(dict.fromkeys(names)).index(name) for name in names])
+    count = np.bincount(kinds)
+    # The unit of a kind is its best known number: what scatters is reckoned in it, and the others may be known less.
+    of_kind = np.array([unit[kinds == k].min() for k in range(len(count))])
+    here, known = here / of_kind[kinds], known / np.outer(of_kind[kinds], of_kind[kinds])
+    variance = np.bincount(kinds, here**2) / count + 1.0
+    for _ in range(_ROUNDS):
+        prior = variance[kinds]
+        gain = prior[:, None] * np.linalg.inv(known + np.diag(prior))
+        likely = (gain @ here) ** 2 + prior - np.einsum("ij,ji->i", gain, np.diag(prior))
+        variance = np.bincount(kinds, likely) / count
+    spread = known + np.diag(variance[kinds])
+    nats = 0.5 * (np.linalg.slogdet(spread)[1] - np.linalg.slogdet(known)[1] + here @ np.linalg.solve(spread, here))
+    return Unforetold(float(nats), np.sqrt(variance) * of_kind)
+
+
+def by_chance(rival: Fitted | None, effect: str, best: Fitted, instead: str) -> bool:
+    """Return whether ``effect`` of a rival fit would do what ``instead`` of the best does only by coincidence.
+
+    That is told where its numbers are all a shot's own and the others are not, and where ``instead`` makes the shots
+    likelier by as much as one does that stands apart (``Criteria.separation``), both beside the noise of ``best``.
+    """
+    if rival is None or not in_every_shot(effect) or in_every_shot(instead):
+        return False
+    theirs = unforetold(rival.hypothesis, rival.z, rival.inverse, effect)
+    ours = unforetold(best.hypothesis, best.z, best.inverse, instead)
+    if theirs is None or ours is None:
+        return False
+    chi2 = [sum(float(left @ left) for left in one.whitened(best.floor)) for one in (rival, best)]
+    return 2 * (theirs.nats - ours.nats) + chi2[0] - chi2[1] > CRITERIA.separation**2

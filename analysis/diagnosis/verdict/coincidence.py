@@ -23,7 +23,10 @@ _ROUNDS = 300  # of expectation and maximisation; microseconds each
 
 @dataclass(frozen=True, slots=True)
 class Unforetold:
-    """What numbers that nothing foretold cost: ``nats`` of ln L; ``scatter`` of each of a shot's, in its order and the vector's units."""
+    """What numbers that nothing foretold cost: ``nats`` of ln L.
+
+    ``scatter`` is how far each of a shot's is from zero, in their order there and in the vector's units.
+    """
 
     nats: float
     scatter: Floats

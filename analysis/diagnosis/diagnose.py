@@ -15,6 +15,7 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.diagnosis.fits.profile import with_profile_std
 from analysis.diagnosis.learning import contact_words
 from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
+from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.full_rate import seen_finely
 from analysis.diagnosis.noise.joint_data import shakings_of, site_under
@@ -71,19 +72,25 @@ def diagnose(
     tell("fitting the base model", 0.0)
     shakings = shakings_of(motions, model, shakings)
     site = site_under(motions, shakings)
+    asked = _Asked(motions, fit, model, hold_out, tell, stop, began)
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
     search = Search(motions, fit_before, catalogue, accepted, tell, stop)
-    asked = _Asked(motions, fit, model, hold_out, tell, stop, began)
-    wandering = search.under(None)
+    # The last effect that may join is asked where no law explains all: it seldom does.
+    wandering = search.under(None, most=CRITERIA.most_effects - (site is None))
     under_site = search.under(site) if site is not None else wandering
-    if wandering.best.bic <= under_site.best.bic:
-        return _judged(asked, _standing(asked, wandering)).diagnosis
-    at_site = _standing(asked, under_site)
+    likelier = wandering if wandering.best.bic <= under_site.best.bic else under_site
+    alone = asked.law_alone(wandering.trail.start)
+    instead = likelier.rest.significant and alone.explains_instead(likelier.best, catalogue)
+    if instead and seen_finely(wandering.best, wandering.trail, motions) is None:
+        return _judged(asked, _nothing_but(alone, wandering)).diagnosis
+    if likelier is wandering:
+        return _judged(asked, _standing(asked, wandering.to_the_end(), alone)).diagnosis
+    at_site = _standing(asked, under_site, asked.law_alone(under_site.trail.start))
     told = _judged(asked, at_site, laws=False)
     if told.explained:
         return told.diagnosis
     # A law that bends flights may pass for a building, and a building with a name or two come nearer than no law.
-    without_site = _judged(asked, _standing(asked, wandering))
+    without_site = _judged(asked, _standing(asked, wandering, alone))
     if without_site.explained and without_site.bic < told.bic:
         return without_site.diagnosis
     return _judged(asked, at_site).diagnosis
@@ -101,15 +108,21 @@ class _Asked:
     stop: Stop
     began: float
 
+    def law_alone(self, start: Fitted) -> LawAlone:
+        """Return the one law that may be what a fit lacks."""
+        held = choose(start.hypothesis.data) if self.hold_out is None else (self.hold_out,)
+        return LawAlone(start, held, self.tell, self.stop)
+
 
 @dataclass(frozen=True, slots=True)
 class _Standing:
-    """What stands of what a search found, on which trail; ``held`` are the shots foretold."""
+    """What stands of what a search found, on which trail; ``held`` are the shots foretold; the law it may be alone."""
 
     catalogue: Sequence[TrialEffect]
     trail: Trail
     held: tuple[int, ...]
     settled: Settled
+    alone: LawAlone
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,16 +138,28 @@ class _Judged:
         return self.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
 
 
-def _standing(asked: _Asked, searched: Searched) -> _Standing:
-    best, trail = seen_finely(searched.best, searched.trail, asked.motions) or (searched.best, searched.trail)
+def _nothing_but(alone: LawAlone, searched: Searched) -> _Standing:
+    """Return that nothing of the catalogue stands: one law explains what it leaves."""
+    start, trail = searched.trail.start, searched.trail
+    return _Standing(searched.catalogue, trail, alone.held, Settled.nothing(start, trail.projector_of(start)), alone)
+
+
+def _standing(asked: _Asked, searched: Searched, alone: LawAlone) -> _Standing:
+    """Return what stands; ``alone`` is the law that what was searched from may lack."""
+    best, trail = searched.best, searched.trail
+    finely = seen_finely(best, trail, asked.motions)
+    rest = searched.rest if finely is None else None
+    if finely is not None:
+        best, trail = finely
+        alone = asked.law_alone(trail.start)
     data = trail.start.hypothesis.data
     held = choose(data, in_turn=best is not trail.start) if asked.hold_out is None else (asked.hold_out,)
-    return _Standing(searched.catalogue, trail, held, settle(best, trail, held, asked.tell))
+    return _Standing(searched.catalogue, trail, held, settle(best, trail, held, asked.tell, rest), alone)
 
 
 def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True) -> _Judged:
     """Judge what stands, learn ``laws`` where it leaves something, and tell it."""
-    motions, tell, stop, hold_out = asked.motions, asked.tell, asked.stop, asked.hold_out
+    motions, tell, stop = asked.motions, asked.tell, asked.stop
     trail, held, stands = standing.trail, standing.held, standing.settled
     before, data = trail.start, trail.start.hypothesis.data
     best, at, far, rest, told = stands.best, stands.at, stands.far, stands.rest, stands.told
@@ -161,11 +186,11 @@ def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True) -> _Judged
     learned: tuple[LearnedLaw, ...] = ()
     certain = bool(effects)
     if laws and verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
-        in_turn = choose(data) if hold_out is None else held
+        in_turn = standing.alone.held
         beyond = (
             beside(best, effects, before, in_turn, tell, stop)
             if effects
-            else beyond_catalogue(before, best, found, in_turn, tell, stop)
+            else beyond_catalogue(standing.alone, best, found)
         )
         if beyond is not None:
             held = in_turn

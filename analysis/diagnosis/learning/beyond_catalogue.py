@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from analysis.diagnosis import words
 from analysis.diagnosis.fits.as_fit import effect_parameters
 from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
+from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.law_telling import retold
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws
@@ -32,37 +33,30 @@ class Beyond:
     rest: Residual
 
 
-def beyond_catalogue(
-    before: Fitted,
-    nearest: Fitted,
-    effects: Sequence[FoundEffect],
-    held: tuple[int, ...],
-    tell: Progress,
-    stop: Stop,
-) -> Beyond | None:
+def beyond_catalogue(alone: LawAlone, nearest: Fitted, effects: Sequence[FoundEffect]) -> Beyond | None:
     """Return what lowers the error of the held-out shots, or None where nothing does.
 
-    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  A law is learned from what the base
-    model leaves, and one from what those effects leave; a second beside the likelier of them, and beside the other
-    where that does not explain all.
+    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Asked in turn, until one explains
+    all: the law ``alone``, two laws, a law beside those effects, two beside them.
     """
-    tell("learning a law", 0.8)
-    alone = learn_law(before, held, tell, stop)
-    if alone is not None and alone.explains:
-        return _alone(alone)
+    before, held, tell, stop = alone.start, alone.held, alone.tell, alone.stop
+    found = []
+    if (first := alone.found) is not None:
+        if first.explains:
+            return _alone(first)
+        found.append(_alone(learn_another(first, held, tell, stop)))
+        if found[-1].verdict is Verdict.LAW_LEARNED:
+            return found[-1]
     helped = _helps(before, nearest, held, stop)
-    ways: list[tuple[Discovery, Prediction | None]] = [(alone, None)] if alone is not None else []
     if helped is not None:
         tell("learning a law beside the effects that came nearest", 0.83)
         joined = learn_law(nearest, held, tell, stop)
-        ways += [(joined, helped[0])] if joined is not None else []
-    found = []
-    for first, base in sorted(ways, key=lambda way: way[0].fitted.bic):
-        laws = first if first.explains else learn_another(first, held, tell, stop)
-        found.append(_alone(laws) if base is None else _together(laws, effects, base, held, stop))
-        if found[-1].verdict is Verdict.LAW_LEARNED:
-            return found[-1]
-    if helped is not None:
+        if joined is not None:
+            if not joined.explains:
+                joined = learn_another(joined, held, tell, stop)
+            found.append(_together(joined, effects, helped[0], held, stop))
+            if found[-1].verdict is Verdict.LAW_LEARNED:
+                return found[-1]
         rest = judge(nearest, projector(nearest))
         found.append(Beyond(nearest, Verdict.PARTLY_EXPLAINED, list(effects), (), helped, rest))
     return min(found, key=lambda one: one.fitted.bic, default=None)

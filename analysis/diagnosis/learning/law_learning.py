@@ -12,13 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.free_parameters import trial_effect
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit, lead_on
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
 from analysis.diagnosis.learning.closed_forms import Fitting, compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import ground_of
+from analysis.diagnosis.learning.form_fits import fit_forms
 from analysis.diagnosis.learning.law_telling import FormFit, told
 from analysis.diagnosis.result import LearnedLaw
 from analysis.diagnosis.search.projector import projector
@@ -26,7 +24,6 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import Residual, judge
 from analysis.laws.arguments import ARGUMENTS, Argument
-from analysis.laws.own import LawError
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Progress, Stop
 from analysis.side_by_side import side_by_side
@@ -78,12 +75,14 @@ def learn_law(
         return None
     fits: list[FormFit] = []
     for place, learned in enumerate(curves[:FOLLOWED]):
+        if fits and _at_best(learned) > min(one.bic for one in fits) + CRITERIA.form_excluded:
+            continue
         tell(f"reading the curve of the {_argument(learned).name}", 0.84 + 0.03 * place)
         forms = [form for form in compress(learned) if is_law(form, _argument(learned))][:FORMS_FITTED]
         near = [form for form in forms if form.distance <= _NEAR * forms[0].distance + _NEAR_NORMS]
-        met = _refined(start, learned, near, stop)
+        met = _refined(start, learned, near, fits, stop)
         if not any(_meets(one, curves) for one in met):  # distances were to first order
-            met += _refined(start, learned, [form for form in forms if form not in near], stop)
+            met += _refined(start, learned, [form for form in forms if form not in near], [*fits, *met], stop)
         fits += met
     if not fits:
         return None
@@ -148,8 +147,13 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
     found = sorted(side_by_side(further, first[:_GO_ON]), key=lambda curve: curve.bic)
     ahead = [curve for curve in found[:FOLLOWED] if curve.bic < start.bic - CRITERIA.law_fall]
     curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
-    # A form that meets its curve saves no more than the curve's freedom costs: others cannot come to the front.
-    return [c for c in curves if c.bic - c.freedom * math.log(c.samples) < curves[0].bic + CRITERIA.form_excluded]
+    # A form saves no more than its curve's freedom costs: others cannot come to the front.
+    return [curve for curve in curves if _at_best(curve) < curves[0].bic + CRITERIA.form_excluded]
+
+
+def _at_best(curve: Learned) -> float:
+    """Return the criterion of a form that meets its curve with a single number."""
+    return curve.bic - (curve.freedom - 1) * math.log(curve.samples)
 
 
 def finer(learned: Learned, most_pieces: int, stop: Stop) -> Learned:
@@ -167,28 +171,14 @@ def finer(learned: Learned, most_pieces: int, stop: Stop) -> Learned:
     return learned
 
 
-def _refined(start: Fitted, learned: Learned, forms: Sequence[Fitting], stop: Stop) -> list[FormFit]:
-    """Return the fits of closed forms to the shots."""
-
-    def one(form: Fitting) -> FormFit | None:
-        try:
-            base = start.hypothesis.unpack(learned.z + form.base_step)
-            law = form.form.law(_argument(learned), form.parameters, _span(learned))
-            kind = trial_effect(law.effect)
-            hypothesis = Hypothesis(start.hypothesis.data, (*start.hypothesis.effects, kind), start.hypothesis.fixed)
-            values = tuple({**v, kind.name: dict(kind.starts[0])} for v in base.values)
-            z = hypothesis.pack(Point(base.base, base.own, values))
-            return FormFit(fit(hypothesis, z, learned.floor, evaluations=40, cancelled=stop), learned, form)
-        except (Infeasible, LawError, np.linalg.LinAlgError):
-            return None
-
-    return [found for found in side_by_side(one, forms) if found is not None]
+def _refined(
+    start: Fitted, learned: Learned, forms: Sequence[Fitting], known: Sequence[FormFit], stop: Stop
+) -> list[FormFit]:
+    """Return the fits of closed forms to the shots, beside those that are ``known``."""
+    best = min((one.bic for one in known), default=math.inf)
+    fits = fit_forms(start, learned, [(form,) for form in forms], stop, beat=best)
+    return [FormFit(one, learned, form) for one, form in zip(fits, forms, strict=True) if one is not None]
 
 
 def _led_on(one: FormFit, stop: Stop) -> FormFit:
     return replace(one, fitted=lead_on(one.fitted, cancelled=stop))
-
-
-def _span(learned: Learned) -> float:
-    knots = learned.terms[-1].basis.knots
-    return max(abs(knots[0]), abs(knots[-1]))

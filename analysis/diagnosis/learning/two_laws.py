@@ -4,17 +4,16 @@ One law alone takes what is another's, and may then be given to the wrong argume
 curves side by side do not; each is read as a closed form with the other still free, and the forms are fitted together.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.free_parameters import trial_effect
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit, lead_on
-from analysis.diagnosis.learning.closed_forms import Fitting, compress
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
+from analysis.diagnosis.learning.closed_forms import compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
 from analysis.diagnosis.learning.curve_motion import Term, ground_of
+from analysis.diagnosis.learning.form_fits import fit_forms
 from analysis.diagnosis.learning.law_learning import (
     FIRST_PIECES,
     Discovery,
@@ -29,7 +28,6 @@ from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import predict
 from analysis.diagnosis.verdict.residual import judge
-from analysis.laws.own import LawError
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Progress, Stop
 from analysis.side_by_side import side_by_side
@@ -79,7 +77,8 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop) -> Discovery | N
 
     def ask(pairs: Sequence[tuple[int, int]]) -> None:
         new = [pair for pair in pairs if pair not in tried]
-        fits = side_by_side(lambda pair: _joint(start, curves, (forms[0][pair[0]], forms[1][pair[1]]), stop), new)
+        known = min((one.bic for one in tried.values()), default=math.inf)
+        fits = fit_forms(start, curves, [(forms[0][i], forms[1][j]) for i, j in new], stop, beat=known)
         tried.update({pair: one for pair, one in zip(new, fits, strict=True) if one is not None})
 
     def best() -> tuple[int, int]:
@@ -130,20 +129,3 @@ def _curves(start: Fitted, stop: Stop) -> Learned | None:
     for _ in learned.terms:
         learned = finer(learned.with_last(0), _MOST_PIECES, stop)
     return learned
-
-
-def _joint(start: Fitted, learned: Learned, forms: tuple[Fitting, Fitting], stop: Stop) -> Fitted | None:
-    """Return the fit of two closed forms to the shots, or None where there is none."""
-    try:
-        base = start.hypothesis.unpack(learned.z + forms[0].base_step + forms[1].base_step)
-        kinds, values = [], base.values
-        for form, term in zip(forms, learned.terms, strict=True):
-            span = max(abs(term.basis.knots[0]), abs(term.basis.knots[-1]))
-            kind = trial_effect(form.form.law(term.argument, form.parameters, span).effect)
-            kinds.append(kind)
-            values = tuple({**one, kind.name: dict(kind.starts[0])} for one in values)
-        hypothesis = Hypothesis(start.hypothesis.data, (*start.hypothesis.effects, *kinds), start.hypothesis.fixed)
-        z = hypothesis.pack(Point(base.base, base.own, values))
-        return fit(hypothesis, z, learned.floor, evaluations=40, cancelled=stop)
-    except (Infeasible, LawError, np.linalg.LinAlgError):
-        return None

@@ -6,6 +6,7 @@ either.  So where the readings tell of a site, the shots are searched with it an
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from analysis.diagnosis.fits.base_fit import accept, base_fit, explored, pays_along
 from analysis.diagnosis.fits.free_parameters import TrialEffect
@@ -16,19 +17,35 @@ from analysis.diagnosis.noise.own_flights import own_flights
 from analysis.diagnosis.noise.site import Site, may_be_of_a_site
 from analysis.diagnosis.search.forward_selection import Trail, climb
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.residual import Residual, judge
 from analysis.fit import Fit
 from analysis.model.effects import named
 from analysis.motion import Motion
 from analysis.shot import Progress, Stop
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Searched:
-    """The best fit under one noise, how it was come to, and the catalogue that was asked."""
+    """The best fit under one noise, how it was come to, and the catalogue that was asked.
+
+    ``rounds`` are those in which one more effect might still join.
+    """
 
     best: Fitted
     trail: Trail
     catalogue: Sequence[TrialEffect]
+    rounds: int = 0
+
+    @cached_property
+    def rest(self) -> Residual:
+        """Get what the best fit leaves over."""
+        return judge(self.best, self.trail.projector_of(self.best))
+
+    def to_the_end(self) -> "Searched":
+        """Return the search with the rounds that were left out, where something is left to explain."""
+        if not self.rounds or not self.rest.significant:
+            return self
+        return Searched(climb(self.best, self.trail, self.rounds), self.trail, self.catalogue)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +59,8 @@ class Search:
     tell: Progress
     stop: Stop
 
-    def under(self, site: Site | None) -> Searched:
-        """Search under one noise; what shakes the frame is the site then, and no finding."""
+    def under(self, site: Site | None, *, most: int = CRITERIA.most_effects) -> Searched:
+        """Search under one noise with at most ``most`` effects; what shakes the frame is the site, no finding."""
         data = joint_data(self.motions, self.given, site)
         catalogue = [
             kind
@@ -56,7 +73,7 @@ class Search:
             start = accept(base, self.catalogue, self.accepted, self.stop)
             self.tell("scoring the catalogue", 0.15)
             if site is None:
-                return explored(start, self.given, self.motions, catalogue, self.stop)
+                return explored(start, self.given, self.motions, catalogue, self.stop, most=most)
             # What plates seem to do beside a missing effect would call for a second one.
             first, trail = explored(start, self.given, self.motions, catalogue, self.stop, most=1)
             first, trail = swayed_from_there(first, trail)
@@ -69,4 +86,5 @@ class Search:
             plain, plain_trail = along_with(())
             if plain.bic <= best.bic or not pays_along(best, along, self.stop):
                 best, trail = plain, plain_trail
-        return Searched(best, trail, catalogue)
+        added = len(trail.added(best))
+        return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)

@@ -102,10 +102,20 @@ class Settled:
     told: Told | None
     passed: Fitted
 
+    @classmethod
+    def nothing(cls, start: Fitted, at: Projector) -> "Settled":
+        """Return that nothing stands beside the fit that a search began with."""
+        return cls(start, at, {}, judge(start, at), None, start)
 
-def settle(best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress) -> Settled:
-    """Return what stands of ``best``, or of what another way leads to where that leaves something unexplained."""
-    stands = _settled(best, trail, held, tell)
+
+def settle(
+    best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress, judged: Residual | None = None
+) -> Settled:
+    """Return what stands of ``best``, or of what another way leads to where that leaves something unexplained.
+
+    ``judged`` is what ``best`` leaves over, where that is known.
+    """
+    stands = _settled(best, trail, held, tell, judged)
     if not stands.rest.significant:
         return stands
     tell("looking for another way", 0.75)
@@ -117,8 +127,11 @@ def settle(best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress) ->
     return again if calmer or better(again.best, stands.best) else stands
 
 
-def _settled(best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress) -> Settled:
+def _settled(
+    best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress, judged: Residual | None = None
+) -> Settled:
     tell("foretelling a held-out shot", 0.55)
+    given = best
     passed, told = paying(best, held, trail)
 
     def foretells(other: Fitted) -> bool:
@@ -130,7 +143,7 @@ def _settled(best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress) 
     tell("testing what is left", 0.7)
     best, at = without_the_faint(passed, trail)
     best, at, far = challenged(best, at, trail, foretells)
-    rest = judge(best, at)
+    rest = judged if judged is not None and best is given else judge(best, at)
     if rest.significant and best is not trail.start:
         clean, there, left = unmissed(best, at, rest, trail, foretells)
         if clean is not best:

@@ -68,7 +68,9 @@ def test_two_laws_that_one_alone_would_pass_for_a_third_are_learned_at_once() ->
     start = begun(rig)
     found = learn_two(start, choose(start.hypothesis.data), lambda: False)
     assert found is not None and found.explains
-    assert [(law.argument, law.form) for law in found.laws] == [("place times speed", "exponential"), ("bend", "power")]
+    assert [law.argument for law in found.laws] == ["place times speed", "bend"]
+    assert found.laws[0].form == "exponential"
+    assert found.laws[1].form in ("power", "power, odd")  # one function but for the little that the plate swings back
     squeeze, bend = (law.parameters for law in found.laws)
     for told, truth in ((squeeze["a"], -2e-6), (squeeze["b"], 9e-4), (bend["n"], 2.5)):
         assert abs(told[0].value - truth) < 4 * told[0].std < 0.5 * abs(truth)

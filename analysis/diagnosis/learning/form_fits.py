@@ -1,0 +1,78 @@
+"""Closed forms fitted to the shots: all of them a little way, to the end those that may still come to the front."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.free_parameters import trial_effect
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, fit, search
+from analysis.diagnosis.learning.closed_forms import Fitting
+from analysis.diagnosis.learning.curve_fit import Learned
+from analysis.laws.own import LawError
+from analysis.model.least_squares import Infeasible
+from analysis.shot import Cancelled, Stop
+from analysis.side_by_side import side_by_side
+
+_SHORT, _LONG = 8, 40  # evaluations of a search that only compares, and of one to the end
+_REACH = 200.0  # of the criterion behind the best: what a short search may have left, and no more
+_REACH_SHARE = 0.02  # of what the best explains, the same where that is much
+_UNDECIDED = 3.0  # times that, where the short search had not come to its end
+
+Forms = tuple[Fitting, ...]  # one for every curve of a fit
+
+
+def fit_forms(
+    start: Fitted, learned: Learned, each: Sequence[Forms], stop: Stop, *, beat: float = math.inf
+) -> list[Fitted | None]:
+    """Return the fits of closed forms in place of the curves of ``learned``, in order; None where there is none.
+
+    What falls short of the best, or of a fit with the criterion ``beat``, is left where a short search ended.
+    Cost: some 0.1 to 0.5 s a form that is no good, up to several seconds for one that is.
+    """
+
+    def begun(forms: Forms) -> Fitted | None:
+        if stop():
+            raise Cancelled
+        try:
+            hypothesis, z = _begin(start, learned, forms)
+            found = search(hypothesis, z, learned.floor, evaluations=_SHORT, cancelled=stop)
+            return finish(hypothesis, found, learned.floor)
+        except (Infeasible, LawError, np.linalg.LinAlgError):
+            return None
+
+    def ended(short: Fitted) -> Fitted:
+        try:
+            return fit(short.hypothesis, short.z, short.floor, evaluations=_LONG, cancelled=stop)
+        except (Infeasible, np.linalg.LinAlgError):
+            return short
+
+    short = side_by_side(begun, each)
+    ahead = min((one for one in short if one is not None), key=lambda one: one.bic, default=None)
+    if ahead is None:
+        return short
+    first = ended(ahead)
+    best = min(first.bic, beat)
+    reach = max(_REACH, _REACH_SHARE * (start.bic - best))
+
+    def decided(one: Fitted | None) -> Fitted | None:
+        if one is None or one is ahead:
+            return None if one is None else first
+        return one if one.bic > best + reach * (1.0 if one.converged else _UNDECIDED) else ended(one)
+
+    return side_by_side(decided, short)
+
+
+def _begin(start: Fitted, learned: Learned, forms: Forms) -> tuple[Hypothesis, np.ndarray]:
+    """Return base, effects and closed forms, and where a search of them begins."""
+    base = start.hypothesis.unpack(learned.z + sum(form.base_step for form in forms))
+    kinds, values = [], base.values
+    for form, term in zip(forms, learned.terms, strict=True):
+        span = max(abs(term.basis.knots[0]), abs(term.basis.knots[-1]))
+        kind = trial_effect(form.form.law(term.argument, form.parameters, span).effect)
+        kinds.append(kind)
+        values = tuple({**one, kind.name: dict(kind.starts[0])} for one in values)
+    hypothesis = Hypothesis(start.hypothesis.data, (*start.hypothesis.effects, *kinds), start.hypothesis.fixed)
+    return hypothesis, hypothesis.pack(Point(base.base, base.own, values))

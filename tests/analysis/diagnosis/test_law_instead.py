@@ -1,0 +1,28 @@
+"""One law is asked before the long ways through the catalogue, and takes no name from a row that it may be."""
+
+import math
+
+from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.fits.free_parameters import trial_effects
+from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.verdict.cross_validation import choose
+from tests.analysis.diagnosis.test_law_learning import begun
+from tests.law_rigs import LawRig
+
+
+def test_a_law_that_explains_all_ends_the_search() -> None:
+    rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-5 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
+    told: list[str] = []
+    found = diagnose(rig.shots((0.15, 0.3)), progress=lambda what, _fraction: told.append(what))
+    assert found.verdict is Verdict.LAW_LEARNED
+    assert [(law.where, law.argument, law.form) for law in found.laws] == [("block", "place", "exponential")]
+    assert "trying a force of the place" in told
+    assert "looking for another way" not in told
+
+
+def test_a_law_that_may_be_a_row_of_the_catalogue_stands_instead_of_none() -> None:
+    start = begun(LawRig(on_plate=lambda _x, _v, y, _u: -100.0 * y**3))
+    alone = LawAlone(start, choose(start.hypothesis.data), lambda _what, _fraction: None, lambda: False)
+    assert alone.found is not None and alone.found.explains  # as a cubic of the bend, which cubic stiffness is
+    assert not alone.explains_instead(start, trial_effects())

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from analysis.diagnosis.fits.samples import Samples, together
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.motion import Motion
 from analysis.planning.contest import contest
 from analysis.planning.distances import screened
-from analysis.planning.next_shot import NextShot, Reach, undecided
+from analysis.planning.next_shot import NextShot, Reach, contact_s, undecided
 from analysis.planning.steps import Step, next_step, stand
 from instrument.bench.blind import Take, Truth, records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
@@ -21,8 +22,6 @@ from tests.benchmarks.loop_cases import Case, as_motion, draw
 MOST = 3
 MOST_AT_RANDOM = 9
 _SET_OFF = 0.02  # part by which a speed that was asked for is missed
-_CONTACT_S = 1.05  # of half a swing of block and plate
-
 Diagnose = Callable[[Sequence[Motion]], Diagnosis]
 
 
@@ -62,7 +61,8 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     rig = draw(case, bounded=False)
     truth = rig.truth
     began = time.process_time()
-    first = diagnose(_motions(truth))
+    at_hand = _motions(truth)
+    first, like = diagnose(at_hand), together(at_hand)
     diagnosed = time.process_time()
     spent = (diagnosed - began, 0.0, 0.0)
     outcome = NextOutcome(case, rig.snr, _names(first), undecided(first), truth=dict(truth.effects), cpu_s=spent)
@@ -78,7 +78,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
             outcome = replace(outcome, needs=(len(standing.plan.shots), enough, as_much))
         while not standing.settled and len(standing.steps) < MOST:
             step: Step = next_step(standing)
-            now = taken(now, step.shot, random)
+            now = taken(now, step.shot, like, random)
             shown = _motions(now)
             said = diagnose(shown)
             standing = stand(shown, said, (*standing.steps, step), left=MOST - len(standing.steps) - 1)
@@ -97,7 +97,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     count = len(standing.steps)
     if not at_random or not count:
         return outcome
-    one, two = (diagnose(_motions(_at_random(truth, n, random))) for n in (count, 2 * count))
+    one, two = (diagnose(_motions(_at_random(truth, n, like, random))) for n in (count, 2 * count))
     return replace(
         outcome,
         random_open=undecided(one),
@@ -108,12 +108,13 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     )
 
 
-def taken(truth: Truth, shot: NextShot, random: np.random.Generator) -> Truth:
-    """Return the set with one shot more, its speed as near to what was asked for as a hand comes."""
+def taken(truth: Truth, shot: NextShot, like: Sequence[Samples], random: np.random.Generator) -> Truth:
+    """Return the set with one shot more, its speed as near to what was asked for as a hand comes.
+
+    Recorded as long as the program records it, from the contacts of the first shots, ``like``.
+    """
     speed = shot.speed_m_per_s * (1 + _SET_OFF * float(random.uniform(-1, 1)))
-    mass_kg = truth.bodies.block_mass_kg + shot.added_mass_kg + truth.bodies.plate_mass_kg
-    contact_s = _CONTACT_S * math.pi * math.sqrt(mass_kg / truth.bodies.plate_stiffness_n_per_m)
-    whole_s = round(shot.before_s + contact_s + shot.after_s, 4)
+    whole_s = round(shot.before_s + contact_s(shot, like) + shot.after_s, 4)
     takes = [truth.take(index) for index in range(len(truth.speeds_m_per_s))]
     return replace(
         truth,
@@ -122,10 +123,10 @@ def taken(truth: Truth, shot: NextShot, random: np.random.Generator) -> Truth:
     )
 
 
-def _at_random(truth: Truth, count: int, random: np.random.Generator) -> Truth:
+def _at_random(truth: Truth, count: int, like: Sequence[Samples], random: np.random.Generator) -> Truth:
     """Return the set with shots that nobody planned: any speed, weights and record that a plan could have asked for."""
     for _ in range(count):
-        truth = taken(truth, _any_shot(random), random)
+        truth = taken(truth, _any_shot(random), like, random)
     return truth
 
 

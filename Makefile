@@ -5,12 +5,15 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 SYSTEMS := linux win32 darwin
 
-.PHONY: run test lint types $(SYSTEMS:%=types-%) unit slow attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screenshots session clean test-lowest app deb
+.PHONY: run test lint kernels types $(SYSTEMS:%=types-%) unit slow attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screenshots session clean test-lowest app deb
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
 
-test: lint types unit
+# the kernels are compiled on one core: the types are checked on the other meanwhile
+test: lint
+	@$(MAKE) --no-print-directory --jobs 4 kernels $(SYSTEMS:%=types-%)
+	@$(MAKE) --no-print-directory unit
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -22,9 +25,11 @@ types: $(READY)
 $(SYSTEMS:%=types-%): types-%: $(READY)
 	$(BIN)/mypy --platform $* --cache-dir .mypy_cache/$*
 
-# kernels first, each once: two workers that meet an uncompiled one would both compile it
-unit: $(READY)
+# each once: two workers that meet an uncompiled one would both compile it
+kernels: $(READY)
 	$(BIN)/python -m app --prepare
+
+unit: kernels
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal --durations 25 -m "not slow"
 
 # what takes too long for every change: measured collisions, a law learned through the command line

@@ -53,6 +53,7 @@ _NAMES = {
     "drop_out": "light dropout",
     "rest_drift": "rest frequency drift",
     "plate_shaken": "plate swinging",
+    "knock_suspected": "knock or lacking law",
     "impulse_disagrees": "impulse ratio differs",
     "longer_than_declared": "file too long",
     "restitution_above_one": "restitution above 1",

@@ -73,6 +73,10 @@ def named_alone(outcome: Outcome) -> bool:
     return outcome.verdict != "partly_explained" and any(not others for others in outcome.classes)
 
 
+def _learned(outcome: Outcome) -> bool:
+    return outcome.verdict == "law_learned"
+
+
 def _not_named_alone(outcome: Outcome) -> bool:
     return not named_alone(outcome)
 
@@ -124,6 +128,7 @@ def lines(outcomes: Sequence[Outcome]) -> list[Line]:
     for noise in sorted({o.case.noise for o in outcomes if o.case.kind == "clean"}):
         quiet = [o for o in outcomes if o.case.kind == "clean" and o.case.noise == noise]
         at_most(f"clean, {noise} noise, false name", share(quiet, named_at_all), 0.01)
+        at_most(f"clean, {noise} noise, a law learned", share(quiet, _learned), 0.01)
         calm = share(quiet, lambda o: o.verdict == "adequate")
         result.append(Line(f"clean, {noise} noise, called adequate", str(calm), "shown", None))
     strange = [o for o in beyond if _tellable(o)]

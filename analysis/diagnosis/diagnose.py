@@ -19,17 +19,17 @@ from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.full_rate import seen_finely
 from analysis.diagnosis.noise.joint_data import shakings_of, site_under
-from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.competing_models import apart
 from analysis.diagnosis.search.forward_selection import Trail, without
-from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear, settle
 from analysis.diagnosis.verdict.coincidence import by_chance
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, choose, predict
-from analysis.diagnosis.verdict.identifiability import Separation, least_seen, missed_without
+from analysis.diagnosis.verdict.identifiability import Separation, missed_without
 from analysis.diagnosis.verdict.residual import Residual, describe, errors, judge, looks_like
+from analysis.diagnosis.verdict.told_beside import blind_spots, candidates, separating
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model.effects import findings
@@ -208,7 +208,7 @@ def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True) -> _Judged
         + contact_words.told(effects, learned)
         + words.taken_along(after_fit),
         effects=tuple(effects),
-        candidates=_candidates(best, trail),
+        candidates=candidates(best, trail),
         error_before=error_before,
         error_after=error_after,
         error_held_out_before=_held(motions, data, held, told[0] if told else None, after.floor),
@@ -216,8 +216,8 @@ def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True) -> _Judged
         fit_before=asked.fit if asked.fit and not before.names else as_fit(before, motions, asked.model, 0.0),
         fit_after=replace(after_fit, seconds=time.perf_counter() - asked.began),
         remainder=left,
-        blind_spots=_blind(at, standing.catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
-        separating_shot=_separating(effects, data),
+        blind_spots=blind_spots(at, standing.catalogue, best) if verdict is not Verdict.UNEXPLAINED else (),
+        separating_shot=separating(effects, data),
         seconds=time.perf_counter() - asked.began,
         laws=learned,
     )
@@ -277,51 +277,3 @@ def _held(
     if not held or told is None:
         return None
     return errors([motions[i] for i in held], [data.shots[i] for i in held], told.displacement_m, floor, 3 * len(held))
-
-
-def _candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
-    """Return every effect tried, best first: by itself on top of the model before."""
-    out = []
-    before = trail.start
-    for name, score in trail.scores.items():
-        fitted = trail.of((*before.names, name))
-        if fitted is not None and fitted.log_likelihood < before.log_likelihood:
-            fitted = None  # with nothing of the effect it would be as likely: the search did not arrive
-        parameters: dict[str, Quantity] = effect_parameters(fitted)[name] if fitted else {}
-        delta = fitted.bic - before.bic if fitted else None
-        if name in best.names:
-            remark = "in the model now"
-        elif fitted is None:
-            remark = "scored only"
-        else:
-            remark = "does not pay" if delta is None or delta > -trail.least_fall() else "another does better"
-        out.append(Candidate(name, float(score.gain), delta, parameters, remark))
-    out.sort(key=lambda c: (c.delta_bic if c.delta_bic is not None else 0.0, -c.score))
-    return tuple(out)
-
-
-def _blind(at: Projector, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[str, ...]:
-    """Return what this data could not have shown, with the size from which it would have stood out by 5 sigma."""
-    out = []
-    for kind in catalogue:
-        if kind.name in best.names or len(kind.starts) > 12:
-            continue
-        if best.hypothesis.data.base.one_body and not kind.one_body:
-            continue
-        least = least_seen(at, kind)
-        name = kind.amplitude[0]
-        if least is None:
-            out.append(f"{words.plain(kind.name)} of any size")
-        else:
-            out.append(f"{words.plain(kind.name)} below {least:.1g} {words.unit_of(name)}".strip())
-    out.append("a wrong wavelength, a cosine error and a wrong mass, which only rescale the parameters")
-    return tuple(out)
-
-
-def _separating(effects: Sequence[FoundEffect], data: JointData) -> str:
-    speeds = [abs(s.course.velocity_in_m_per_s) for s in data.shots]
-    return "; ".join(
-        dict.fromkeys(
-            words.separating(e.name, e.indistinguishable_from, speeds) for e in effects if e.indistinguishable_from
-        )
-    )

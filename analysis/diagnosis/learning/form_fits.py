@@ -29,7 +29,7 @@ def fit_forms(
 ) -> list[Fitted | None]:
     """Return the fits of closed forms in place of the curves of ``learned``, in order; None where there is none.
 
-    What falls short of the best, or of a fit with the criterion ``beat``, is left where a short search ended.
+    What falls far short of the best, or of the criterion ``beat``, is left where a short search ended.
     Cost: some 0.1 to 0.5 s a form that is no good, up to several seconds for one that is.
     """
 

@@ -175,7 +175,7 @@ def _refined(
     start: Fitted, learned: Learned, forms: Sequence[Fitting], known: Sequence[FormFit], stop: Stop
 ) -> list[FormFit]:
     """Return the fits of closed forms to the shots, beside those that are ``known``."""
-    best = min((one.bic for one in known), default=math.inf)
+    best = min([learned.bic, *(one.bic for one in known)])
     fits = fit_forms(start, learned, [(form,) for form in forms], stop, beat=best)
     return [FormFit(one, learned, form) for one, form in zip(fits, forms, strict=True) if one is not None]
 

@@ -4,7 +4,6 @@ One law alone takes what is another's, and may then be given to the wrong argume
 curves side by side do not; each is read as a closed form with the other still free, and the forms are fitted together.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -77,8 +76,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop) -> Discovery | N
 
     def ask(pairs: Sequence[tuple[int, int]]) -> None:
         new = [pair for pair in pairs if pair not in tried]
-        known = min((one.bic for one in tried.values()), default=math.inf)
-        fits = fit_forms(start, curves, [(forms[0][i], forms[1][j]) for i, j in new], stop, beat=known)
+        fits = fit_forms(start, curves, [(forms[0][i], forms[1][j]) for i, j in new], stop, beat=curves.bic)
         tried.update({pair: one for pair, one in zip(new, fits, strict=True) if one is not None})
 
     def best() -> tuple[int, int]:

@@ -1,0 +1,63 @@
+"""What is told beside a verdict: every effect that was tried, what no shot could show, the shot that would decide."""
+
+from collections.abc import Sequence
+
+from analysis.diagnosis import words
+from analysis.diagnosis.fits.as_fit import effect_parameters
+from analysis.diagnosis.fits.free_parameters import TrialEffect
+from analysis.diagnosis.fits.hypothesis import JointData
+from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.result import Candidate, FoundEffect
+from analysis.diagnosis.search.forward_selection import Trail
+from analysis.diagnosis.search.projector import Projector
+from analysis.diagnosis.verdict.identifiability import least_seen
+from analysis.quantity import Quantity
+
+
+def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
+    """Return every effect tried, best first: by itself on top of the model before."""
+    out = []
+    before = trail.start
+    for name, score in trail.scores.items():
+        fitted = trail.of((*before.names, name))
+        if fitted is not None and fitted.log_likelihood < before.log_likelihood:
+            fitted = None  # with nothing of the effect it would be as likely: the search did not arrive
+        parameters: dict[str, Quantity] = effect_parameters(fitted)[name] if fitted else {}
+        delta = fitted.bic - before.bic if fitted else None
+        if name in best.names:
+            remark = "in the model now"
+        elif fitted is None:
+            remark = "scored only"
+        else:
+            remark = "does not pay" if delta is None or delta > -trail.least_fall() else "another does better"
+        out.append(Candidate(name, float(score.gain), delta, parameters, remark))
+    out.sort(key=lambda c: (c.delta_bic if c.delta_bic is not None else 0.0, -c.score))
+    return tuple(out)
+
+
+def blind_spots(at: Projector, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[str, ...]:
+    """Return what this data could not have shown, with the size from which it would have stood out by 5 sigma."""
+    out = []
+    for kind in catalogue:
+        if kind.name in best.names or len(kind.starts) > 12:
+            continue
+        if best.hypothesis.data.base.one_body and not kind.one_body:
+            continue
+        least = least_seen(at, kind)
+        name = kind.amplitude[0]
+        if least is None:
+            out.append(f"{words.plain(kind.name)} of any size")
+        else:
+            out.append(f"{words.plain(kind.name)} below {least:.1g} {words.unit_of(name)}".strip())
+    out.append("a wrong wavelength, a cosine error and a wrong mass, which only rescale the parameters")
+    return tuple(out)
+
+
+def separating(effects: Sequence[FoundEffect], data: JointData) -> str:
+    """Return which further shot would tell effects from those they cannot be told from, in words."""
+    speeds = [abs(s.course.velocity_in_m_per_s) for s in data.shots]
+    return "; ".join(
+        dict.fromkeys(
+            words.separating(e.name, e.indistinguishable_from, speeds) for e in effects if e.indistinguishable_from
+        )
+    )

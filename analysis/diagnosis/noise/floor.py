@@ -9,16 +9,26 @@ a model leaves over, anew for every model that is compared: white noise plus Orn
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+
+from analysis.diagnosis.noise.likeliest import (
+    LONGEST_TAU_S,
+    SHORTEST_TAU_S,
+    Series,
+    likeliest,
+    likelihood,
+    shape_at,
+    steps_of,
+)
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-SHORTEST_TAU_S, LONGEST_TAU_S = 3e-4, 1.0
+_NOTHING = np.array([0.0, 1e-2, 0.0, 1e-2])  # of white noise alone: rms over white and tau of both parts
+_SIDE, _NEAR, _ALIKE = 0.6, 2e-2, 5e-2  # of a search's simplex, of where it ends, and of the log-likelihoods there
+_EVALUATIONS = 60  # of a search, for each part
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -58,44 +68,6 @@ def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-unty
         row += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _normalised(values, valid, first, white, kalman):  # type: ignore[no-untyped-def]
-    """Return (sum of squared innovations over their variances, sum of log variances) of all shots.
-
-    Shot j begins at ``first[j]`` and has the white variance ``white[j]``; ``kalman`` is what ``Floor.kalman`` has after
-    its first.  About 10 ns a sample; once the variances stand still they are not computed again.
-    """
-    q0, phi0, p0, q1, phi1, p1 = kalman
-    square, logs = 0.0, 0.0
-    for shot in range(white.size):
-        a, b, c = p0, 0.0, p1
-        s0, s1 = 0.0, 0.0
-        k0, k1, variance, log_variance = 0.0, 0.0, 1.0, 0.0
-        steady = False
-        for i in range(first[shot], first[shot + 1]):
-            if i > first[shot]:
-                s0, s1 = phi0 * s0, phi1 * s1
-                if not steady:
-                    a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
-            if not valid[i]:
-                if steady:  # the filter forgets across a gap
-                    a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
-                steady = False
-                continue
-            if not steady:
-                before = variance
-                variance = a + 2 * b + c + white[shot]
-                log_variance = math.log(variance)
-                k0, k1 = (a + b) / variance, (b + c) / variance
-                steady = abs(variance - before) < 1e-9 * variance
-                a, b, c = a - k0 * (a + b), b - k0 * (b + c), c - k1 * (b + c)
-            error = values[i] - s0 - s1
-            square += error * error / variance
-            logs += log_variance
-            s0, s1 = s0 + k0 * error, s1 + k1 * error
-    return square, logs
-
-
 @dataclass(frozen=True, slots=True)
 class Floor:
     """White noise of ``white_m`` a sample and up to two wandering parts of ``rms_m`` with memories ``tau_s``.
@@ -133,7 +105,8 @@ class Floor:
     @property
     def kalman(self) -> tuple[float, float, float, float, float, float, float]:
         """Get white variance, then (step variance, memory of a step, variance) of each part."""
-        return (self.white_m**2, *_steps_of(self.rms_m, self.tau_s, self.spacing_s))
+        (one, two), (memory_s, other_s) = self.rms_m, self.tau_s
+        return (self.white_m**2, *steps_of(one, memory_s, two, other_s, self.spacing_s))
 
     def whiten(self, columns: Floats, valid: Mask, weight: float = 1.0) -> Floats:
         """Return ``columns``, shape (n, k), as unit white noise where their noise is this one; shape (m, k).
@@ -169,17 +142,6 @@ class Floor:
         return total
 
 
-def _steps_of(
-    rms: Sequence[float], tau_s: Sequence[float], spacing_s: float
-) -> tuple[float, float, float, float, float, float]:
-    """Return (step variance, memory of a step, variance) of each of two parts."""
-    (one, two), (memory, other) = rms, tau_s
-    return (
-        one * one * -math.expm1(-2 * spacing_s / memory), math.exp(-spacing_s / memory), one * one,
-        two * two * -math.expm1(-2 * spacing_s / other), math.exp(-spacing_s / other), two * two,
-    )  # fmt: skip
-
-
 def white_floor(white_m: float, spacing_s: float) -> Floor:
     """Return the floor of white noise alone, ``white_m`` a sample."""
     return Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), spacing_s)
@@ -198,11 +160,11 @@ def learn(
 
     Up to ``parts`` wandering parts are taken, each only where it pays by the Bayesian information criterion.
     ``weights`` are the shots' white noises relative to each other; ``start`` a floor near which to
-    begin.  About 2-10 ms for three shots.
+    begin.  About 1-5 ms for three shots.
     """
     values = [np.where(v, s, 0.0) for s, v in zip(series, valid, strict=True)]
-    all_of = _Series.of(values, valid, weights, spacing_s)
-    best, best_value = all_of.scaled(())
+    all_of = _series(values, valid, weights, spacing_s)
+    best, best_value = _floor_of(all_of, _NOTHING)
     begins = [(1.0, 5e-3), (0.3, 5e-2)]
     if start is not None and start.rms_m[0] > 0:
         begins[0] = (start.rms_m[0] / start.white_m, start.tau_s[0])
@@ -231,65 +193,28 @@ def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
     return spread / white if white > 0 else 1e3
 
 
-class _Series(NamedTuple):
-    """What floors are weighed on: the values of all shots one after another, shot j from ``first[j]``.
-
-    ``white`` are the shots' white variances relative to each other, ``samples`` is the number of valid values.
-    """
-
-    values: Floats
-    valid: Mask
-    first: NDArray[np.int64]
-    white: Floats
-    spacing_s: float
-    samples: int
-
-    @classmethod
-    def of(
-        cls, series: Sequence[Floats], valid: Sequence[Mask], weights: Sequence[float] | None, spacing_s: float
-    ) -> "_Series":
-        """Return the series of shots, nothing where a value is not valid; ``weights`` as ``learn`` takes them."""
-        held = np.concatenate(valid)
-        spread = np.ones(len(series)) if weights is None else np.asarray(weights, dtype=np.float64)
-        first = np.concatenate([[0], np.cumsum([s.size for s in series])]).astype(np.int64)
-        return cls(np.concatenate(series), held, first, spread**2, spacing_s, max(1, int(held.sum())))
-
-    def scaled(self, shape: Sequence[tuple[float, float]]) -> tuple[Floor, float]:
-        """Return the floor whose parts have ``shape`` (rms over white, tau), with the likeliest size; its likelihood.
-
-        The size follows in closed form from the normalised innovations.
-        """
-        (one, first), (two, second) = (*shape, *(((0.0, 1e-2),) * (2 - len(shape))))
-        kalman = _steps_of((one, two), (first, second), self.spacing_s)
-        square, logs = _normalised(self.values, self.valid, self.first, self.white, kalman)
-        variance = max(square / self.samples, 1e-40)
-        white = math.sqrt(variance)
-        value = -0.5 * (self.samples * math.log(2 * math.pi * variance) + logs + self.samples)
-        return Floor(white, (one * white, two * white), (first, second), self.spacing_s), value
+def _series(
+    series: Sequence[Floats], valid: Sequence[Mask], weights: Sequence[float] | None, spacing_s: float
+) -> Series:
+    """Return what floors of shots are weighed on, nothing where a value is not valid; arguments as ``learn``'s."""
+    held = np.concatenate(valid)
+    spread = np.ones(len(series)) if weights is None else np.asarray(weights, dtype=np.float64)
+    first = np.concatenate([[0], np.cumsum([s.size for s in series])]).astype(np.int64)
+    return Series(np.concatenate(series), held, first, spread**2, float(spacing_s), max(1, int(held.sum())))
 
 
-def _search(series: _Series, begin: Sequence[tuple[float, float]]) -> tuple[Floor, float]:
+def _floor_of(series: Series, shape: Floats) -> tuple[Floor, float]:
+    """Return the floor whose parts have ``shape``, shape (4,), with the likeliest size, and its log-likelihood."""
+    value, white = likelihood(series, shape)
+    one, first, two, second = (float(part) for part in shape)
+    return Floor(white, (one * white, two * white), (first, second), series.spacing_s), value
+
+
+def _search(series: Series, begin: Sequence[tuple[float, float]]) -> tuple[Floor, float]:
     span = math.log(LONGEST_TAU_S / SHORTEST_TAU_S)
-
-    def shape(z: Floats) -> list[tuple[float, float]]:
-        out = []
-        for j in range(z.size // 2):
-            ratio = math.exp(min(max(float(z[2 * j]), -12.0), 14.0))
-            share = 1 / (1 + math.exp(-min(max(float(z[2 * j + 1]), -40.0), 40.0)))
-            out.append((ratio, SHORTEST_TAU_S * math.exp(span * share)))
-        return out
-
     z = []
     for ratio, tau in begin:
         share = min(max(math.log(tau / SHORTEST_TAU_S) / span, 1e-3), 1 - 1e-3)
         z += [math.log(max(ratio, 1e-3)), math.log(share / (1 - share))]
-    start = np.array(z)
-    corners = np.repeat(start[None, :], start.size + 1, axis=0)
-    corners[np.arange(start.size) + 1, np.arange(start.size)] += 0.6
-    found = minimize(
-        lambda at: -series.scaled(shape(at))[1],
-        start,
-        method="Nelder-Mead",
-        options={"xatol": 2e-2, "fatol": 5e-2, "maxfev": 60 * len(begin), "initial_simplex": corners},
-    )
-    return series.scaled(shape(found.x))
+    found = likeliest(series, np.array(z), _SIDE, _EVALUATIONS * len(begin), _NEAR, _ALIKE)
+    return _floor_of(series, shape_at(found))

@@ -1,0 +1,148 @@
+"""The likelihood of white noise with parts that wander, and where it is largest (njit)."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+SHORTEST_TAU_S, LONGEST_TAU_S = 3e-4, 1.0
+_LEAST_RATIO, _MOST_RATIO, _MOST_SHARE = -12.0, 14.0, 40.0  # of the coordinates of a search
+
+
+class Series(NamedTuple):
+    """What floors are weighed on: the values of all shots one after another, shot j from ``first[j]``.
+
+    ``white`` are the shots' white variances relative to each other, ``samples`` is the number of valid values.
+    """
+
+    values: Floats
+    valid: Mask
+    first: NDArray[np.int64]
+    white: Floats
+    spacing_s: float
+    samples: int
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def steps_of(one, memory_s, two, other_s, spacing_s):  # type: ignore[no-untyped-def]
+    """Return (step variance, memory of a step, variance) of each of two parts of rms ``one`` and ``two``."""
+    return (
+        one * one * -math.expm1(-2 * spacing_s / memory_s), math.exp(-spacing_s / memory_s), one * one,
+        two * two * -math.expm1(-2 * spacing_s / other_s), math.exp(-spacing_s / other_s), two * two,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _normalised(series, kalman):  # type: ignore[no-untyped-def]
+    """Return (sum of squared innovations over their variances, sum of log variances) of all shots.
+
+    ``kalman`` is what ``steps_of`` returns, for rms in units of the white noise.  About 10 ns a sample; once the
+    variances stand still they are not computed again.
+    """
+    q0, phi0, p0, q1, phi1, p1 = kalman
+    values, valid, first, white = series.values, series.valid, series.first, series.white
+    square, logs = 0.0, 0.0
+    for shot in range(white.size):
+        a, b, c = p0, 0.0, p1
+        s0, s1 = 0.0, 0.0
+        k0, k1, variance, log_variance = 0.0, 0.0, 1.0, 0.0
+        steady = False
+        for i in range(first[shot], first[shot + 1]):
+            if i > first[shot]:
+                s0, s1 = phi0 * s0, phi1 * s1
+                if not steady:
+                    a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
+            if not valid[i]:
+                if steady:  # the filter forgets across a gap
+                    a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
+                steady = False
+                continue
+            if not steady:
+                before = variance
+                variance = a + 2 * b + c + white[shot]
+                log_variance = math.log(variance)
+                k0, k1 = (a + b) / variance, (b + c) / variance
+                steady = abs(variance - before) < 1e-9 * variance
+                a, b, c = a - k0 * (a + b), b - k0 * (b + c), c - k1 * (b + c)
+            error = values[i] - s0 - s1
+            square += error * error / variance
+            logs += log_variance
+            s0, s1 = s0 + k0 * error, s1 + k1 * error
+    return square, logs
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def likelihood(series, shape):  # type: ignore[no-untyped-def]
+    """Return the log-likelihood of parts of ``shape``, (rms over white, tau in s) of both, and the white rms.
+
+    The white rms is the likeliest; it follows in closed form from the normalised innovations.
+    """
+    square, logs = _normalised(series, steps_of(shape[0], shape[1], shape[2], shape[3], series.spacing_s))
+    variance = max(square / series.samples, 1e-40)
+    value = -0.5 * (series.samples * math.log(2 * math.pi * variance) + logs + series.samples)
+    return value, math.sqrt(variance)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def shape_at(z):  # type: ignore[no-untyped-def]
+    """Return the shape of the one or two parts that coordinates of a search, shape (2,) or (4,), stand for."""
+    span = math.log(LONGEST_TAU_S / SHORTEST_TAU_S)
+    shape = np.array([0.0, 1e-2, 0.0, 1e-2])
+    for j in range(z.size // 2):
+        shape[2 * j] = math.exp(min(max(z[2 * j], _LEAST_RATIO), _MOST_RATIO))
+        share = 1 / (1 + math.exp(-min(max(z[2 * j + 1], -_MOST_SHARE), _MOST_SHARE)))
+        shape[2 * j + 1] = SHORTEST_TAU_S * math.exp(span * share)
+    return shape
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def likeliest(series, start, side, most, near, alike):  # type: ignore[no-untyped-def]
+    """Return the coordinates of ``shape_at`` of the likeliest parts near ``start``, shape (2,) or (4,).
+
+    By a simplex (Nelder and Mead, Computer J. 7 (1965) 308) of ``side``, in at most ``most`` evaluations, until its
+    corners lie within ``near`` of the best and their log-likelihoods within ``alike``.
+    """
+    n = start.size
+    corners, values = np.empty((n + 1, n)), np.empty(n + 1)
+    for k in range(n + 1):
+        corners[k] = start
+        if k > 0:
+            corners[k, k - 1] += side
+        values[k] = -likelihood(series, shape_at(corners[k]))[0]
+    used = n + 1
+    while used < most:
+        order = np.argsort(values)
+        corners, values = corners[order], values[order]
+        if np.max(np.abs(corners[1:] - corners[0])) <= near and values[n] - values[0] <= alike:
+            break
+        middle = np.sum(corners[:n], axis=0) / n
+        away = middle - corners[n]
+        there = middle + away
+        value = -likelihood(series, shape_at(there))[0]
+        used += 1
+        if values[0] <= value < values[n - 1]:
+            corners[n], values[n] = there, value
+            continue
+        if used >= most:
+            if value < values[n]:
+                corners[n], values[n] = there, value
+            break
+        further = middle + 2.0 * away if value < values[0] else middle + (0.5 if value < values[n] else -0.5) * away
+        other = -likelihood(series, shape_at(further))[0]
+        used += 1
+        if value < values[0]:
+            if other < value:
+                there, value = further, other
+            corners[n], values[n] = there, value
+        elif other <= min(value, values[n]):
+            corners[n], values[n] = further, other
+        else:
+            for k in range(1, n + 1):
+                corners[k] = corners[0] + 0.5 * (corners[k] - corners[0])
+                values[k] = -likelihood(series, shape_at(corners[k]))[0]
+            used += n
+    return corners[np.argmin(values)]

@@ -9,7 +9,6 @@ from analysis.diagnosis.fits.derivatives import linearised_shot, solved
 from analysis.diagnosis.fits.effective_parameters import Point
 from analysis.diagnosis.fits.quick_shot import Run, respond
 from analysis.diagnosis.fits.search_vector import JointData, SearchVector
-from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 _REMEMBERED = 3
@@ -51,7 +50,7 @@ class Hypothesis(SearchVector):
         if known is not None:
             return [x for x, _ in known]
         point = self.unpack(z)
-        return side_by_side(lambda i: self.averaged(i, point), range(len(self.data.shots)))
+        return [self.averaged(i, point) for i in range(len(self.data.shots))]
 
     def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
         """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
@@ -61,11 +60,14 @@ class Hypothesis(SearchVector):
         known = self._lately.get(z.tobytes())
         if known is not None:
             return known
-        out = side_by_side(lambda i: self.of_shot(i, z), range(len(self.data.shots)))
+        self.remember(z, [self.of_shot(i, z) for i in range(len(self.data.shots))])
+        return self._lately[z.tobytes()]
+
+    def remember(self, z: Floats, lines: list[tuple[Floats, Floats]]) -> None:
+        """Take ``lines`` for what ``linearised`` is to return at ``z``: known from elsewhere, or solved."""
         while len(self._lately) >= _REMEMBERED:
             del self._lately[next(iter(self._lately))]
-        self._lately[z.tobytes()] = out
-        return out
+        self._lately[z.tobytes()] = lines
 
     def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
         """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""

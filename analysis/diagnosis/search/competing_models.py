@@ -18,7 +18,6 @@ from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.diagnosis.verdict.residual import Residual, judge
 from analysis.model.effects import named
 from analysis.shot import Cancelled, Stop
-from analysis.side_by_side import side_by_side
 
 Separations = Mapping[str, Separation]
 Start = tuple[Mapping[str, float], ...]  # an effect's values a shot
@@ -59,7 +58,7 @@ def challenged(
         fitted = [one for one in known.values() if one is not None]
         if left:
             instead = partial(fitted_instead, best, trail.projector_of(fewer), distances, frequency, trail.stop)
-            fitted += [one for one in side_by_side(instead, left) if one is not None]
+            fitted += [one for kind in left if (one := instead(kind)) is not None]
         for one in fitted:
             trail.keep(one)
             if better(one, kept):

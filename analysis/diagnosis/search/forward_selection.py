@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from analysis.diagnosis.search.screening import Score, scores
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Stop
-from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 REFITTED = 5
@@ -152,10 +150,10 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         names = {score.kind.name for score in tried}
         other = _ranked(at.under(here.floor.still), free, trail)[:UNDER_THE_FLOOR]
         tried += [listed[0] for listed in other if listed[0].kind.name not in names]
-    refitted = side_by_side(lambda score: refit(at, score.kind, score.start, trail.stop), tried)
+    refitted = [refit(at, score.kind, score.start, trail.stop) for score in tried]
     known = {score.kind.name: trail.of((*trail.start.names, score.kind.name)) for score in tried if not first}
     alone = [fitted for fitted in known.values() if fitted is not None and trail.pays(fitted, trail.start)]
-    refitted += side_by_side(lambda fitted: united(here, fitted, trail.start, trail.stop), alone)
+    refitted += [united(here, fitted, trail.start, trail.stop) for fitted in alone]
     quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
 
     def finished(place: int) -> Fitted:
@@ -166,7 +164,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         return trial
 
     best: Fitted | None = None
-    for trial in side_by_side(finished, range(len(quick))):
+    for trial in map(finished, range(len(quick))):
         trail.keep(trial)
         if best is None or trial.bic < best.bic:
             best = trial
@@ -180,9 +178,7 @@ def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[li
         trail.go_on()
         return scores(at, kind)
 
-    # The longest first: nobody is left to work alone for long.
-    found = side_by_side(scored, sorted(free, key=lambda kind: -len(kind.starts)))
-    return sorted(filter(None, found), key=lambda listed: -listed[0].worth(at.left.size))
+    return sorted(filter(None, map(scored, free)), key=lambda listed: -listed[0].worth(at.left.size))
 
 
 def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
@@ -225,8 +221,7 @@ def prune(fitted: Fitted, trail: Trail) -> Fitted:
         removable = trail.added(fitted)
         if len(removable) < 2:
             return fitted
-        tried = side_by_side(partial(without, fitted, trail=trail), removable)
-        fewer = [f for f in tried if f is not None]
+        fewer = [f for name in removable if (f := without(fitted, name, trail)) is not None]
         best = min(fewer, key=lambda f: f.bic, default=None)
         if best is None or trail.pays(fitted, best):
             return fitted

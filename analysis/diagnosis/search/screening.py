@@ -110,7 +110,7 @@ def _columns(
         found = _first_order(at, kind, inside)
         if found is not None:
             return inside, found
-    each = side_by_side(column, inside)
+    each = [column(start) for start in inside]
     good = [(start, c) for start, c in zip(inside, each, strict=True) if c is not None]
     joined = [
         np.concatenate([np.empty((s.valid.size, 0)), *(c[i] for _, c in good)], axis=1) for i, s in enumerate(shots)

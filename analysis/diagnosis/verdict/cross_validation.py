@@ -12,7 +12,6 @@ from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.least_squares import Infeasible, Square, covariance, minimise
 from analysis.shot import Stop
-from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +58,7 @@ def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> 
     Only its start is fitted on the shot itself.  ``floor`` whitens it: give the same one to what is compared.
     """
     shown, surprise, off = [], 0.0, []
-    each = side_by_side(lambda shot: _predict(fitted, shot, floor, stop), held)
+    each = [_predict(fitted, shot, floor, stop) for shot in held]
     for shot, told in zip(held, each, strict=True):
         if told is None:
             return None
@@ -71,29 +70,48 @@ def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> 
 
 
 def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floats, float] | None:
-    hypothesis = fitted.hypothesis
-    point = fitted.point
-    others = [i for i in range(len(hypothesis.data.shots)) if i != held]
-    some = _subset(hypothesis, others)
-    one = _subset(hypothesis, [held])
+    """Foretell one shot, begun where the fit of all shots' derivatives say that it will end without it."""
+    some, begin, _ = _of(fitted, [i for i in range(len(fitted.hypothesis.data.shots)) if i != held])
+    one, z, own = _of(fitted, [held])
     try:
-        begin = some.pack(Point(point.base, point.own[others], tuple(point.values[i] for i in others)))
         trained = search(some, begin, fitted.floor, evaluations=_TRAINED, cancelled=stop)
-        learnt = some.unpack(trained.parameters)
-        values = {name: dict(v) for name, v in point.values[held].items()}
-        for name, free, shot in some.free_parameters:
-            if shot < 0:
-                values[name][free.name] = learnt.values[0][name][free.name]
-        z = one.pack(Point(learnt.base, point.own[[held]], (values,)))
-        low, high = one.bounds
         shared, learnt_at = shared_places(one), shared_places(some)
-        low[shared] = high[shared] = z[shared]
-        found = minimise(lambda at: square_of(one, floor, at), z, lower=low, upper=high, evaluations=10, tolerance=1e-2)
+        there = z.copy()
+        there[shared] = trained.parameters[learnt_at]
+        low, high = one.bounds
+        low[shared] = high[shared] = there[shared]
+        there[own] = np.clip(there[own] + _giving_way(square_of(one, floor, z), there - z, own), low[own], high[own])
+        found = minimise(
+            lambda at: square_of(one, floor, at), there, lower=low, upper=high, evaluations=10, tolerance=1e-2
+        )
         known = covariance(trained.square)
         inverse = None if known is None else known[learnt_at][:, learnt_at]
         return one.full(one.unpack(found.parameters))[0], _surprise(one, found.square, shared, inverse)
     except (Infeasible, np.linalg.LinAlgError):
         return None
+
+
+def _of(fitted: Fitted, shots: list[int]) -> tuple[Hypothesis, Floats, list[int]]:
+    """Return the hypothesis of some shots alone, where a fit of all has it, and where it holds what is each shot's own.
+
+    What is known of those shots there is taken along.
+    """
+    whole, point = fitted.hypothesis, fitted.point
+    some = replace(whole, data=replace(whole.data, shots=tuple(whole.data.shots[i] for i in shots)))
+    own = [place for place, (_, shot) in enumerate(some.names) if shot >= 0]
+    if some.coordinates.block_mass_kg != whole.coordinates.block_mass_kg:  # its vector means something else
+        return some, some.pack(Point(point.base, point.own[shots], tuple(point.values[i] for i in shots))), own
+    at = {name: place for place, name in enumerate(whole.names)}
+    places = [at[name, shots[shot] if shot >= 0 else shot] for name, shot in some.names]
+    lines = whole.linearised(fitted.z)
+    some.remember(fitted.z[places], [(lines[i][0], lines[i][1][:, places]) for i in shots])
+    return some, fitted.z[places], own
+
+
+def _giving_way(square: Square, moved: Floats, own: list[int]) -> Floats:
+    """Return how a shot's own parameters follow to first order where the shared ones have ``moved``."""
+    pull = square.gradient[own] + square.curvature[own] @ moved
+    return np.asarray(-np.linalg.pinv(square.curvature[np.ix_(own, own)], hermitian=True) @ pull)
 
 
 def shared_places(hypothesis: Hypothesis) -> list[int]:
@@ -123,8 +141,3 @@ def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Float
     both = np.eye(len(shared)) + root.T @ bend @ root
     along = root.T @ pull
     return float(square.chi2 - along @ np.linalg.solve(both, along) + np.linalg.slogdet(both)[1] + extra)
-
-
-def _subset(hypothesis: Hypothesis, shots: list[int]) -> Hypothesis:
-    data = replace(hypothesis.data, shots=tuple(hypothesis.data.shots[i] for i in shots))
-    return replace(hypothesis, data=data)

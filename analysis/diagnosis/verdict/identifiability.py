@@ -12,7 +12,6 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.diagnosis.search.projector import Projector, orthonormal
 from analysis.diagnosis.search.screening import scores
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 
@@ -80,7 +79,8 @@ def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[Tri
         others = [k for k in others if k.one_body]
     distance: dict[str, float] = {}
     starts: dict[str, tuple[Mapping[str, float], ...]] = {}
-    for kind, listed in zip(others, side_by_side(lambda kind: scores(alone, kind), others), strict=True):
+    for kind in others:
+        listed = scores(alone, kind)
         distance[kind.name] = float(np.sqrt(max(0.0, whole - (listed[0].gain if listed else 0.0))))
         if listed:
             starts[kind.name] = listed[0].start

@@ -26,7 +26,6 @@ from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 _WIDTHS = (0.01, 0.03, 0.1)  # in contact times
@@ -114,7 +113,7 @@ def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> LackOfFit:
         ]
     shapes |= free_laws(hypothesis, fitted.point)
     found = []
-    gains = side_by_side(lambda columns: gain(fitted, at, columns), shapes.values())
+    gains = [gain(fitted, at, columns) for columns in shapes.values()]
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
         # A wandering floor is learnt from the same data, anew beside every shape.  Where a shape makes it cease to
         # wander, the floor was the shape, and white noise is the measure.

@@ -17,7 +17,6 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, worst
 from analysis.diagnosis.words import CALM
 from analysis.motion import Motion
-from analysis.side_by_side import side_by_side
 from analysis.signal.filters import derivatives
 
 Floats = NDArray[np.float64]
@@ -126,7 +125,7 @@ def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
         columns = [bump * (abs(shot.course.velocity_in_m_per_s) / fastest) ** power for bump, shot in parts]
         return gain(fitted, at, columns)
 
-    gains = side_by_side(gained, _POWERS)
+    gains = [gained(power) for power in _POWERS]
     best = max(0.0, *(value for value, _, _ in gains))
     width = gains[-1][1]
     limit = CRITERIA.small_sample * float(chdtri(width, CRITERIA.shape_chance / len(_POWERS)))

@@ -57,7 +57,9 @@ class Path:
     @classmethod
     def of(cls, response: Response, touch_time_s: float) -> "Path":
         """Return the path of a solved shot."""
-        shown = tuple((e.kind, e.time_s + touch_time_s) for e in response.events if e.kind in ("touch", "release"))
+        shown = tuple(
+            (e.kind, e.time_s + touch_time_s) for e in response.happened.events if e.kind in ("touch", "release")
+        )
         return cls(response.displacement_m, response.plate_displacement_m, response.gap_m, shown, response.velocity_out)
 
 

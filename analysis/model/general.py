@@ -54,8 +54,13 @@ class GeneralRun:
     plate_displacement_m: Floats
     plate_velocity_m_per_s: Floats
     contact_point_m: Floats
-    events: tuple[Event, ...]
     displacement_derivatives: Floats
+    happened: "Happened"
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Get the changes of mode, in order."""
+        return self.happened.events
 
     @property
     def gap_m(self) -> Floats:
@@ -65,8 +70,42 @@ class GeneralRun:
     @property
     def released(self) -> Event | None:
         """Get the last release, or None while the block is in contact at the end."""
-        changes = [event for event in self.events if event.kind in ("touch", "release")]
-        return changes[-1] if changes and changes[-1].kind == "release" else None
+        return self.happened.released
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """The events of a march as its kernel leaves them: copied only where somebody asks, as most trajectories' are not.
+
+    ``numbers`` is how many of a state are told.
+    """
+
+    kinds: tuple[str, ...]
+    record: Record
+    numbers: int
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Get all of them, in order."""
+        return tuple(map(self._event, range(len(self.kinds))))
+
+    def _event(self, place: int) -> Event:
+        record, numbers = self.record, self.numbers
+        return Event(
+            self.kinds[place],
+            float(record.event_time[place]),
+            record.event_state[place, :numbers].copy(),
+            record.event_d_time[place].copy(),
+            record.event_d_state[place, :, :numbers].copy(),
+        )
+
+    @property
+    def released(self) -> Event | None:
+        """Get the last release, or None while the block is in contact at the end."""
+        for place in range(len(self.kinds) - 1, -1, -1):
+            if self.kinds[place] in ("touch", "release"):
+                return self._event(place) if self.kinds[place] == "release" else None
+        return None
 
 
 class RunsAway(ArithmeticError):
@@ -95,20 +134,11 @@ def solve(
     Raises TooManyEvents, RunsAway, ValueError.
     """
     record, count, system = _solved(collision, effects, time_s, directions, stride, block)
-    numbers, left = system.numbers, block // record.block
+    left = block // record.block
     states, d_x = averaged(record.states, left), averaged(record.d_x, left)
-    events = tuple(
-        Event(
-            _kind(int(record.event_kind[e])),
-            float(record.event_time[e]),
-            record.event_state[e, :numbers].copy(),
-            record.event_d_time[e].copy(),
-            record.event_d_state[e, :, :numbers].copy(),
-        )
-        for e in range(count)
-    )
+    kinds = tuple(map(_kind, record.event_kind[:count].tolist()))
     x, v, y, u, point = states[:, :5].T
-    return GeneralRun(averaged(record.times, block), x, v, y, u, point, events, d_x)
+    return GeneralRun(averaged(record.times, block), x, v, y, u, point, d_x, Happened(kinds, record, system.numbers))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.model import general
 from analysis.model.effects import sensors
 from analysis.model.effects.row import Effect, Parameter, Sensed
-from analysis.model.general import Event, TooManyEvents
+from analysis.model.general import Happened, TooManyEvents
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision, Floats, Variant
 from analysis.model.slots import swings
@@ -163,7 +163,7 @@ class Response:
     velocity_m_per_s: Floats
     plate_displacement_m: Floats
     gap_m: Floats
-    events: tuple[Event, ...]
+    happened: Happened
     velocity_out: tuple[float, Floats] | None
 
 
@@ -210,7 +210,7 @@ def respond(
         general.averaged(response.velocity_m_per_s, left),
         general.averaged(response.plate_displacement_m, left),
         general.averaged(response.gap_m, left),
-        response.events,
+        response.happened,
         response.velocity_out,
     )
 
@@ -255,7 +255,7 @@ def _solved(
             used += 1
     out = None if released is None else (float(released.state[1]), slope)
     return Response(
-        run.displacement_m, columns, run.velocity_m_per_s, run.plate_displacement_m, run.gap_m, run.events, out
+        run.displacement_m, columns, run.velocity_m_per_s, run.plate_displacement_m, run.gap_m, run.happened, out
     )
 
 

@@ -66,8 +66,8 @@ def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:
     return np.concatenate([turned.real, turned.imag], axis=1)
 
 
-def near_loud_lines(at: Projector, kind: TrialEffect) -> list[Mapping[str, float]]:
-    """Return starts of a line that hardly fades, at and beside the frequencies that stand out.
+def near_loud_lines(at: Projector, kind: TrialEffect, louder_than: float) -> list[Mapping[str, float]]:
+    """Return starts of a line that hardly fades, at and beside the frequencies that stand out by more than a gain.
 
     Such a line is as narrow as one over the record, which at a kilohertz no grid of some per cent would meet.
     """
@@ -75,6 +75,8 @@ def near_loud_lines(at: Projector, kind: TrialEffect) -> list[Mapping[str, float
     width = 1 / max(shot.length_s for shot in at.fitted.hypothesis.data.shots)
     loud: list[float] = []
     for k in np.argsort(-total):
+        if not total[k] > louder_than:
+            break
         if all(abs(grid[k] - other) > _APART * width for other in loud):
             loud.append(float(grid[k]))
         if len(loud) == _LOUD:

@@ -15,12 +15,15 @@ from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.noise.lines import near_loud_lines, scan
 from analysis.diagnosis.search import first_order
 from analysis.diagnosis.search.projector import Projector
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.effects import named
 from analysis.model.least_squares import Infeasible
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 MANY_STARTS = 8  # from here on a path with propagators costs less than a trajectory a start
+KNOWN_PATH = 1  # the same where the path is there already
+SMALL = 0.1  # of what is to be explained
 SPANNED = 1e-5  # of a column's length: less than this beside what is fitted, and it is a mixture of that
 WORTH_REFINING = 12.0  # of gain on the grid, for a line to be looked at between its points
 
@@ -80,11 +83,15 @@ def scores(at: Projector, kind: TrialEffect) -> list[Score]:
     out = _linear(at, kind, starts, at.once(kind.name, lambda: at.whitened(bare)), freedom)
 
     def more(some: Sequence[Mapping[str, float]]) -> list[Score]:
-        inside, columns = _columns(at, kind, some, column)
+        inside, columns = _columns(at, kind, some, column, KNOWN_PATH)
         return _linear(at, kind, inside, at.whitened(columns), freedom)
 
     if "frequency_hz" in kind.starts[0]:
-        out += more(near_loud_lines(at, kind))
+        # A line explains no more than what stands at its frequency, whatever rings there: it is asked only where that
+        # is more than the grid explains, and more than its parameters cost.
+        cost = min(freedom * math.log(at.left.size) + CRITERIA.least_fall, SMALL * float(at.left @ at.left))
+        lines = near_loud_lines(at, kind, louder_than=max(cost, *(score.gain for score in out)))
+        out += more(lines) if lines else []
     if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > WORTH_REFINING:
         out += more(_between(out, kind))
     out.sort(key=lambda score: -score.gain)
@@ -102,11 +109,15 @@ def _columns(
     kind: TrialEffect,
     starts: Sequence[Mapping[str, float]],
     column: Callable[[Mapping[str, float]], list[Floats] | None],
+    few: int = MANY_STARTS,
 ) -> tuple[list[Mapping[str, float]], list[Floats]]:
-    """Return the starts that have a trajectory and their columns, shot by shot of shape (n, starts)."""
+    """Return the starts that have a trajectory and their columns, shot by shot of shape (n, starts).
+
+    More than ``few`` are taken to first order.
+    """
     shots = at.fitted.hypothesis.data.shots
     inside = [start for start in starts if within(start, shots)]
-    if len(inside) > MANY_STARTS:
+    if len(inside) > few:
         found = _first_order(at, kind, inside)
         if found is not None:
             return inside, found

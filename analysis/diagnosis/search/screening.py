@@ -90,7 +90,7 @@ def scores(at: Projector, kind: TrialEffect) -> list[Score]:
         # A line explains no more than what stands at its frequency, whatever rings there: it is asked only where that
         # is more than the grid explains, and more than its parameters cost.
         cost = min(freedom * math.log(at.left.size) + CRITERIA.least_fall, SMALL * float(at.left @ at.left))
-        lines = near_loud_lines(at, kind, louder_than=max(cost, *(score.gain for score in out)))
+        lines = near_loud_lines(at, kind, louder_than=max([cost, *(score.gain for score in out)]))
         out += more(lines) if lines else []
     if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > WORTH_REFINING:
         out += more(_between(out, kind))

@@ -176,7 +176,7 @@ def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[li
 
     def scored(kind: TrialEffect) -> list[Score]:
         trail.go_on()
-        return scores(at, kind)
+        return scores(at, kind, to_join=True)
 
     return sorted(filter(None, map(scored, free)), key=lambda listed: -listed[0].worth(at.left.size))
 

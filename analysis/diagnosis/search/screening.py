@@ -23,7 +23,6 @@ from analysis.side_by_side import side_by_side
 Floats = NDArray[np.float64]
 MANY_STARTS = 8  # from here on a path with propagators costs less than a trajectory a start
 KNOWN_PATH = 1  # the same where the path is there already
-SMALL = 0.1  # of what is to be explained
 SPANNED = 1e-5  # of a column's length: less than this beside what is fitted, and it is a mixture of that
 WORTH_REFINING = 12.0  # of gain on the grid, for a line to be looked at between its points
 
@@ -47,8 +46,8 @@ class Score:
         return self.gain - self.freedom * math.log(samples)
 
 
-def scores(at: Projector, kind: TrialEffect) -> list[Score]:
-    """Return the scores of one effect, one a start, best first."""
+def scores(at: Projector, kind: TrialEffect, *, to_join: bool = False) -> list[Score]:
+    """Return the scores of one effect, one a start, best first; ``to_join``: only those count that may pay."""
     if named(kind.name).wave is not None:
         return _waves(at, kind)
     with_it = Hypothesis(
@@ -87,10 +86,9 @@ def scores(at: Projector, kind: TrialEffect) -> list[Score]:
         return _linear(at, kind, inside, at.whitened(columns), freedom)
 
     if "frequency_hz" in kind.starts[0]:
-        # A line explains no more than what stands at its frequency, whatever rings there: it is asked only where that
-        # is more than the grid explains, and more than its parameters cost.
-        cost = min(freedom * math.log(at.left.size) + CRITERIA.least_fall, SMALL * float(at.left @ at.left))
-        lines = near_loud_lines(at, kind, louder_than=max([cost, *(score.gain for score in out)]))
+        # One that is to join pays its parameters: it is asked only where as much stands at its frequency.
+        cost = freedom * math.log(at.left.size) + CRITERIA.least_fall if to_join else 0.0
+        lines = near_loud_lines(at, kind, louder_than=cost)
         out += more(lines) if lines else []
     if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > WORTH_REFINING:
         out += more(_between(out, kind))

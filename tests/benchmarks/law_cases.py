@@ -284,6 +284,7 @@ def draw(case: LawCase) -> tuple[LawRig, tuple[tuple[str, str, str], ...], dict[
 
 
 ROWS: dict[str, dict[str, Any]] = {  # of the catalogue, each as a rig of its own, small
+    "cubic_stiffness": _on_plate(lambda _x, _v, y, _u: -10.0 * y**3),
     "plate_damping": _on_plate(lambda _x, _v, _y, u: -1e-5 * u),
     "nonlinear_contact_damping": _between(lambda x, v, y, u: 10.0 * max(y - x, 0.0) * (u - v)),
 }

@@ -4,8 +4,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from analysis.diagnosis import words
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.fits.as_fit import as_fit, effect_parameters
@@ -24,10 +22,10 @@ from analysis.diagnosis.search.competing_models import apart
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear, settle
-from analysis.diagnosis.verdict.coincidence import by_chance
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, choose, predict
 from analysis.diagnosis.verdict.identifiability import Separation, missed_without
+from analysis.diagnosis.verdict.other_names import other_names
 from analysis.diagnosis.verdict.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.verdict.told_beside import blind_spots, candidates, separating
 from analysis.disturbance import Shaking
@@ -232,29 +230,15 @@ def _found(
     trail.go_on()
     fewer = without(best, name, trail)
     fall = fewer.bic - best.bic if fewer else 0.0
-    others = list(far.too_close(remainder.size))
-    lead = np.inf
-    kept = {n for n in best.names if n != name}
-    for key, other in trail.fits.items():
-        swapped = set(key) - set(best.names)
-        if len(key) == len(best.names) and len(swapped) == 1 and kept <= set(key):
-            gap = other.bic - best.bic
-            lead = min(lead, gap)
-            new = next(iter(swapped))
-            # Of look-alikes the one with fewer parameters is not the true one for that alone.
-            gap = min(gap, 2 * (best.log_likelihood - other.log_likelihood))
-            if gap < CRITERIA.least_lead and new not in others:
-                others.append(new)
-    if not remainder.significant:
-        others = [other for other in others if not by_chance(trail.of((*kept, other)), other, best, name)]
+    others, lead = other_names(best, name, remainder, far, trail)
     evidence = {
         "snr": min(far.snr, missed_without(best, fewer)),
         "delta_bic": -float(fall),
         "least_separation": float(min(far.from_other.values(), default=0.0)),
     }
-    if np.isfinite(lead):
-        evidence["lead_over_runner_up"] = float(lead)
-    return FoundEffect(name, parameters, evidence, tuple(others), words.found(name, parameters, others))
+    if lead is not None:
+        evidence["lead_over_runner_up"] = lead
+    return FoundEffect(name, parameters, evidence, others, words.found(name, parameters, others))
 
 
 def _unnamed(best: Fitted, trail: Trail, rest: Residual) -> str:

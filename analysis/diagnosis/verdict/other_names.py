@@ -1,0 +1,67 @@
+"""What else an effect that was found may be: the other names under which the shots allow it."""
+
+import math
+from functools import partial
+
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
+from analysis.diagnosis.search.competing_models import fitted_instead
+from analysis.diagnosis.search.forward_selection import Trail, without
+from analysis.diagnosis.verdict.coincidence import by_chance
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.identifiability import Separation
+from analysis.diagnosis.verdict.residual import Residual
+from analysis.model.effects import named
+
+
+def other_names(
+    best: Fitted, name: str, remainder: Residual, far: Separation, trail: Trail
+) -> tuple[tuple[str, ...], float | None]:
+    """Return the effects that may stand for one of a fit's, and by how much the best of them falls behind (BIC).
+
+    Those that are near to first order, and those whose fit in its place is nearly as likely.  None where none was
+    fitted.  Raises Cancelled.
+    """
+    others = list(far.too_close(remainder.size))
+    kept = {n for n in best.names if n != name}
+    lead = math.inf
+    for key, other in trail.fits.items():
+        swapped = set(key) - set(best.names)
+        if len(key) == len(best.names) and len(swapped) == 1 and kept <= set(key):
+            lead = min(lead, other.bic - best.bic)
+            new = next(iter(swapped))
+            # Of look-alikes the one with fewer parameters is not the true one for that alone.
+            if min(other.bic - best.bic, _behind(other, best)) < CRITERIA.least_lead and new not in others:
+                others.append(new)
+    if not remainder.significant:
+        others = [
+            other
+            for other in others
+            if not by_chance(trail.of((*kept, other)), other, best, name)
+            and not _falls_behind(best, name, other, far, trail)
+        ]
+    return tuple(others), lead if math.isfinite(lead) else None
+
+
+def _behind(other: Fitted, best: Fitted) -> float:
+    """Return how much less likely a fit is than the best, as chi^2, each beside its own noise."""
+    return 2 * (best.log_likelihood - other.log_likelihood)
+
+
+def _falls_behind(best: Fitted, name: str, other: str, far: Separation, trail: Trail) -> bool:
+    """Return whether a line that is near to first order is not when it is fitted.
+
+    There every shot has an amplitude of its own, in truth all have one.  It is fitted from where it was found on the
+    way and from where it imitates the effect best, and each search led to its end.
+    """
+    if "{" in other or named(other).wave is None or other not in far.starts:
+        return False
+    fewer = without(best, name, trail)
+    found = trail.of((*(n for n in best.names if n != name), other))
+    if fewer is None or found is None:
+        return False
+    kind = next(kind for kind in trail.catalogue if kind.name == other)
+    instead = fitted_instead(best, trail.projector_of(fewer), far, None, trail.stop, kind)
+    ends = list(map(partial(lead_on, cancelled=trail.stop), [found] if instead is None else [found, instead]))
+    for end in ends:
+        trail.keep(end)
+    return all(end.converged for end in ends) and min(_behind(end, best) for end in ends) > CRITERIA.separation**2

@@ -10,7 +10,7 @@ SYSTEMS := linux win32 darwin
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
 
-# the kernels are compiled on one core: the types are checked on the other meanwhile
+# the kernels are compiled on one core: the types are checked on the other meanwhile, and give way
 test: lint
 	@$(MAKE) --no-print-directory --jobs 4 kernels $(SYSTEMS:%=types-%)
 	@$(MAKE) --no-print-directory unit
@@ -23,7 +23,7 @@ types: $(READY)
 	@$(MAKE) --no-print-directory --jobs $(SYSTEMS:%=types-%)
 
 $(SYSTEMS:%=types-%): types-%: $(READY)
-	$(BIN)/mypy --platform $* --cache-dir .mypy_cache/$*
+	nice $(BIN)/mypy --platform $* --cache-dir .mypy_cache/$*
 
 # each once: two workers that meet an uncompiled one would both compile it
 kernels: $(READY)

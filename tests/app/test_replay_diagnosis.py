@@ -26,7 +26,9 @@ def test_the_plain_set_lacks_nothing(recordings: Path, capsys: pytest.CaptureFix
     assert diagnosis["error_after"] == diagnosis["error_before"]
 
 
-@pytest.mark.parametrize("number", [1, 2, 4])
+@pytest.mark.parametrize(
+    "number", [1, pytest.param(2, marks=pytest.mark.slow), pytest.param(4, marks=pytest.mark.slow)]
+)
 def test_what_is_found_is_cured_on_the_shot_left_out(
     number: int, recordings: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

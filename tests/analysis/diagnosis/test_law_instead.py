@@ -2,6 +2,8 @@
 
 import math
 
+import pytest
+
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.fits.free_parameters import trial_effects
 from analysis.diagnosis.learning.law_instead import LawAlone
@@ -21,6 +23,7 @@ def test_a_law_that_explains_all_ends_the_search() -> None:
     assert "looking for another way" not in told
 
 
+@pytest.mark.slow
 def test_a_law_that_may_be_a_row_of_the_catalogue_stands_instead_of_none() -> None:
     start = begun(LawRig(on_plate=lambda _x, _v, y, _u: -100.0 * y**3))
     alone = LawAlone(start, choose(start.hypothesis.data), lambda _what, _fraction: None, lambda: False)

@@ -59,6 +59,7 @@ def test_a_law_of_the_bend_that_begins_in_mid_contact_is_not_taken_for_one_of_th
     assert abs(hinge.value - hinge_m) < 4 * hinge.std < 2e-5
 
 
+@pytest.mark.slow
 def test_two_laws_that_one_alone_would_pass_for_a_third_are_learned_at_once() -> None:
     rig = LawRig(
         on_block=lambda x, v, _y, _u: -2e-6 * math.exp(-abs(x) / 9e-4) * v,

@@ -111,6 +111,7 @@ def test_what_differs_from_shot_to_shot_has_no_bound():
     assert set(cramer_rao(truth)["frame_vibration"]) == {"amplitude_m_per_s", "frequency_hz"}
 
 
+@pytest.mark.slow
 def test_a_look_alike_is_near_and_a_stranger_far():
     truth = drawn(["plate_damping"], 3)
     tangents = base_tangents(truth)

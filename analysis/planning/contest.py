@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isfinite
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from analysis.diagnosis.search.competing_models import fitted_instead
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.search.screening import fixed_of
-from analysis.diagnosis.verdict.coincidence import in_every_shot, unforetold
+from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.identifiability import separation
 from analysis.fit import Fit
 from analysis.model.effects import named
@@ -52,6 +52,10 @@ class Contest:
     floor: Floor
     foretold_nats: float = inf  # what numbers cost that all shots share: those of every shot are charged what is more
 
+    def charges(self, effect: str) -> bool:
+        """Return whether an effect pays for numbers that nothing foretells: all a shot's own, where others' are not."""
+        return named(effect).own and isfinite(self.foretold_nats)
+
     @property
     def likely(self) -> tuple[Member, ...]:
         """Get the members that may well be the true one."""
@@ -80,7 +84,7 @@ def contest(given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: S
         return None
     others = [other for other in among if other != name]
     best = again(given, motions, stop, others)
-    members = [Member(name, best, _chi2(best, best.floor)), *rivals(best, name, others, stop)]
+    members = [Member(name, best, best.chi2(best.floor)), *rivals(best, name, others, stop)]
     if len(members) < 2:
         return None
     nats = _foretold_nats(members)
@@ -90,9 +94,9 @@ def contest(given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: S
 
 def coincidence(effect: str, fitted: Fitted, foretold_nats: float) -> float:
     """Return what it costs, as chi^2, that nothing foretells the numbers of an effect that are all a shot's own."""
-    if not in_every_shot(effect):
+    if not named(effect).own:
         return 0.0
-    theirs = unforetold(fitted.hypothesis, fitted.z, fitted.inverse, effect)
+    theirs = unforetold(fitted, effect)
     return 0.0 if theirs is None else 2 * max(0.0, theirs.nats - foretold_nats)
 
 
@@ -102,11 +106,11 @@ def _foretold_nats(members: Sequence[Member]) -> float:
     Only members that have numbers in every shot are charged for the difference: among the others the one with fewer
     parameters is not the true one for that alone.
     """
-    shared = [member for member in members if not in_every_shot(member.effect)]
+    shared = [member for member in members if not named(member.effect).own]
     best = min(shared, key=lambda member: member.chi2, default=None)
     if best is None or len(shared) == len(members):
         return inf
-    ours = unforetold(best.fitted.hypothesis, best.fitted.z, best.fitted.inverse, best.effect)
+    ours = unforetold(best.fitted, best.effect)
     return inf if ours is None else ours.nats
 
 
@@ -128,7 +132,7 @@ def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop, tolerance
         if rival is not None:
             ended = search(rival.hypothesis, rival.z, best.floor, evaluations=40, tolerance=tolerance, cancelled=stop)
             rival = finish(rival.hypothesis, ended, best.floor)
-            out.append(Member(kind.name, rival, _chi2(rival, best.floor)))
+            out.append(Member(kind.name, rival, rival.chi2(best.floor)))
     return out
 
 
@@ -153,7 +157,3 @@ def again(given: Fit, motions: Sequence[Motion], stop: Stop, beside: Sequence[st
 def _values(given: Fit, name: str, shot: int) -> Mapping[str, float]:
     every = {**given.parameters, **given.shots[shot].own_parameters}
     return {p.name: every[f"{name}.{p.name}"].value for p in named(name).parameters}
-
-
-def _chi2(fitted: Fitted, floor: Floor) -> float:
-    return sum(float(left @ left) for left in fitted.whitened(floor))

@@ -3,11 +3,11 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement, count
-from math import inf, isfinite, sqrt
+from math import inf, sqrt
 
 from analysis.diagnosis.fits.free_parameters import trials_named
 from analysis.diagnosis.fits.samples import Samples
-from analysis.diagnosis.verdict.coincidence import in_every_shot
+from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.least_squares import Infeasible
 from analysis.planning.contest import Contest, Member, rivals
@@ -94,11 +94,13 @@ def screened(contest: Contest, shots: Sequence[NextShot], tell: Callable[[float]
     known = {b: replace(of_b, coincidence=members[b].coincidence) for b, of_b in known.items()}
     done = count(1)
 
+    charged = {m.effect: unforetold(m.fitted, m.effect) for m in members if contest.charges(m.effect)}
+
     def of_pair(rival: Member, shown: Samples) -> Informs:
-        told = informs(rival.fitted, shown, floor)
-        if not isfinite(contest.foretold_nats) or not in_every_shot(rival.effect):
+        told, numbers = informs(rival.fitted, shown, floor), charged.get(rival.effect)
+        if numbers is None:
             return told
-        return replace(told, coincidence=coincidence_with(rival.fitted, rival.effect, shown, floor))
+        return replace(told, coincidence=coincidence_with(rival.fitted, rival.effect, numbers.scatter, shown, floor))
 
     def of_shot(shot: NextShot) -> dict[Pair, Informs] | None:
         if stop():

@@ -12,7 +12,6 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, search, squar
 from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.site import on_site
-from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.model.least_squares import Infeasible
 from analysis.model.starts import Course
@@ -154,15 +153,12 @@ def informs(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] 
     return eliminated(rows[:, 1:], rows[:, 0], shared_places(hypothesis), unshared)
 
 
-def coincidence_with(rival: Fitted, effect: str, shot: Samples, floor: Floor) -> float:
+def coincidence_with(rival: Fitted, effect: str, scatter: Floats, shot: Samples, floor: Floor) -> float:
     """Return what a foretold shot costs an effect, as chi^2, whose own numbers there would have to fall in one place.
 
-    As much as the shot knows them better than they scatter: ln det(1 + S F), with what is known of them (F) when the
-    shot's own start is eliminated.  Raises Infeasible.
+    As much as the shot knows them better than their ``scatter``: ln det(1 + S F), with what is known of them (F) when
+    the shot's own start is eliminated.  Raises Infeasible.
     """
-    known = unforetold(rival.hypothesis, rival.z, rival.inverse, effect)
-    if known is None:
-        return 0.0
     hypothesis, z = with_shots(rival, [shot])
     last = len(hypothesis.data.shots) - 1
     free = hypothesis.free_parameters
@@ -172,7 +168,7 @@ def coincidence_with(rival: Fitted, effect: str, shot: Samples, floor: Floor) ->
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
     of_numbers = eliminated(rows, np.zeros(len(rows)), range(3, rows.shape[1])).curvature
-    return float(np.linalg.slogdet(np.eye(len(places)) + of_numbers * np.outer(known.scatter, known.scatter))[1])
+    return float(np.linalg.slogdet(np.eye(len(places)) + of_numbers * np.outer(scatter, scatter))[1])
 
 
 def at_hand(fitted: Fitted, floor: Floor) -> Informs:

@@ -65,6 +65,10 @@ class Fitted:
             for left, shot in zip(self.residual_m, shots, strict=True)
         ]
 
+    def chi2(self, floor: Floor) -> float:
+        """Return the sum of squares of what is left over, in units of ``floor``."""
+        return sum(float(left @ left) for left in self.whitened(floor))
+
     @property
     def bic(self) -> float:
         """Get the Bayesian information criterion (Schwarz 1978): k ln n - 2 ln L; smaller is better."""

@@ -44,7 +44,7 @@ def _off(fitted: Fitted, at: int, side: float, stop: Stop) -> float:
     """Return how many of its standard deviations a parameter lies off where chi^2 has grown by one; 1 if unknown."""
     hypothesis = fitted.hypothesis
     low, high = hypothesis.bounds
-    best = sum(float(left @ left) for left in fitted.whitened())
+    best = fitted.chi2(fitted.floor)
     std = float(np.sqrt(fitted.inverse[at, at]))
     along = fitted.inverse[:, at] / fitted.inverse[at, at]
     off = 1.0

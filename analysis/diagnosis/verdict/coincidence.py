@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.hypothesis import Hypothesis
 from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.effects import named
@@ -32,20 +31,12 @@ class Unforetold:
     scatter: Floats
 
 
-def in_every_shot(effect: str) -> bool:
-    """Return whether all of an effect's numbers are a shot's own."""
-    return named(effect).own
-
-
-def unforetold(hypothesis: Hypothesis, z: Floats, inverse: Floats, effect: str) -> Unforetold | None:
-    """Return what the numbers of one effect of a fit cost, None where the data do not know them.
-
-    ``z`` are the parameters in the order of the hypothesis' vector, ``inverse`` their covariance there.
-    """
-    free = hypothesis.free_parameters
-    places = [hypothesis.offset + k for k, (name, _, _) in enumerate(free) if name == effect]
+def unforetold(fitted: Fitted, effect: str) -> Unforetold | None:
+    """Return what the numbers of one effect of a fit cost, None where the data do not know them."""
+    free = fitted.hypothesis.free_parameters
+    places = [fitted.hypothesis.offset + k for k, (name, _, _) in enumerate(free) if name == effect]
     names = [parameter.name for name, parameter, _ in free if name == effect]
-    here, known = z[places], inverse[np.ix_(places, places)]
+    here, known = fitted.z[places], fitted.inverse[np.ix_(places, places)]
     if not places or not np.all(np.isfinite(known)) or np.any(np.diag(known) <= 0.0):
         return None
     unit = np.sqrt(np.diag(known))
@@ -71,11 +62,10 @@ def by_chance(rival: Fitted | None, effect: str, best: Fitted, instead: str) -> 
     That is told where its numbers are all a shot's own and the others are not, and where ``instead`` makes the shots
     likelier by as much as one does that stands apart (``Criteria.separation``), both beside the noise of ``best``.
     """
-    if rival is None or not in_every_shot(effect) or in_every_shot(instead):
+    if rival is None or not named(effect).own or named(instead).own:
         return False
-    theirs = unforetold(rival.hypothesis, rival.z, rival.inverse, effect)
-    ours = unforetold(best.hypothesis, best.z, best.inverse, instead)
+    theirs, ours = unforetold(rival, effect), unforetold(best, instead)
     if theirs is None or ours is None:
         return False
-    chi2 = [sum(float(left @ left) for left in one.whitened(best.floor)) for one in (rival, best)]
-    return 2 * (theirs.nats - ours.nats) + chi2[0] - chi2[1] > CRITERIA.separation**2
+    less_likely = 2 * (theirs.nats - ours.nats) + rival.chi2(best.floor) - best.chi2(best.floor)
+    return less_likely > CRITERIA.separation**2

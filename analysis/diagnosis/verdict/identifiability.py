@@ -66,8 +66,7 @@ def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
     """
     if fewer is None:
         return float("inf")
-    chi2 = [sum(float(left @ left) for left in one.whitened(fitted.floor)) for one in (fewer, fitted)]
-    return float(np.sqrt(max(0.0, chi2[0] - chi2[1])))
+    return float(np.sqrt(max(0.0, fewer.chi2(fitted.floor) - fitted.chi2(fitted.floor))))
 
 
 def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[TrialEffect]) -> Separation:

@@ -37,7 +37,7 @@ def other_names(
             other
             for other in others
             if not by_chance(trail.of((*kept, other)), other, best, name)
-            and not _falls_behind(best, name, other, far, trail)
+            and not _falls_behind(best, name, other, trail.of((*kept, other)), far, trail)
         ]
     return tuple(others), lead if math.isfinite(lead) else None
 
@@ -47,16 +47,15 @@ def _behind(other: Fitted, best: Fitted) -> float:
     return 2 * (best.log_likelihood - other.log_likelihood)
 
 
-def _falls_behind(best: Fitted, name: str, other: str, far: Separation, trail: Trail) -> bool:
+def _falls_behind(best: Fitted, name: str, other: str, found: Fitted | None, far: Separation, trail: Trail) -> bool:
     """Return whether a line that is near to first order is not when it is fitted.
 
-    There every shot has an amplitude of its own, in truth all have one.  It is fitted from where it was found on the
-    way and from where it imitates the effect best, and each search led to its end.
+    There every shot has an amplitude of its own, in truth all have one.  It is fitted from where it was ``found`` on
+    the way and from where it imitates the effect best, and each search led to its end.
     """
     if "{" in other or named(other).wave is None or other not in far.starts:
         return False
     fewer = without(best, name, trail)
-    found = trail.of((*(n for n in best.names if n != name), other))
     if fewer is None or found is None:
         return False
     kind = next(kind for kind in trail.catalogue if kind.name == other)

@@ -17,8 +17,9 @@ from tests.analysis.planning.rig import rig, with_shots
 NAMES = ("nonlinear_contact_damping", "plate_motion")
 
 
-def _numbers(names):
-    return SimpleNamespace(offset=0, free_parameters=[("one", SimpleNamespace(name=name), -1) for name in names])
+def _fitted(names, here, inverse):
+    free = [("one", SimpleNamespace(name=name), -1) for name in names]
+    return SimpleNamespace(hypothesis=SimpleNamespace(offset=0, free_parameters=free), z=here, inverse=inverse)
 
 
 def test_what_unforetold_numbers_cost_is_the_evidence_at_its_likeliest_scatter():
@@ -35,16 +36,16 @@ def test_what_unforetold_numbers_cost_is_the_evidence_at_its_likeliest_scatter()
 
     grid = np.geomspace(1e-2, 1e2, 120)
     least = min(nats((a, b)) for a in grid for b in grid)
-    got = unforetold(_numbers(["v", "d"] * 3), here, inverse, "one")
+    got = unforetold(_fitted(["v", "d"] * 3, here, inverse), "one")
     assert got.nats == pytest.approx(least, abs=0.01)  # 12.5 decide
     assert got.nats == pytest.approx(nats(got.scatter), abs=1e-6)
 
 
 def test_a_number_far_from_zero_costs_the_logarithm_of_how_far():
-    got = unforetold(_numbers(["a"]), np.array([1e3]), np.eye(1), "one")
+    got = unforetold(_fitted(["a"], np.array([1e3]), np.eye(1)), "one")
     assert got.nats == pytest.approx(np.log(1e3) + 0.5, abs=1e-3)
-    assert unforetold(_numbers(["a"]), np.array([0.0]), np.eye(1), "one").nats < 0.1
-    assert unforetold(_numbers(["a"]), np.array([1.0]), np.full((1, 1), np.nan), "one") is None
+    assert unforetold(_fitted(["a"], np.array([0.0]), np.eye(1)), "one").nats < 0.1
+    assert unforetold(_fitted(["a"], np.array([1.0]), np.full((1, 1), np.nan)), "one") is None
 
 
 @pytest.fixture(scope="module")

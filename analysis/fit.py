@@ -1,6 +1,7 @@
 """The fitted model of a shot: what the fit returns, whoever computed it."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,6 +10,23 @@ from numpy.typing import NDArray
 from analysis.quantity import Quantity
 
 Floats = NDArray[np.float64]
+_FURTHER = re.compile(r"plate_(\d+)_(.+)")  # a further plate's stiffness or mass
+
+
+def plates_named(names: Iterable[str]) -> int:
+    """Return how many plates a fit's ``names`` tell of."""
+    return 1 + len({match[1] for name in names if (match := _FURTHER.match(name))})
+
+
+def names_on_plate(names: Iterable[str], plate_number: int) -> dict[str, str]:
+    """Return what of a fit's ``names`` says of one of its plates, by the name that it has where there is but one."""
+    called, further = {}, {}
+    for name in names:
+        if (match := _FURTHER.match(name)) is None:
+            called[name] = name
+        elif int(match[1]) == plate_number + 1:
+            further[f"plate_{match[2]}"] = name
+    return called | further
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +60,16 @@ class ShotFit:
     own_parameters: Mapping[str, Quantity] = field(default_factory=dict)  # of effects that differ from shot to shot
     rings: bool = False  # for a moment it moves as neither the model nor the noise would
     sway_std_m: Floats | None = None  # of what a frame that was weighed leaves in the residual, shape (n,)
+    plate_number: int = 0  # on which of the set's plates it was taken
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
     """A model fitted to one shot or to several at once (shared plate and contact, own start a shot).
 
-    ``parameters`` maps the names of the result file ("plate_stiffness_n_per_m", ...; effects as "effect.parameter") to
-    quantities, ``covariance`` is over them in that order.  ``converged`` False makes every number a guess: callers
-    show the flag, not the number.
+    ``parameters`` maps the names of the result file ("plate_stiffness_n_per_m", ...; of a second plate
+    "plate_2_stiffness_n_per_m", ...; effects as "effect.parameter") to quantities, ``covariance`` is over them in that
+    order.  ``converged`` False makes every number a guess: callers show the flag, not the number.
     """
 
     model: str
@@ -71,4 +90,16 @@ class Fit:
     def of_shot(self, index: int) -> "Fit":
         """Return the fit as one shot's own: the shared parameters as all shots give them, the part of this one."""
         part = self.shots[index]
-        return replace(self, shots=(part,), reduced_chi2=part.reduced_chi2)
+        return replace(self.on_plate(part.plate_number), shots=(part,), reduced_chi2=part.reduced_chi2)
+
+    def on_plate(self, plate_number: int) -> "Fit":
+        """Return the fit as one of its plates has it, whose stiffness and mass then have the plain names."""
+        called = names_on_plate(self.parameters, plate_number)
+        if len(called) == len(self.parameters):
+            return self
+        places = [list(self.parameters).index(name) for name in called.values()]
+        return replace(
+            self,
+            parameters={plain: self.parameters[name] for plain, name in called.items()},
+            covariance=self.covariance[np.ix_(places, places)],
+        )

@@ -61,6 +61,13 @@ def read_with(shot: Shot, fit: Fit) -> Shot:
     return replace(shot, impact=impact, readings_fit=fit)
 
 
+def read_together(shots: Sequence[Shot], fit: Fit) -> list[Shot]:
+    """Return ``shots`` with those of them that were fitted read with ``fit``, which is one of all these together."""
+    plates = iter(part.plate_number for part in fit.shots)
+    fitted = (shot.motion is not None and shot.fit is not None for shot in shots)
+    return [read_with(shot, fit.on_plate(next(plates))) if it else shot for shot, it in zip(shots, fitted, strict=True)]
+
+
 def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool] | None = None) -> Shot:
     """Return ``shot`` fitted with its own base model and ``effects``; as it is where there is nothing to fit.
 

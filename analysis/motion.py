@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.quantity import NotSeen, Reading
+from analysis.recording import Plate
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +54,7 @@ class Motion:
     measurement: BeatQuality | None = None
     flags: tuple[str, ...] = ()
     force_measured: bool = False  # ``force_n`` came with the record; else it is mass times acceleration
+    plate: Plate | None = None  # as the recording states it
 
     def __post_init__(self) -> None:
         for name in ARRAYS:

@@ -78,6 +78,14 @@ def stiffness_n_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
     return plate.youngs_modulus_pa / compliance_times_modulus_per_m(plate, disc)
 
 
+def stated_n_per_m(plate: Plate | None) -> float | None:
+    """Return k_p in N/m of a plate as a recording states it; None where it states none, or none that can be."""
+    try:
+        return None if plate is None else stiffness_n_per_m(plate)
+    except ValueError:
+        return None
+
+
 def coefficient_c(plate: Plate) -> float:
     """Return c of k_p = c E t^3 w / (4 l^3), disc rigid: l^3 / (L^3 - (L - l)^3) with L the load's distance."""
     _check(plate)

@@ -13,7 +13,7 @@ from analysis.model import guesses, starts
 from analysis.model.least_squares import Infeasible, Minimum
 from analysis.model.on_frame import on_frames
 from analysis.model.parameters import Floats
-from analysis.model.prepare import prepare
+from analysis.model.prepare import prepare_set
 from analysis.model.response import Base, Model, ShotData
 from analysis.model.search import Problem, own_start, search
 from analysis.model.sway import Swayed
@@ -35,8 +35,11 @@ STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far 
 def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop, sways_m: float = 0.0) -> list[Floats]:
     """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact.
 
-    ``sways_m`` is the rms of the frame's motion: a pattern of bounces that leaves no more is the right one.
+    ``sways_m`` is the rms of the frame's motion: a pattern of bounces that leaves no more is the right one.  Of several
+    plates one set, the best of each, with the contact that the plate of most shots suggests.
     """
+    if base.plates > 1:
+        return [_plate_by_plate(base, shots, stop, sways_m)]
     shot, ranked = _ranked(base, shots)
     some = guesses.thinned(shot.course, shot.time_s)
     coarse = ShotData(
@@ -71,6 +74,18 @@ def first_guesses(base: Base, shots: Sequence[ShotData], stop: Stop, sways_m: fl
         shared = trial.parameters[: len(base.names)]
         if all(np.any(np.abs(shared - other) > 0.03 * np.abs(other)) for other in out):
             out.append(shared)
+    return out
+
+
+def _plate_by_plate(base: Base, shots: Sequence[ShotData], stop: Stop, sways_m: float) -> Floats:
+    one = replace(base, plates=1)
+    of_plate = [[replace(s, plate_number=0) for s in shots if s.plate_number == k] for k in range(base.plates)]
+    best = [first_guesses(one, those, stop, sways_m)[0] for those in of_plate]
+    most = max(range(base.plates), key=lambda k: len(of_plate[k]))
+    out = np.empty(len(base.names))
+    out[base.contact_at] = best[most][one.contact_at]
+    for k, shared in enumerate(best):
+        out[list(base.places(k)[:2])] = shared[:2]
     return out
 
 
@@ -124,7 +139,7 @@ def base_on_frames(
     """
     own = [own_start(shot, Model(base)) for shot in shots]
     found: list[tuple[Floats, Problem, Minimum]] = []
-    resembled = [] if begins else _ranked(base, shots)[1][:_TRIED_ON_FRAMES]
+    resembled = [] if begins or base.plates > 1 else _ranked(base, shots)[1][:_TRIED_ON_FRAMES]
     for shared in (base.shared(guess.collision) for guess in resembled):
         with contextlib.suppress(Infeasible):
             found.append(_coarse_to_fine(base, shots, known, shared, own, stop))
@@ -176,7 +191,7 @@ def _by_way_of_rest(
     is drawn to no collision at all.
     """
     at_rest = replace(base, swings=False)
-    still = Problem.of(Model(at_rest), [prepare(motion) for motion in motions])
+    still = Problem.of(Model(at_rest), prepare_set(motions))
     own = [own_start(shot, still.model) for shot in still.shots]
     begins = first_guesses(at_rest, still.shots, stop)
     there = base_minimum(still, [np.concatenate([shared, *own]) for shared in begins], stop).parameters

@@ -77,6 +77,7 @@ class Part:
     path: Path
     used: NDArray[np.bool_]
     whitened: Floats
+    plate_number: int = 0
     frame_m_per_s: tuple[float, float] = (0.0, 0.0)
     sway_std_m: Floats | None = None
 
@@ -133,4 +134,5 @@ def _shot_fit(estimate: Estimate, part: Part) -> ShotFit:
         own_parameters=own,
         rings=rings(part.whitened),
         sway_std_m=part.sway_std_m,
+        plate_number=part.plate_number,
     )

@@ -18,7 +18,7 @@ from analysis.model.frame_residual import sway_left_std_m
 from analysis.model.learned_sway import LearnedSway, with_learned_sway
 from analysis.model.least_squares import Infeasible, Minimum, covariance
 from analysis.model.on_frame import can_tell, elsewhere, on_frames
-from analysis.model.prepare import base_named, prepare
+from analysis.model.prepare import base_of, prepare_set
 from analysis.model.response import Model, respond
 from analysis.model.search import Problem, own_start, search
 from analysis.model.sway import Swayed
@@ -43,13 +43,13 @@ def fit_shots(
 ) -> Fit:
     """Fit base ``model`` and ``effects`` (at most three) to the displacement of ``motions``.
 
-    Plate, contact and effects are shared, each shot has its own start (and own effect parameters where the catalogue
-    says so).  ``start`` may give parameters by name ("plate_stiffness_n_per_m", "tilt.angle_rad"); what it lacks is
-    found from the data.  Several starts of the effects are tried and the best minimum kept.  ``shakings`` say what
-    shook the frame of each shot: the fit of two bodies then weighs what that does in flight and in contact, and lets
-    the plate swing before it is touched as far as the frame can have made it.  Raises ValueError for unknown names,
-    NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError where no motion of
-    the model comes near, Cancelled when asked to stop.
+    Contact and effects are shared, the plate by the shots that state the same; each shot has its own start (and own
+    effect parameters where the catalogue says so).  ``start`` may give parameters by name ("plate_stiffness_n_per_m",
+    "tilt.angle_rad"); what it lacks is found from the data.  Several starts of the effects are tried and the best
+    minimum kept.  ``shakings`` say what shook the frame of each shot: the fit of two bodies then weighs what that does
+    in flight and in contact, and lets the plate swing before it is touched as far as the frame can have made it.
+    Raises ValueError for unknown names, NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError
+    where no motion of the model comes near, Cancelled when asked to stop.
     A search that did not end in a minimum comes back with ``converged`` False: its numbers are no result.
     """
     began = time.perf_counter()
@@ -58,14 +58,14 @@ def fit_shots(
     if len(findings(effects)) > MOST_AT_ONCE or len(set(effects)) != len(effects):
         raise ValueError(f"effects must be at most {MOST_AT_ONCE} different ones")
     given = dict(start or {})
-    base = base_named(model)
+    base = base_of(model, motions)
     rows = tuple(named(name) for name in effects)
     tell = progress or (lambda _what, _fraction: None)
     stop = cancelled or (lambda: False)
     tell("reading the flights", 0.0)
     shaken = model == "paper" and "plate_motion" not in effects and all(can_tell(motion) for motion in motions)
     known = [*shakings, *[None] * len(motions)][: len(motions)] if shaken else [None] * len(motions)
-    shots = [prepare(motion, shaking) for motion, shaking in zip(motions, known, strict=True)]
+    shots = prepare_set(motions, known)
     tell("finding a start", 0.1)
     base = replace(base, swings=any(known))
     own = [own_start(shot, Model(base)) for shot in shots]
@@ -202,6 +202,7 @@ def _part(problem: Problem, noise: Noise | Swayed, index: int, motion: Motion, f
         path=Path.of(response, float(own[1])),
         used=shot.valid,
         whitened=shot.noise.whiten(rest, shot.valid),
+        plate_number=shot.plate_number,
         frame_m_per_s=swayed.speeds_m_per_s if swayed else (0.0, 0.0),
         sway_std_m=sway_left_std_m(swayed, shot.time_s, shot.valid, response.derivatives) if swayed else None,
     )

@@ -108,7 +108,8 @@ def _learned(
         return shot, _Share(places[moved], SeenThrough(nothing, nothing, products))
     seen_s = shot.time_s[shot.valid]
     waves = Waves.of(shaking, float(seen_s[-1] - seen_s[0]), BELOW_HZ)
-    collision, touch_s = model.base.collision(shared, own[0], shot.block_mass_kg), float(own[1])
+    collision = model.base.collision(shared, own[0], shot.block_mass_kg, plate_number=shot.plate_number)
+    touch_s = float(own[1])
     if before is None or before.grid is None:
         knots_s = knots_of(seen_s, collision, touch_s, shaking.below(BELOW_HZ), _CLOSELY * noise.beat.white_std_m)
         grid = Grid.of(noise.beat, knots_s, shot.time_s, shot.valid)

@@ -128,8 +128,8 @@ def minimise(
 
 
 def _free(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarray:
-    """Return which parameters may move: not those that a bound holds against the pull of the gradient."""
-    held = ((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0))
+    """Return which parameters may move: not those that a bound holds against the pull of the gradient, or both do."""
+    held = (low >= high) | ((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0))
     return np.asarray(~held)
 
 

@@ -35,7 +35,8 @@ def on_frames(
 
 
 def _on_frame(shot: ShotData, shaking: Shaking, base: Base, shared: Floats, own: Floats) -> ShotData:
-    collision, touch_s = base.collision(shared, own[0], shot.block_mass_kg), float(own[1])
+    collision = base.collision(shared, own[0], shot.block_mass_kg, plate_number=shot.plate_number)
+    touch_s = float(own[1])
     seen_s = shot.time_s[shot.valid]
     slow = shaking.below(BELOW_HZ).closer(_APART / float(seen_s[-1] - seen_s[0]))
     if isinstance(shot.noise, Swayed):

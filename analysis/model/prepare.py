@@ -1,5 +1,8 @@
 """What is fitted: the base model by its name, and a shot with its flights read and its noise known."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from analysis import noise as noise_model
@@ -9,6 +12,7 @@ from analysis.model.parameters import Variant
 from analysis.model.response import DEFAULT_WAVELENGTH_M, Base, ShotData
 from analysis.model.sway import BELOW_HZ
 from analysis.motion import Motion
+from analysis.plates_of_set import plate_count, plate_numbers
 
 MODELS = ("paper", "clamped", "no_tension", "contact")
 FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part in the fit
@@ -21,6 +25,19 @@ def base_named(model: str) -> Base:
     if model not in MODELS:
         raise ValueError(f"no base model {model!r}; there are {', '.join(MODELS)}")
     return Base(Variant.named(model), one_body=False)
+
+
+def base_of(model: str, motions: Sequence[Motion]) -> Base:
+    """Return the base model of that name for a set of shots, with a plate for each that they were taken on."""
+    base = base_named(model)
+    return base if base.one_body else replace(base, plates=plate_count(motions))
+
+
+def prepare_set(motions: Sequence[Motion], shakings: Sequence[Shaking | None] = ()) -> list[ShotData]:
+    """Read the shots of a set as ``prepare`` does, each with the plate that it was taken on."""
+    known = shakings or (None,) * len(motions)
+    each = zip(motions, known, plate_numbers(motions), strict=True)
+    return [replace(prepare(motion, shaking), plate_number=number) for motion, shaking, number in each]
 
 
 def prepare(motion: Motion, shaking: Shaking | None = None) -> ShotData:

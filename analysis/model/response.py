@@ -25,7 +25,8 @@ PLATE_NAMES = (
     "contact_stiffness_n_per_m",
     "contact_damping_n_s_per_m",
 )
-CONTACT_NAMES = ("contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
+BODY_NAMES = PLATE_NAMES[:2]  # of the plate itself
+CONTACT_NAMES = PLATE_NAMES[2:]
 OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
 PLATE_START = ("plate_displacement_m", "plate_velocity_m_per_s")  # at first touch, where the plate swings
 DEFAULT_WAVELENGTH_M = 632.8e-9
@@ -37,6 +38,11 @@ _PLATE_AT = {  # in ``parameters.kernel_order``
     "plate_displacement_m": 5,
     "plate_velocity_m_per_s": 6,
 }
+
+
+def named_on_plate(name: str, plate_number: int) -> str:
+    """Return the name of a plate's own parameter: as it is of the first, "plate_2_mass_kg" of the second."""
+    return name if plate_number == 0 else name.replace("plate_", f"plate_{plate_number + 1}_", 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,18 +59,21 @@ class ShotData:
     rate_hz: float = 1e5  # of the demodulated record
     plate_std: tuple[float, float] = (1e-15, 1e-12)  # m, m/s: how far the plate may swing before it is touched
     plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: at first touch, as far as it is known and not fitted
+    plate_number: int = 0  # on which of the set's plates it was taken
 
 
 @dataclass(frozen=True, slots=True)
 class Base:
     """Which base model is fitted: the paper's two bodies, or one body on a contact whose plate does not move.
 
-    ``swings``: the plate has a displacement and a velocity of its own at each first touch.
+    ``swings``: the plate has a displacement and a velocity of its own at each first touch.  Shots on several
+    ``plates`` share the contact; stiffness and mass are each plate's, those of the second "plate_2_mass_kg" and so on.
     """
 
     variant: Variant
     one_body: bool
     swings: bool = False
+    plates: int = 1
 
     @property
     def own_names(self) -> tuple[str, ...]:
@@ -73,19 +82,44 @@ class Base:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Get the names of the shared parameters, in the fit's order."""
-        return CONTACT_NAMES if self.one_body else PLATE_NAMES
+        """Get the names of the shared parameters, in the fit's order: what further plates have of their own is last."""
+        if self.one_body:
+            return CONTACT_NAMES
+        return PLATE_NAMES + tuple(named_on_plate(name, k) for k in range(1, self.plates) for name in BODY_NAMES)
 
     @property
-    def columns(self) -> tuple[int, ...]:
-        """Get where those parameters stand in the kernels' order."""
-        return (2, 3) if self.one_body else (0, 1, 2, 3)
+    def further_at(self) -> tuple[int, ...]:
+        """Get where the stiffness of each further plate stands among them, its mass after it."""
+        return tuple(range(len(PLATE_NAMES), len(self.names), len(BODY_NAMES)))
+
+    @property
+    def contact_at(self) -> slice:
+        """Get where the contact's stiffness and damping stand among them."""
+        first = self.names.index(CONTACT_NAMES[0])
+        return slice(first, first + len(CONTACT_NAMES))
+
+    def places(self, plate_number: int) -> tuple[int, ...]:
+        """Return where stiffness and mass of a plate (where it moves), and the contact's numbers, stand among them."""
+        if self.one_body:
+            return (0, 1)
+        first = (0, *self.further_at)[plate_number]
+        return (first, first + 1, 2, 3)
+
+    def columns(self, plate_number: int) -> dict[str, int]:
+        """Return where the parameters that a shot on a plate depends on stand in the kernels' order."""
+        first = 2 if self.one_body else 0
+        return {self.names[place]: first + k for k, place in enumerate(self.places(plate_number))}
 
     def collision(
-        self, shared: Floats, velocity_in_m_per_s: float, block_mass_kg: float, plate: tuple[float, float] = (0.0, 0.0)
+        self,
+        shared: Floats,
+        velocity_in_m_per_s: float,
+        block_mass_kg: float,
+        plate: tuple[float, float] = (0.0, 0.0),
+        plate_number: int = 0,
     ) -> Collision:
         """Return the collision these parameters mean, ``plate`` being its start; Infeasible where there is none."""
-        values = [float(value) for value in shared[: len(self.names)]]
+        values = [float(shared[place]) for place in self.places(plate_number)]
         k_p, m_p, k_n, gamma_n = (0.0, math.inf, *values) if self.one_body else values
         try:
             return Collision(
@@ -95,8 +129,8 @@ class Base:
             raise Infeasible(str(why)) from why
 
     def shared(self, collision: Collision) -> Floats:
-        """Return the shared parameters of a collision, in the fit's order."""
-        return collision.vector[list(self.columns)]
+        """Return the shared parameters of a collision on the one plate there is, in the fit's order."""
+        return collision.vector[list(self.columns(0).values())]
 
 
 @dataclass(frozen=True)
@@ -182,7 +216,8 @@ def respond(
     ``stride`` is that of ``general.solve``; with ``block`` all arrays are means over so many samples.
     """
     values = model.values(shared, own) if model.effects else {}
-    collision = model.base.collision(shared, own[0], shot.block_mass_kg, model.plate_start(values, own, shot.plate))
+    start = model.plate_start(values, own, shot.plate)
+    collision = model.base.collision(shared, own[0], shot.block_mass_kg, start, shot.plate_number)
     if collision.fastest_rate_rad_per_s * (shot.time_s[-1] - shot.time_s[0]) > _MOST_RADIANS:
         raise Infeasible("the contact would swing faster than any that a record can show")
     active = [
@@ -191,7 +226,8 @@ def respond(
         if e.kernel is not None
     ]
     names = (*model.shared_names, *model.own_names)
-    wanted = {name: _direction(model, active, name) for name in names} if derivatives else {}
+    of_base = model.base.columns(shot.plate_number)
+    wanted = {name: _direction(of_base, active, name) for name in names} if derivatives else {}
     times = shot.time_s - own[1]
     acting = sensors(e.name for e in model.effects)
     inner = 1 if acting else block  # a sensor sees every sample
@@ -215,10 +251,10 @@ def respond(
     )
 
 
-def _direction(model: Model, active: Sequence[general.Active], name: str) -> int | None:
+def _direction(of_base: Mapping[str, int], active: Sequence[general.Active], name: str) -> int | None:
     """Return the integrator's direction of a parameter, or None where it does not act on the motion."""
-    if name in model.base.names:
-        return model.base.columns[model.base.names.index(name)]
+    if name in of_base:
+        return of_base[name]
     if name == "velocity_in_m_per_s":
         return 4
     for slot, one in enumerate(active):

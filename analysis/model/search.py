@@ -147,6 +147,7 @@ def search(
         reference_s=tuple(shot.course.touch_time_s for shot in problem.shots),
         inverse_at=inverse,
         logarithmic_at=logarithmic,
+        further_at=model.base.further_at,
     )
 
     seen: dict[bytes, Square] = {}
@@ -172,7 +173,7 @@ def search(
 
     start = coordinates.to_search(begin)
     lower, upper = np.full(start.size, -np.inf), np.full(start.size, np.inf)
-    lower[len(model.base.names) - 1] = 0.0  # a dashpot never drives
+    lower[model.base.contact_at.stop - 1] = 0.0  # a dashpot never drives
     for place, name in enumerate(names):
         if name not in limits:
             continue

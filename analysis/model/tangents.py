@@ -165,7 +165,8 @@ def _acting(problem: Problem, parameters: Floats, index: int) -> tuple[Collision
     """Return a shot's collision and the effects that act on its motion."""
     shot, own, values = _situation(problem, parameters, index)
     model = problem.model
-    collision = model.base.collision(parameters, own[0], shot.block_mass_kg, model.plate_start(values, own, shot.plate))
+    start = model.plate_start(values, own, shot.plate)
+    collision = model.base.collision(parameters, own[0], shot.block_mass_kg, start, shot.plate_number)
     return collision, [
         general.Active(e, tuple(values[f"{e.name}.{p.name}"] for p in e.parameters))
         for e in model.effects

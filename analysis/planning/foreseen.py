@@ -15,7 +15,7 @@ from analysis.diagnosis.noise.site import on_site
 from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.model.least_squares import Infeasible
 from analysis.model.starts import Course
-from analysis.planning.next_shot import NextShot, as_found_kg, contact_s
+from analysis.planning.next_shot import NextShot, as_found_kg, contact_s, on_the_rig
 from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ def blank(shot: NextShot, fitted: Fitted) -> Samples:
     """Return the samples of a shot not yet taken, nothing in them: sampled and as noisy as those of a fit."""
     data, point = fitted.hypothesis.data, fitted.point
     shots = data.shots
-    like = shots[0]
+    like = on_the_rig(shots)[0]
     touching_s = contact_s(shot, shots)
     rate_hz = like.factor / like.spacing_s
     count = int((shot.before_s + touching_s + shot.after_s) * rate_hz) // like.factor * like.factor
@@ -45,6 +45,7 @@ def blank(shot: NextShot, fitted: Fitted) -> Samples:
         wavelength_m=like.wavelength_m,
         course=_course(like.course, shot, touching_s),
         white_m=like.white_m,
+        plate_number=like.plate_number,
     )
     own = np.array([[-shot.speed_m_per_s, shot.before_s, 0.0]])
     return on_site([empty], data.site, data.base, point.base, own)[0]

@@ -67,9 +67,14 @@ def as_found_kg(shots: Sequence[Samples] | Sequence[Motion]) -> float:
     return min(shot.moving_mass_kg for shot in shots)
 
 
+def on_the_rig(shots: Sequence[Samples]) -> list[Samples]:
+    """Return the shots on the plate that is on the rig now: that of the last shot."""
+    return [shot for shot in shots if shot.plate_number == shots[-1].plate_number]
+
+
 def contact_s(shot: NextShot, shots: Sequence[Samples]) -> float:
     """Return how long a shot's contact is likely to last: as the root of the mass on the plate's spring."""
-    like = shots[0]
+    like = on_the_rig(shots)[0]
     mass_kg = as_found_kg(shots) + shot.added_mass_kg
     return like.course.contact_time_s * math.sqrt(mass_kg / like.moving_mass_kg)
 

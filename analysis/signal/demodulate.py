@@ -195,6 +195,7 @@ def _motion(
         displacement_band_hz=FLAT_SHARE * rate,
         moving_mass_kg=mass,
         moving_mass_u_kg=recording.setup.moving_mass_u_kg,
+        plate=recording.setup.plate,
         wavelength_m=wavelength_m,
         rest_frequency_hz=rest,
         trigger_time_s=recording.trigger_time_s,

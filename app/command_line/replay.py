@@ -12,7 +12,7 @@ from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
 from analysis.fit import Fit
-from analysis.fitted_shot import fit_again, read_with, shaking_of
+from analysis.fitted_shot import fit_again, read_together, shaking_of
 from analysis.one_rig import why_not_together
 from analysis.planning.next_shot import Reach
 from analysis.quantity import Quantity
@@ -77,7 +77,7 @@ def replay(
     if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
-        shots = [read_with(shot, diagnosis.fit_after) if shot.motion is not None else shot for shot in shots]
+        shots = read_together(shots, diagnosis.fit_after)
     told = _foretold(shots, known) if foretell and known is not None else None
     tried = known.tried if known is not None else ()
     ahead = plan_ahead(shots, diagnosis, plan, reach) if plan is not None else None

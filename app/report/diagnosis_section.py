@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.noise_band import diagnosed_band
+from analysis.plates_of_set import plates_words
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from analysis.weights import weights_words
@@ -37,12 +38,13 @@ MOST_DRAWN = 8  # shots whose residuals are drawn
 
 def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: str = "") -> Markup:
     """Return the whole section; ``shots`` are those of the report, in their order, ``next_shots`` what was planned."""
-    masses_kg = [shot.motion.moving_mass_kg for shot in shots if shot.motion is not None and shot.fit is not None]
-    count, weights = len(masses_kg), weights_words(masses_kg)
+    motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
+    count = len(motions)
+    taken = "; ".join(filter(None, (weights_words([m.moving_mass_kg for m in motions]), plates_words(motions))))
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict]}."), class_="verdict"),
         tag("p", diagnosis.sentence),
-        tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together{f': {weights}' if weights else ''}."),
+        tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together{f': {taken}' if taken else ''}."),
     ]
     if diagnosis.effects:
         parts += [tag("h3", "Effects"), *[_effect(effect) for effect in diagnosis.effects]]

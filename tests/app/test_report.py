@@ -13,6 +13,7 @@ import pytest
 from analysis.budget import budget
 from analysis.diagnosis.result import FoundEffect
 from analysis.quantity import Quantity
+from analysis.recording import Plate
 from app.command_line.cli import main
 from app.report.markup import Markup, tag
 from app.report.page import MOST_DRAWN, report_of
@@ -124,6 +125,16 @@ def test_weights_on_the_block_are_told() -> None:
     laden = replace(one, motion=replace(one.motion, moving_mass_kg=one.motion.moving_mass_kg + 0.05))
     text = Elements(report_of([one, laden], diagnosis(one), made_at=MADE)).text
     assert "Made from 2 shots together: shots 1 as found, 2 with 50.00 g added." in text
+
+
+def test_who_was_taken_on_which_plate_is_told() -> None:
+    one = shot()
+    assert one.motion is not None
+    thin = Plate(15e-3, 2e-3, 0.3e-3, 10e-3, 8.51e3, 131e9)
+    first = replace(one, motion=replace(one.motion, plate=thin))
+    other = replace(one, motion=replace(one.motion, plate=replace(thin, thickness_m=0.5e-3)))
+    text = Elements(report_of([first, one, other], diagnosis(one), made_at=MADE)).text
+    assert "Made from 3 shots together: shots 1-2 on plate 1, 3 on plate 2." in text
 
 
 def test_nothing_foreign_becomes_markup() -> None:

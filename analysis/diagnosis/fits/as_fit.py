@@ -52,6 +52,7 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
             path=_path(fitted, index),
             used=shot.used,
             whitened=white,
+            plate_number=shot.plate_number,
             frame_m_per_s=shot.sway.speeds_m_per_s if shot.sway is not None else (0.0, 0.0),
         )
         for index, (motion, shot, white) in enumerate(

@@ -15,7 +15,7 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.fit import Fit
 from analysis.model.base_minimum import first_guesses
 from analysis.model.least_squares import Infeasible
-from analysis.model.prepare import prepare
+from analysis.model.prepare import prepare_set
 from analysis.model.response import Model
 from analysis.model.search import own_start
 from analysis.motion import Motion
@@ -66,7 +66,7 @@ def _slow_enough(hypothesis: Hypothesis, point: Point) -> Point:
         if not too_fast(here.base, here.own, here.values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
             break
         softer = point.base.copy()
-        softer[-2:] *= [0.1, 0.3]
+        softer[hypothesis.data.base.contact_at] *= [0.1, 0.3]
         point = Point(softer, point.own, point.values)
     return point
 
@@ -117,13 +117,13 @@ def _from_the_guess(
     have drawn the contact that was read too, so a softer one is a second place to begin.
     """
     hypothesis = before.hypothesis
-    shots = [prepare(motion) for motion in motions]
+    shots = prepare_set(motions)
     guess = first_guesses(hypothesis.data.base, shots, stop)[0]
     own = np.array([own_start(shot, Model(hypothesis.data.base)) for shot in shots])
     climbs = []
     for softer in _SOFTENED:
         contact = guess.copy()
-        contact[-2:] *= softer
+        contact[hypothesis.data.base.contact_at] *= softer
         point = _slow_enough(hypothesis, Point(contact, own, before.point.values))
         try:
             found = search(hypothesis, hypothesis.pack(point), before.floor, evaluations=1, cancelled=stop)

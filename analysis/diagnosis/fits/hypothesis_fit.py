@@ -139,6 +139,7 @@ def search(
     Infeasible where not even the start has a trajectory.
     """
     low, high = hypothesis.bounds
+    low[hypothesis.unseen] = high[hypothesis.unseen] = z[hypothesis.unseen]
     return minimise(
         lambda at: square_of(hypothesis, floor, at),
         z,

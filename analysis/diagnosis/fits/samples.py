@@ -14,6 +14,7 @@ from analysis.model.prepare import FITTED_CONTACT_TIMES
 from analysis.model.response import DEFAULT_WAVELENGTH_M, ShotData
 from analysis.model.starts import Course
 from analysis.motion import Motion
+from analysis.plates_of_set import plate_numbers
 
 if TYPE_CHECKING:
     from analysis.diagnosis.noise.floor import Floor
@@ -47,6 +48,7 @@ class Samples:
     weight: float = 1.0  # ``white_m`` over that of the shots judged together
     sway: "Sway | None" = None  # what the site may have done to the shot
     plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: what it made of the plate at first touch, the likeliest
+    plate_number: int = 0  # on which of the set's plates it was taken
 
     def whitened(self, floor: "Floor", columns: Floats) -> Floats:
         """Return ``columns``, shape (n, k), as unit white noise where their noise is this floor's; shape (m, k).
@@ -86,6 +88,7 @@ class Samples:
             wavelength_m,
             rate_hz,
             plate=self.plate,
+            plate_number=self.plate_number,
         )
 
     @property
@@ -130,8 +133,9 @@ def spacing(shots: Sequence[Samples]) -> float:
 
 
 def together(motions: Sequence[Motion], rate_hz: float = RATE_HZ) -> tuple[Samples, ...]:
-    """Return the samples of several motions with their white noises weighed against each other."""
-    shots = [take(motion, rate_hz) for motion in motions]
+    """Return the samples of several motions, white noises weighed against each other, with their plates."""
+    numbers = plate_numbers(motions)
+    shots = [replace(take(motion, rate_hz), plate_number=k) for motion, k in zip(motions, numbers, strict=True)]
     spacing(shots)
     white = np.array([shot.white_m for shot in shots])
     if not np.all(np.isfinite(white) & (white > 0)):

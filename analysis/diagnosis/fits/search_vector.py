@@ -89,6 +89,13 @@ class SearchVector:
         """Return where the parameters that a shot depends on stand: the shared ones, then its own."""
         return [place for of in (-1, index) for place, (_, shot) in enumerate(self.names) if shot == of]
 
+    @cached_property
+    def unseen(self) -> list[int]:
+        """Get the places of what belongs to plates that none of these shots was taken on."""
+        base = self.data.base
+        seen = {place for shot in self.data.shots for place in base.places(shot.plate_number)}
+        return [place for place in range(self.data.count) if place not in seen]
+
     def flat(self, point: Point) -> Floats:
         """Return the parameters of a point in the vector's order, shape (size,)."""
         free = [point.values[max(shot, 0)][name][free.name] for name, free, shot in self.free_parameters]
@@ -108,6 +115,7 @@ class SearchVector:
             plate=not self.data.base.one_body,
             own_at=tuple(self.data.count + 3 * i for i in range(len(shots))),
             reference_s=tuple(shot.course.touch_time_s for shot in shots),
+            further_at=self.data.base.further_at,
         )
 
     def pack(self, point: Point) -> Floats:
@@ -157,7 +165,7 @@ class SearchVector:
     def bounds(self) -> tuple[Floats, Floats]:
         """Get lower and upper bounds of the vector."""
         low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
-        low[self.data.count - 1] = 0.0  # a dashpot never drives
+        low[self.data.base.contact_at.stop - 1] = 0.0  # a dashpot never drives
         for k, (_, free, _) in enumerate(self.free_parameters):
             low[self.offset + k], high[self.offset + k] = free.bounds
             if free.name == "frequency_hz":
@@ -168,7 +176,8 @@ class SearchVector:
     def shot_at(self, index: int, point: Point) -> Shot:
         """Return one shot's parameters, with the averaged samples' centres for its times."""
         shot = self.data.shots[index]
-        base = point.base if not self.data.base.one_body else np.array([0.0, np.inf, *point.base])
+        base = point.base[list(self.data.base.places(shot.plate_number))]
+        base = base if not self.data.base.one_body else np.array([0.0, np.inf, *base])
         optics = Optics(shot.wavelength_m, shot.factor / shot.spacing_s)
         return Shot(
             shot.centre_s,

@@ -126,7 +126,8 @@ def _columns(term: Term, row: Effect, path: Path, samples: int) -> Floats:
 
 def _path(hypothesis: Hypothesis, point: Point, laws: Sequence[Effect], index: int) -> Path:
     shot, own = hypothesis.data.shots[index], point.own[index]
-    collision = hypothesis.data.base.collision(point.base, own[0], shot.moving_mass_kg)
+    base = hypothesis.data.base
+    collision = base.collision(point.base, own[0], shot.moving_mass_kg, plate_number=shot.plate_number)
     acting = [row for row in (named(kind.name) for kind in hypothesis.effects) if row.kernel is not None]
     active = [general.Active(r, tuple(point.values[index][r.name][p.name] for p in r.parameters)) for r in acting]
     active += [general.Active(row, tuple(p.scale for p in row.parameters)) for row in laws]

@@ -13,7 +13,7 @@ from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model.least_squares import Infeasible
 from analysis.model.on_frame import can_tell
-from analysis.model.prepare import base_named
+from analysis.model.prepare import base_of
 from analysis.model.response import PLATE_START, Base
 from analysis.motion import Motion
 from analysis.reading.read import shaking_in
@@ -46,7 +46,7 @@ def joint_data(motions: Sequence[Motion], given: Fit, site: Site | None, rate_hz
     A plate that a building swings far is no small matter: what the fit says of it is where the site's part begins,
     unless something is missing, which plates would then have taken up.
     """
-    base = base_named(given.model)
+    base = base_of(given.model, motions)
     plain = together(motions, rate_hz)
     if site is None:
         return JointData(plain, base)

@@ -154,7 +154,7 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
 
     Cost: about 0.1 s.
     """
-    collision = base.collision(shared, float(own[0]), shot.moving_mass_kg, shot.plate)
+    collision = base.collision(shared, float(own[0]), shot.moving_mass_kg, shot.plate, shot.plate_number)
     omega = 2 * np.pi * site.shaking.frequency_hz
     moved, after = responses(collision, shot.time_s - own[1], omega)
     size = np.sqrt(site.shaking.power_m2)

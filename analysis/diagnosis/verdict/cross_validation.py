@@ -55,7 +55,8 @@ def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
 def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> Prediction | None:
     """Foretell each held-out shot from a fit of the shared parameters to all others; None where one fails.
 
-    Only its start is fitted on the shot itself.  ``floor`` whitens it: give the same one to what is compared.
+    Only its start is fitted on the shot itself, and a plate that no other was taken on.  ``floor`` whitens it: give the
+    same one to what is compared.
     """
     shown, surprise, off = [], 0.0, []
     each = [_predict(fitted, shot, floor, stop) for shot in held]
@@ -73,9 +74,12 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Float
     """Foretell one shot, begun where the fit of all shots' derivatives say that it will end without it."""
     some, begin, _ = _of(fitted, [i for i in range(len(fitted.hypothesis.data.shots)) if i != held])
     one, z, own = _of(fitted, [held])
+    own = [*(place for place in some.unseen if place not in one.unseen), *own]
     try:
         trained = search(some, begin, fitted.floor, evaluations=_TRAINED, cancelled=stop)
-        shared, learnt_at = shared_places(one), shared_places(some)
+        learnt = dict(zip(shared_places(one), shared_places(some), strict=True))
+        shared = [place for place in learnt if place not in own]
+        learnt_at = [learnt[place] for place in shared]
         there = z.copy()
         there[shared] = trained.parameters[learnt_at]
         low, high = one.bounds
@@ -84,7 +88,9 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Float
         found = minimise(
             lambda at: square_of(one, floor, at), there, lower=low, upper=high, evaluations=10, tolerance=1e-2
         )
-        known = covariance(trained.square)
+        seen = np.ones(some.size, dtype=np.bool_)
+        seen[some.unseen] = False
+        known = covariance(trained.square, seen)
         inverse = None if known is None else known[learnt_at][:, learnt_at]
         return one.full(one.unpack(found.parameters))[0], _surprise(one, found.square, shared, inverse)
     except (Infeasible, np.linalg.LinAlgError):

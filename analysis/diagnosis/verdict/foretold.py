@@ -1,7 +1,8 @@
 """A saved model put to the test: unchanged, on shots that took no part in it, beside its base alone."""
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,13 +24,15 @@ from analysis.drive.regress import rms
 from analysis.drive.repeat import Floor as DriveFloor
 from analysis.drive.run import prepare as prepare_drive
 from analysis.drive.table import Table
+from analysis.fit import names_on_plate, plates_named
 from analysis.fitted_shot import fit_jointly
 from analysis.model.effects import findings
 from analysis.model.least_squares import Infeasible, minimise
 from analysis.model.prepare import base_named, prepare
-from analysis.model.response import Model
+from analysis.model.response import PLATE_NAMES, Model
 from analysis.model.search import own_start
 from analysis.motion import Motion
+from analysis.plate import stated_n_per_m
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError, Cancelled, Stop
 
@@ -80,13 +83,28 @@ def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel,
             raise Cancelled
         took_part = name in model.shots
         try:
-            bare, whole = one(motion, model, base)
+            bare, whole = one(motion, *_on_its_plate(motion, model, base))
             told.append(ForetoldShot(name, took_part, bare, whole))
         except (AnalysisError, Infeasible, np.linalg.LinAlgError) as error:
             told.append(ForetoldShot(name, took_part, None, None, str(error)))
     bare, whole = _all(told, "error_base"), _all(told, "error_model")
     words = sentence(bare, whole, sum(shot.error_model is not None for shot in told))
     return Foretold(model.base, model.effects, bare, whole, tuple(told), words)
+
+
+def _on_its_plate(motion: Motion, model: SavedModel, base: Parameters) -> tuple[SavedModel, Parameters]:
+    """Return model and base with the numbers of the plate that a shot states; of the first where it states none."""
+    count, stated = plates_named(model.parameters), stated_n_per_m(motion.plate)
+
+    def apart(plate: int) -> float:
+        named = names_on_plate(model.parameters, plate)[PLATE_NAMES[0]]
+        return abs(math.log(model.parameters[named].value / stated)) if stated is not None else 0.0
+
+    its = min(range(count), key=apart) if count > 1 else 0
+    mine, of_base = (
+        {plain: of[name] for plain, name in names_on_plate(of, its).items()} for of in (model.parameters, base)
+    )
+    return replace(model, parameters=mine), of_base
 
 
 def sentence(base: Errors, model: Errors, count: int) -> str:

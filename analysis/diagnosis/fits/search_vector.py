@@ -25,13 +25,16 @@ Floats = NDArray[np.float64]
 class JointData:
     """The shots that are judged together, the base model, and how many wandering parts their floor may have.
 
-    ``site`` is what shook the frame under them, where anything did: their floor is its then.
+    ``site`` is what shook the frame under them, where anything did: their floor is its then.  ``like_kg`` is the block
+    mass that search coordinates reckon with, where that is not the first shot's: vectors of some of a set's shots then
+    mean what those of all of them mean.
     """
 
     shots: tuple[Samples, ...]
     base: Base
     parts: int = 2
     site: Site | None = None
+    like_kg: float | None = None
 
     @property
     def band_hz(self) -> tuple[float, float]:
@@ -111,7 +114,7 @@ class SearchVector:
         """Get the map of base and own parameters."""
         shots = self.data.shots
         return Coordinates(
-            block_mass_kg=shots[0].moving_mass_kg,
+            block_mass_kg=self.data.like_kg or shots[0].moving_mass_kg,
             plate=not self.data.base.one_body,
             own_at=tuple(self.data.count + 3 * i for i in range(len(shots))),
             reference_s=tuple(shot.course.touch_time_s for shot in shots),

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.effective_parameters import Point
 from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.fits.hypothesis_fit import Fitted, search, square_of
 from analysis.diagnosis.noise.floor import Floor
@@ -102,11 +101,14 @@ def _of(fitted: Fitted, shots: list[int]) -> tuple[Hypothesis, Floats, list[int]
 
     What is known of those shots there is taken along.
     """
-    whole, point = fitted.hypothesis, fitted.point
-    some = replace(whole, data=replace(whole.data, shots=tuple(whole.data.shots[i] for i in shots)))
+    whole = fitted.hypothesis
+    data = replace(
+        whole.data,
+        shots=tuple(whole.data.shots[i] for i in shots),
+        like_kg=whole.coordinates.block_mass_kg,
+    )
+    some = replace(whole, data=data)
     own = [place for place, (_, shot) in enumerate(some.names) if shot >= 0]
-    if some.coordinates.block_mass_kg != whole.coordinates.block_mass_kg:  # its vector means something else
-        return some, some.pack(Point(point.base, point.own[shots], tuple(point.values[i] for i in shots))), own
     at = {name: place for place, name in enumerate(whole.names)}
     places = [at[name, shots[shot] if shot >= 0 else shot] for name, shot in some.names]
     lines = whole.linearised(fitted.z)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from analysis.diagnosis.diagnose import diagnose
 from analysis.model.fitting import fit_shots
 from instrument.bench.blind import Take, Truth, drawn
 from instrument.bench.noise import Noise, NoiseKind
@@ -43,3 +44,11 @@ def test_the_order_of_the_shots_does_not_matter(fitted):
     back = fit_shots(motions_of(truth)[::-1], effects=("coulomb_friction",))
     for name, quantity in there.parameters.items():
         assert back.parameters[name].value == pytest.approx(quantity.value, abs=0.02 * quantity.std), name
+
+
+@pytest.mark.parametrize("held", [0, 1])
+def test_a_shot_of_another_mass_is_foretold_from_the_others(held):
+    found = diagnose(motions_of(_truth()), hold_out=held)
+    assert [effect.name for effect in found.effects] == ["coulomb_friction"]
+    before, after = found.error_held_out_before, found.error_held_out_after
+    assert after.displacement_rms_m < 1.2 * WHITE_M < before.displacement_rms_m

@@ -26,7 +26,7 @@ def test_a_site_is_known_by_its_curve(name):
     assert not any(floor.lines for floor in floors[:3])
 
 
-@pytest.mark.parametrize("seconds", [1, 4])
+@pytest.mark.parametrize("seconds", [1, pytest.param(4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["VC-B", "VC-D", "VC-G"])
 def test_a_site_on_a_curve_is_told_by_it_though_some_band_lies_above(name, seconds):
     level = site_named(name).third_octave_m_per_s

@@ -9,6 +9,7 @@ from analysis.report import result
 from analysis.shot import AnalysisSettings
 from app.session.load import load_and_analyse
 from app.session.shot_work import refit_shot
+from instrument.bench.simulate import simulate
 
 
 def _told(shot: object) -> str:
@@ -23,9 +24,13 @@ def _told(shot: object) -> str:
     return json.dumps(bare(told), indent=1, sort_keys=True)
 
 
-@pytest.mark.parametrize("effects", [("viscous_drag",), ("cubic_stiffness", "coulomb_friction")])
-def test_what_is_added_in_the_window_is_what_a_model_file_gives(recordings: Path, effects: tuple[str, ...]) -> None:
-    path = recordings / ("undeclared-1" if len(effects) == 1 else "undeclared-4") / "shot-1.sigmf-meta"
+@pytest.mark.parametrize(
+    "effects", [("viscous_drag",), pytest.param(("cubic_stiffness", "coulomb_friction"), marks=pytest.mark.slow)]
+)
+def test_what_is_added_in_the_window_is_what_a_model_file_gives(tmp_path: Path, effects: tuple[str, ...]) -> None:
+    sizes = {"viscous_drag": {"coefficient_n_s_per_m": 1e-3}, "cubic_stiffness": {"coefficient_n_per_m3": 1e6}}
+    sizes["coulomb_friction"] = {"force_n": 1e-4}
+    (path,) = simulate(tmp_path, 1, 4, {name: sizes[name] for name in effects})
     opened = load_and_analyse(path)
     added = refit_shot(opened, effects, progress=lambda _what, _share: None, cancelled=lambda: False)
     replayed = load_and_analyse(path, "paper", settings=AnalysisSettings(effects=effects))

@@ -8,7 +8,7 @@ from tests.attack.kinds import KINDS
 from tests.attack.trial import carry_out
 
 FEW = {
-    "claims": 30, "moving data": 8, "spoilt": 2, "texts": 200, "travelling": 6, "foreign": 60, "scopes": 12, "usb": 6,
+    "claims": 30, "moving data": 8, "spoilt": 2, "texts": 200, "travelling": 6, "foreign": 20, "scopes": 12, "usb": 6,
     "ni": 20, "clocks": 1, "sessions": 2,
 }  # fmt: skip
 

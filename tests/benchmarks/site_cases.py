@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.diagnosis.fits.samples import Samples, together
 from analysis.diagnosis.noise.site import Site, Sway, swayed
 from analysis.disturbance import Shaking
-from analysis.model.fitting import base_named
+from analysis.model.prepare import base_named
 from analysis.motion import Motion
 from instrument.bench.blind import Truth, clean_m, drawn, records
 from instrument.bench.effects import CATALOGUE, scaled

@@ -1,5 +1,7 @@
 """A line that only to first order could be what was found: fitted, it is not, and the name stands alone."""
 
+import pytest
+
 from analysis.diagnosis.diagnose import diagnose
 from instrument.bench.blind import records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
@@ -10,6 +12,7 @@ def _said(name: str, snr: float, seed: int):
     return diagnose([as_motion(record) for record in records(truth)])
 
 
+@pytest.mark.slow  # quicker: what a line looks like, and when it is fitted, above and below
 def test_a_gradient_of_the_bearing_is_no_line_though_every_shot_alone_could_be_one():
     said = _said("bearing_gradient", 13.0, 43000150)
     (found,) = said.effects

@@ -136,7 +136,7 @@ def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
     assert np.abs(known.averaged(0, as_known) - Hypothesis(still, ()).averaged(0, as_known)).max() > 1e-8
 
 
-@pytest.mark.parametrize(("site", "seed"), [("VC-B", 209), ("VC-A", 226)])
+@pytest.mark.parametrize(("site", "seed"), [pytest.param("VC-B", 209, marks=pytest.mark.slow), ("VC-A", 226)])
 def test_a_joint_fit_in_a_building_is_not_drawn_to_other_bounces(site: str, seed: int) -> None:
     """A swaying frame lets a first guess pass whose bounces are not the shots': from there no step leads back."""
     motions = shots_at(site, seed)
@@ -154,6 +154,7 @@ def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
     assert joint_data(motions, drawn_off, site).site is None
 
 
+@pytest.mark.slow  # quicker: friction alone is named there, below
 def test_a_clean_set_in_an_ordinary_building_is_adequate() -> None:
     diagnosis = diagnose(shots_at("VC-D", 31))
     assert diagnosis.verdict is Verdict.ADEQUATE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +34,20 @@ class Step:
     def expected_separation(self) -> float:
         """Get the separation foreseen for the member that turned out the likeliest; before, for the first of them."""
         return self.expected.get(self.leader or "", next(iter(self.expected.values())))
+
+    @property
+    def foreseen(self) -> bool:
+        """Get whether something was foreseen for the member that turned out the likeliest."""
+        return self.leader in self.expected
+
+    def beside(self, leader: str) -> Collection[str]:
+        """Return the members from which no distance was foreseen where ``leader`` is the true one.
+
+        Of one that the plan could part from none it says how far those stand off that it could tell.
+        """
+        if leader in self.expected:
+            return self.one_with.get(leader, ())
+        return [member for member in self.members if member not in self.expected]
 
     def to_json(self) -> dict[str, Any]:
         """Return the step as the result file has it (docs/formats.md)."""
@@ -83,8 +97,7 @@ def stand(
         now = contest(diagnosis.fit_after, done[-1].members, motions, cancelled)
         if now is not None:
             leader = now.members[0].effect
-            reached = now.reached_from(done[-1].one_with.get(leader, ()))
-            done[-1] = replace(done[-1], reached=reached, leader=leader)
+            done[-1] = replace(done[-1], reached=now.reached_from(done[-1].beside(leader)), leader=leader)
     if not done or set(left_open) != set(done[-1].members):
         now = contest(diagnosis.fit_after, left_open, motions, cancelled)
     if now is None:

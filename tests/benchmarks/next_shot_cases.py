@@ -29,7 +29,8 @@ Diagnose = Callable[[Sequence[Motion]], Diagnosis]
 class NextOutcome:
     """What a set said at once, after the planned shots, and after as many and twice as many at random.
 
-    ``open_*`` are the effects between which it was undecided; ``steps`` (expected, reached) of every planned shot;
+    ``open_*`` are the effects between which it was undecided; ``steps`` (expected, reached) of every planned shot,
+    nothing expected of those that turned out another's than the plan could part;
     ``proven`` says that the plan found no shot to tell them apart, with the best ``best`` noise norms.
     """
 
@@ -90,7 +91,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
         cpu_s=(spent[0], settled - diagnosed, 0.0),
         named=_names(said),
         open_last=undecided(said),
-        steps=tuple((step.expected_separation, step.reached) for step in standing.steps),
+        steps=tuple((step.expected_separation if step.foreseen else 0.0, step.reached) for step in standing.steps),
         proven=standing.plan is not None and not standing.plan.settles,
         best=0.0 if standing.plan is None else standing.plan.best,
     )

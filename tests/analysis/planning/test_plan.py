@@ -136,3 +136,12 @@ def test_two_that_no_shot_parts_are_parted_from_a_third_as_one():
     assert wanted.settles and wanted.one_with["plate_damping"] == ("viscoelastic_arm",)
     assert "plate damping and viscoelastic arm stay one" in told(wanted)
     assert json.loads(json.dumps(wanted.to_json()))["one_with"]["viscoelastic_arm"] == ["plate_damping"]
+
+
+def test_of_a_member_that_nothing_was_foreseen_for_those_count_that_the_plan_could_tell():
+    shot = NextShot(0.3, 0.0, 0.02, 0.02)
+    members = ("second_plate_mode", "plate_damping", "viscoelastic_arm")
+    one_with = {"plate_damping": members[::2], "viscoelastic_arm": members[:2]}
+    step = Step(shot, members, {"second_plate_mode": 4.0}, 10.0, "plate_damping", one_with)
+    assert not step.foreseen and set(step.beside("plate_damping")) == {"plate_damping", "viscoelastic_arm"}
+    assert not step.beside("second_plate_mode") and replace(step, leader="second_plate_mode").foreseen

@@ -30,7 +30,7 @@ from analysis.diagnosis.verdict.residual import Residual, describe, errors, judg
 from analysis.diagnosis.verdict.told_beside import blind_spots, candidates, separating
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
-from analysis.model.effects import findings
+from analysis.model.effects import WIDER, findings
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.quantity import Quantity
@@ -65,7 +65,7 @@ def diagnose(
         raise ValueError("no shot to diagnose")
     if model == "driven":
         return diagnose_driven(motions, accepted, progress, cancelled)
-    catalogue = trial_effects([*laws, *(name for name in accepted if "{" in name)])
+    catalogue = trial_effects([*laws, *(name for name in accepted if "{" in name or name in WIDER)])
     accepted = findings(accepted)
     tell("fitting the base model", 0.0)
     shakings = shakings_of(motions, model, shakings)

@@ -17,7 +17,7 @@ from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive.catalogue import LAWS
 from analysis.fit import Fit
 from analysis.laws.own import is_law
-from analysis.model.effects import TAKEN_ALONG, findings
+from analysis.model.effects import TAKEN_ALONG, WIDER, findings
 from analysis.quantity import Quantity
 from analysis.shot import AnalysisError
 
@@ -108,7 +108,7 @@ def from_text(text: str) -> SavedModel:
         raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
     effects = _strings(data, "effects")
     own = set(filter(is_law, effects))
-    known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()} | set(TAKEN_ALONG)
+    known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()} | {*TAKEN_ALONG, *WIDER}
     if unknown := [name for name in effects if name not in known]:
         raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
     tried = _strings(data, "tried")

@@ -4,7 +4,7 @@ from analysis.kernel_parts import part
 from analysis.model.guards import range_at
 from analysis.model.modes import CONTACT, FREE, INSIDE, NEAR_0, PLATE, SIGN, set_phase
 from analysis.model.rates import rates
-from analysis.model.system import LEFT_AT, RANGE_AT, RIDES, TIME
+from analysis.model.system import LEFT_AT, RANGE_AT, RATE_AT, RIDES, TIME
 
 
 @part
@@ -36,6 +36,10 @@ def start(system, motion, record, forward):  # type: ignore[no-untyped-def]
         if slots[slot, RIDES] > 0.5:
             for j in range(rows):
                 here.z[j, 4 + 2 * slot], here.z[j, 5 + 2 * slot] = here.z[j, 0], here.z[j, 1]
+        if forward and slots[slot, RATE_AT] >= 0.0:
+            here.z[0, 5 + 2 * slot] = p[int(slots[slot, RATE_AT])]
+            for j in range(1, rows):
+                here.z[j, 5 + 2 * slot] = 1.0 if which[j - 1] == int(slots[slot, RATE_AT]) else 0.0
     for c in range(mode.size):
         mode[c] = 0.0
     mode[SIGN] = -1.0

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model import general
+from analysis.model.acting import acting, chained, through
 from analysis.model.effects import sensors
 from analysis.model.effects.row import Effect, Parameter, Sensed
 from analysis.model.general import Happened, TooManyEvents
@@ -174,6 +175,10 @@ class Model:
             x, v = x + float(own[len(OWN_NAMES)]), v + float(own[len(OWN_NAMES) + 1])
         return x, v
 
+    def by_effect(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        """Return values by full name as values by effect and parameter."""
+        return {e.name: {p.name: values[f"{e.name}.{p.name}"] for p in e.parameters} for e in self.effects}
+
     def values(self, shared: Floats, own: Floats) -> dict[str, float]:
         """Return the value of every effect parameter, by full name."""
         given = dict(zip(self.shared_names, shared, strict=True)) | dict(zip(self.own_names, own, strict=True))
@@ -220,22 +225,27 @@ def respond(
     collision = model.base.collision(shared, own[0], shot.block_mass_kg, start, shot.plate_number)
     if collision.fastest_rate_rad_per_s * (shot.time_s[-1] - shot.time_s[0]) > _MOST_RADIANS:
         raise Infeasible("the contact would swing faster than any that a record can show")
-    active = [
-        general.Active(e, tuple(values[f"{e.name}.{p.name}"] for p in e.parameters))
-        for e in model.effects
-        if e.kernel is not None
-    ]
+    given = model.by_effect(values)
+    active = acting(model.effects, given, collision, float(own[1]))
+    chains = chained(model.effects, given, collision, float(own[1])) if derivatives else []
     names = (*model.shared_names, *model.own_names)
     of_base = model.base.columns(shot.plate_number)
     wanted = {name: _direction(of_base, active, name) for name in names} if derivatives else {}
+    # What comes to a kernel by way of others is asked for under names that no parameter has, and chained.
+    wanted |= {f"{c.slot} {k}": general.direction(c.slot, k) for c in chains for k in range(c.slopes.shape[0])}
     times = shot.time_s - own[1]
-    acting = sensors(e.name for e in model.effects)
-    inner = 1 if acting else block  # a sensor sees every sample
+    seeing = sensors(e.name for e in model.effects)
+    inner = 1 if seeing else block  # a sensor sees every sample
     response = _solved(collision, active, times, wanted, stride, inner)
     x, columns = response.displacement_m, response.derivatives
+    velocity_out = response.velocity_out
     if derivatives:
         columns[:, names.index("touch_time_s")] = -response.velocity_m_per_s
-    for effect in acting:
+        if chains:
+            by_names = through(chains, names, of_base)
+            columns = columns @ by_names
+            velocity_out = None if velocity_out is None else (velocity_out[0], velocity_out[1] @ by_names)
+    for effect in seeing:
         x, columns = _sense(effect, shot, values, x, columns, names, response.velocity_m_per_s)
     if derivatives:
         columns[:, names.index("offset_m")] = 1.0
@@ -247,7 +257,7 @@ def respond(
         general.averaged(response.plate_displacement_m, left),
         general.averaged(response.gap_m, left),
         response.happened,
-        response.velocity_out,
+        velocity_out,
     )
 
 
@@ -258,6 +268,8 @@ def _direction(of_base: Mapping[str, int], active: Sequence[general.Active], nam
     if name == "velocity_in_m_per_s":
         return 4
     for slot, one in enumerate(active):
+        if one.effect.clocked is not None:
+            continue
         for place, parameter in enumerate(one.effect.parameters):
             if name == f"{one.effect.name}.{parameter.name}":
                 return general.direction(slot, place)
@@ -307,7 +319,7 @@ def _sense(
     """Return displacement and derivatives as a sensor with this effect shows them (by complex steps)."""
     assert effect.sensor is not None
     seen = Sensed(shot.time_s, velocity_m_per_s, shot.wavelength_m, shot.rate_hz)
-    own = np.zeros((3, 1))
+    own = np.zeros((max(3, len(effect.parameters)), 1))
     own[: len(effect.parameters), 0] = [values[f"{effect.name}.{p.name}"] for p in effect.parameters]
     if not columns.shape[1]:
         return np.asarray(effect.sensor(seen, x[:, None], own)[:, 0]), columns

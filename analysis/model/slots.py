@@ -16,7 +16,7 @@ _MOST_PARAMETERS = 4096  # of one effect
 
 @dataclass(frozen=True, slots=True)
 class Active:
-    """An effect switched on, with its parameters' values in the row's order."""
+    """An effect switched on, with its parameters' values in the row's order, or what ``clocked`` makes of them."""
 
     effect: Effect
     values: tuple[float, ...]
@@ -47,8 +47,9 @@ def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int
         function, acts = function_of(row, collision)
         addresses[0, slot], addresses[1, slot] = address(function), complex_address(function)
         range_at = first + row.range_at if row.range_at >= 0 else -1
+        rate_at = first + 1 if row.clocked is not None else -1
         on_plate, pair = acts is Acts.ON_PLATE, acts is Acts.IN_CONTACT
-        slots[slot] = [pair, row.hidden, row.shift, on_plate, row.rides, range_at, first]
+        slots[slot] = [pair, row.hidden, row.shift, on_plate, row.rides, range_at, first, rate_at]
         if row.hidden:
             hidden = 2 * (slot + 1)
         begins.append(first)

@@ -17,9 +17,10 @@ Integers = Any  # int64 arrays, which kernels take as Python passes them
 
 SLOT_PARAMETERS = 8
 # Columns of ``slots``: pair effect, hidden states, moves the contact, on the plate, rides inside, where its
-# range stands in ``p`` (-1: none), and where its parameters begin there.
-IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST = 0, 1, 2, 3, 4, 5, 6
-SLOT_COLUMNS = 7
+# range stands in ``p`` (-1: none), where its parameters begin there, and where the rate stands at which its hidden state
+# already changes when the bodies meet (-1: none).
+IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST, RATE_AT = 0, 1, 2, 3, 4, 5, 6, 7
+SLOT_COLUMNS = 8
 MAX_EVENTS = 400
 DONE, AT_A_GUARD, GONE, AWAY = 0, 1, 2, 3  # why a stepper stopped
 TIME, LEFT_AT = 0, 1  # of the clock
@@ -28,7 +29,7 @@ TIME, LEFT_AT = 0, 1  # of the clock
 class System(NamedTuple):
     """A collision and its effects; ``p`` holds ``parameters.kernel_order``, then the parameters of each effect slot.
 
-    ``slots``, shape (effects, 7), says how each acts; ``functions``, shape (2, effects), are the effects' addresses,
+    ``slots``, shape (effects, 8), says how each acts; ``functions``, shape (2, effects), are the effects' addresses,
     compiled for real and for complex numbers; ``which`` are the places in ``p`` by which derivatives are taken.
     ``carried_p`` is ``p`` in complex numbers, ``told`` and ``carried`` what an effect is told, then what it answers.
     """

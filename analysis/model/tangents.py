@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.model import general
+from analysis.model.acting import acting
 from analysis.model.effects import CATALOGUE, Effect, named
 from analysis.model.effects.row import Sensed
 from analysis.model.first_order import along, steps_for
@@ -167,11 +168,7 @@ def _acting(problem: Problem, parameters: Floats, index: int) -> tuple[Collision
     model = problem.model
     start = model.plate_start(values, own, shot.plate)
     collision = model.base.collision(parameters, own[0], shot.block_mass_kg, start, shot.plate_number)
-    return collision, [
-        general.Active(e, tuple(values[f"{e.name}.{p.name}"] for p in e.parameters))
-        for e in model.effects
-        if e.kernel is not None
-    ]
+    return collision, acting(model.effects, model.by_effect(values), collision, float(own[1]))
 
 
 def _each_shots_own(problem: Problem, parameters: Floats, effect: Effect) -> Candidate:
@@ -205,7 +202,7 @@ def _sensed(problem: Problem, parameters: Floats, effect: Effect) -> Iterator[Ca
         for seen, x in runs:
             both = []
             for phase in phases[0].grid if phases else (math.nan,):
-                p = np.zeros((3, 1), dtype=np.complex128)
+                p = np.zeros((max(3, len(effect.parameters)), 1), dtype=np.complex128)
                 for place, parameter in enumerate(effect.parameters):
                     p[place] = phase if parameter.name == "phase_rad" else point.get(parameter.name, parameter.scale)
                 if effect.grows_as != 1.0:

@@ -57,10 +57,10 @@ def bench() -> None:
 
 def effects() -> None:
     """Take every effect of the catalogue, as it acts and as it is differentiated."""
-    from analysis.model.effects import CATALOGUE
+    from analysis.model.effects import CATALOGUE, WIDER
     from analysis.model.effects.kernel import address, complex_address
 
-    for row in CATALOGUE.values():
+    for row in (*CATALOGUE.values(), *WIDER.values()):
         for kernel in {row.kernel, row.locked} - {None}:
             if kernel is not None:
                 address(kernel)

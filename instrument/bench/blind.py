@@ -16,7 +16,7 @@ from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, Trajectory, collide
 from instrument.bench.noise import Noise
 from instrument.bench.optics import Optics
-from instrument.bench.sight import cyclic_m, lit, seen
+from instrument.bench.sight import cyclic_m, lit, riding, seen
 from instrument.bench.site import QUIET, Site
 
 Floats = NDArray[np.float64]
@@ -116,7 +116,7 @@ def run(truth: Truth, shot: int, bodies: Bodies | None = None, speed_m_per_s: fl
         duration_s=take.duration_s,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
         steps_s=_STEPS_S,
-        frame=_frame(truth, shot),
+        frame=riding(_frame(truth, shot), effects),
     )
 
 

@@ -4,7 +4,7 @@ Where a name alone leaves a choice, this rig chooses: the bearing's force is zer
 a hidden mass is part of the block's mass; the clamp is a mass 1 / (C omega^2) on a spring 1 / C, undamped; adhesion
 pulls with a constant force while the bodies are apart by less than its range; the contact's reference overlap is
 10 um; a demodulation lag follows the path in first order; drift and vibration add to what is seen, not to the block,
-and run on the recording's clock.
+and run on the recording's clock.  A frame that takes the plate along moves its clamp by a factor of what the optics see.
 """
 
 import math
@@ -90,6 +90,11 @@ CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
     "cyclic_error": {"amplitude_m": _p(3e-10, 6e-9), "order": _p(1.0, 2.0, scales=False)},
 }
 
+# what the catalogue lists as the wider of two: drawn only where it is named
+WIDER: Mapping[str, Mapping[str, Parameter]] = {
+    "frame_with_plate": {**CATALOGUE["frame_vibration"], "plate_factor": _p(0.2, 1.0, scales=False)},
+}
+
 # what no catalogue lists; the analysis must say "unexplained" or leave it unnamed
 BEYOND: Mapping[str, Mapping[str, Parameter]] = {
     "bristle_friction": {  # LuGre with a Stribeck curve
@@ -117,7 +122,16 @@ BEYOND: Mapping[str, Mapping[str, Parameter]] = {
     },
 }
 
-PER_SHOT = {"plate_motion": ("velocity_m_per_s", "displacement_m"), "frame_vibration": ("phase_rad",)}
+PER_SHOT = {
+    "plate_motion": ("velocity_m_per_s", "displacement_m"),
+    "frame_vibration": ("phase_rad",),
+    "frame_with_plate": ("phase_rad",),
+}
+
+
+def known_of(name: str) -> Mapping[str, Parameter] | None:
+    """Return the parameters of an effect, None where there is none of that name."""
+    return CATALOGUE.get(name) or WIDER.get(name) or BEYOND.get(name)
 
 
 def parse(text: str) -> dict[str, dict[str, float]]:
@@ -150,9 +164,9 @@ def complete(effects: Effects) -> dict[str, dict[str, float]]:
     """
     result: dict[str, dict[str, float]] = {}
     for name, given in effects.items():
-        known = CATALOGUE.get(name) or BEYOND.get(name)
+        known = known_of(name)
         if known is None:
-            raise ValueError(f"no effect is called {name!r}; there are {', '.join((*CATALOGUE, *BEYOND))}")
+            raise ValueError(f"no effect is called {name!r}; there are {', '.join((*CATALOGUE, *WIDER, *BEYOND))}")
         for key, value in given.items():
             if key not in known:
                 raise ValueError(f"effect {name} has no parameter {key!r}; it has {', '.join(known)}")
@@ -169,13 +183,15 @@ def _check(name: str, values: Mapping[str, float]) -> None:
     for key in ("frequency_hz", "relaxation_time_s", "range_m", "overlap_m", "deflection_m"):
         if key in values and values[key] <= 0.0:
             raise ValueError(f"effect {name}: {key} must be above zero")
+    if values.get("plate_factor", 0.0) > 1.0:
+        raise ValueError(f"effect {name}: plate_factor={values['plate_factor']:g} is more than the frame itself")
 
 
 def force_slots(effects: Effects) -> dict[int, float]:
     """Return the parameter slots of forces.py that ``effects`` set."""
     extra: dict[int, float] = {}
     for name, values in effects.items():
-        known = CATALOGUE.get(name) or BEYOND[name]
+        known = known_of(name) or {}
         for key, value in values.items():
             if known[key].slot >= 0:
                 extra[known[key].slot] = value * known[key].factor
@@ -189,14 +205,14 @@ def force_slots(effects: Effects) -> dict[int, float]:
 
 def draw(name: str, random: np.random.Generator) -> dict[str, float]:
     """Return parameters of an effect drawn from their usual ranges."""
-    known = CATALOGUE.get(name) or BEYOND[name]
+    known = known_of(name) or {}
     values: dict[str, float] = {}
     for key, parameter in known.items():
         value = float(np.exp(random.uniform(np.log(parameter.low), np.log(parameter.high))))
         values[key] = -value if parameter.signed and random.random() < 0.5 else value
     if name == "cyclic_error":
         values["order"] = float(random.integers(1, 3))
-    if name == "frame_vibration":
+    if name in ("frame_vibration", "frame_with_plate"):
         values["phase_rad"] = float(random.uniform(-math.pi, math.pi))
     if name == "bristle_friction":
         values["static_force_n"] = values["force_n"] * float(random.uniform(1.5, 4.0))
@@ -207,7 +223,7 @@ def scaled(effects: Effects, strength: float) -> dict[str, dict[str, float]]:
     """Return ``effects`` with what makes them strong times ``strength`` (the modal mass of the plate: divided)."""
     result: dict[str, dict[str, float]] = {}
     for name, values in effects.items():
-        known = CATALOGUE.get(name) or BEYOND[name]
+        known = known_of(name) or {}
         power = -1.0 if name == "second_plate_mode" else 1.0
         result[name] = {key: value * strength**power if known[key].scales else value for key, value in values.items()}
     return result

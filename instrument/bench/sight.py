@@ -14,6 +14,8 @@ from instrument.bench.effects import Effects, force_slots
 from instrument.bench.frame import Frame
 from instrument.bench.mechanics import Bodies, Trajectory, collide
 from instrument.bench.optics import Optics
+from instrument.bench.sines import Sines
+from instrument.bench.site import QUIET
 
 Floats = NDArray[np.float64]
 _LAG_GRID_S = 1e-6
@@ -37,7 +39,7 @@ def shoot(
         distance_m=distance_m,
         duration_s=duration_s,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
-        frame=frame,
+        frame=riding(frame, effects),
     )
 
 
@@ -59,12 +61,36 @@ def seen(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[Floa
     ramp = effects.get("sensor_drift", _NONE).get("ramp_m_per_s2", 0.0)
     if ramp:
         x, v = x + 0.5 * ramp * time_s**2, v + ramp * time_s
-    shake = effects.get("frame_vibration", _NONE)
-    if shake:
+    for shake in (effects.get("frame_vibration", _NONE), _optics_alone(effects)):
+        if not shake:
+            continue
         omega, phase, amplitude = 2 * math.pi * shake["frequency_hz"], shake["phase_rad"], shake["amplitude_m_per_s"]
         x = x - amplitude / omega * (np.cos(omega * time_s + phase) - math.cos(phase))
         v = v + amplitude * np.sin(omega * time_s + phase)
     return x, v
+
+
+def riding(frame: Frame | None, effects: Effects) -> Frame | None:
+    """Return how the plate's foot moves: with the frame, and by a factor of a vibration that takes the plate along.
+
+    The bodies are followed in the foot's coordinates.
+    """
+    shake = effects.get("frame_with_plate", _NONE)
+    if not shake or shake["plate_factor"] == 0.0:
+        return frame
+    omega = 2 * math.pi * shake["frequency_hz"]
+    size = shake["plate_factor"] * shake["amplitude_m_per_s"] / omega
+    turned = shake["phase_rad"] + 0.5 * math.pi  # a cosine
+    line = Sines(np.array([omega]), np.array([size]), np.array([turned]))
+    return Frame(QUIET, 0, line) if frame is None else replace(frame, sines=frame.sines.with_(line))
+
+
+def _optics_alone(effects: Effects) -> Mapping[str, float]:
+    """Return what the optics move by against the plate's foot, as a frame's vibration."""
+    shake = effects.get("frame_with_plate", _NONE)
+    if not shake:
+        return _NONE
+    return {**shake, "amplitude_m_per_s": shake["amplitude_m_per_s"] * (1.0 - shake["plate_factor"])}
 
 
 def lit(optics: Optics, effects: Effects) -> Optics:

@@ -17,6 +17,11 @@ class Sines:
     amplitude_m: Floats
     phase: Floats
 
+    def with_(self, other: "Sines") -> "Sines":
+        """Return both sums together."""
+        pairs = ((self.omega, other.omega), (self.amplitude_m, other.amplitude_m), (self.phase, other.phase))
+        return Sines(*(np.concatenate(pair) for pair in pairs))
+
     def at(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
         """Return displacement (m) and velocity (m/s) at ``n`` times of equal spacing."""
         x, v = np.zeros(n), np.zeros(n)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model import general
+from analysis.model.acting import acting
 from analysis.model.effects import named, sensors
 from analysis.model.effects.row import Sensed
 from analysis.model.least_squares import Infeasible
@@ -89,9 +90,7 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
     except ValueError as why:
         raise Infeasible(str(why)) from why
     rows = [named(name) for name in values]
-    active = [
-        Active(row, tuple(values[row.name][p.name] for p in row.parameters)) for row in rows if row.kernel is not None
-    ]
+    active = acting(rows, values, collision, float(own[1]))
     if any(math.isnan(value) for one in active for value in one.values):
         raise Infeasible("a parameter is not a number")
     return collision, sorted(active, key=lambda one: one.effect.hidden == 0)
@@ -110,7 +109,7 @@ def seen(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> A
         given = values[row.name]
         if (row.optical and wavelength is None) or given[row.amplitude] == 0.0:
             continue
-        p = np.zeros((3, out.shape[1]), dtype=out.dtype)
+        p = np.zeros((max(3, len(row.parameters)), out.shape[1]), dtype=out.dtype)
         for place, parameter in enumerate(row.parameters):
             p[place] = given[parameter.name]
         out = row.sensor(sensed, out, p)

@@ -17,6 +17,7 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.laws.arguments import Argument
 from analysis.laws.curve import Basis, Curve, spread
 from analysis.model import general
+from analysis.model.acting import acting
 from analysis.model.effects import named
 from analysis.model.effects.kernel import TOUCHING
 from analysis.model.effects.row import Effect
@@ -128,8 +129,8 @@ def _path(hypothesis: Hypothesis, point: Point, laws: Sequence[Effect], index: i
     shot, own = hypothesis.data.shots[index], point.own[index]
     base = hypothesis.data.base
     collision = base.collision(point.base, own[0], shot.moving_mass_kg, plate_number=shot.plate_number)
-    acting = [row for row in (named(kind.name) for kind in hypothesis.effects) if row.kernel is not None]
-    active = [general.Active(r, tuple(point.values[index][r.name][p.name] for p in r.parameters)) for r in acting]
+    rows = [named(kind.name) for kind in hypothesis.effects]
+    active = acting(rows, point.values[index], collision, float(own[1]))
     active += [general.Active(row, tuple(p.scale for p in row.parameters)) for row in laws]
     active.sort(key=lambda one: one.effect.hidden == 0)
     return linear_path(collision, active, shot.centre_s - own[1]), collision

@@ -15,6 +15,7 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.search.projector import Projector, projector
 from analysis.diagnosis.search.screening import Score, scores
+from analysis.diagnosis.search.wider import narrower, widened
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Stop
@@ -108,7 +109,17 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
         # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
         if best is None or here.bic - best.bic < trail.least_fall():
             break
-        here = polish(prune(best, trail), trail)
+        here = wider(polish(prune(best, trail), trail), trail)
+    return here
+
+
+def wider(here: Fitted, trail: Trail) -> Fitted:
+    """Return the fit with the wider effect in the place of each that has one, where that pays."""
+    for name in trail.added(here):
+        for trial in widened(here, name, trail.stop):
+            trail.keep(trial)
+            if trail.pays(trial, here):
+                here = trial
     return here
 
 
@@ -130,7 +141,8 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
     """Return the best fit with one effect more of the ``width`` that score best, or None where nothing scored."""
     at = trail.projector_of(here)
     trail.last = at
-    free = [kind for kind in trail.catalogue if kind.name not in here.names]
+    there = {*here.names, *narrower(here.names)}
+    free = [kind for kind in trail.catalogue if kind.name not in there]
     if here.hypothesis.data.base.one_body:
         free = [kind for kind in free if kind.one_body]
     ranked = _ranked(at, free, trail)

@@ -29,6 +29,8 @@ def other_names(
         if len(key) == len(best.names) and len(swapped) == 1 and kept <= set(key):
             lead = min(lead, other.bic - best.bic)
             new = next(iter(swapped))
+            if "{" not in new and named(new).widens == name:  # holds it: what its further parameter is not worth
+                continue
             # Of look-alikes the one with fewer parameters is not the true one for that alone.
             if min(other.bic - best.bic, _behind(other, best)) < CRITERIA.least_lead and new not in others:
                 others.append(new)

@@ -9,6 +9,8 @@ CATALOGUE: Mapping[str, Effect] = {
     row.name: row for rows in (on_block.ROWS, on_plate.ROWS, in_contact.ROWS, on_sensor.ROWS) for row in rows
 }
 TAKEN_ALONG: Mapping[str, Effect] = {row.name: row for row in taken_along.ROWS}  # each shot's own, no finding
+_IN_ORDER = tuple(CATALOGUE)
+WIDER: Mapping[str, Effect] = {row.name: row for row in on_sensor.WIDER}  # asked where what they widen was found
 MOST_AT_ONCE = 3
 
 
@@ -23,7 +25,8 @@ def sensors(names: Iterable[str]) -> list[Effect]:
     A ripple of the light repeats with the path that is shown, lag and frame and all, whichever was found first.
     """
     wanted = set(names)
-    return [row for name, row in CATALOGUE.items() if name in wanted and row.sensor is not None]
+    rows = sorted((*CATALOGUE.values(), *WIDER.values()), key=lambda row: _IN_ORDER.index(row.widens or row.name))
+    return [row for row in rows if row.name in wanted and row.sensor is not None]
 
 
 def named(name: str) -> Effect:
@@ -35,10 +38,23 @@ def named(name: str) -> Effect:
         return from_key(name).effect
     if name in TAKEN_ALONG:
         return TAKEN_ALONG[name]
+    if name in WIDER:
+        return WIDER[name]
     try:
         return CATALOGUE[name]
     except KeyError:
         raise ValueError(f"no effect {name!r}; there are {', '.join(CATALOGUE)}") from None
 
 
-__all__ = ["CATALOGUE", "MOST_AT_ONCE", "TAKEN_ALONG", "Acts", "Effect", "Parameter", "findings", "named", "sensors"]
+__all__ = [
+    "CATALOGUE",
+    "MOST_AT_ONCE",
+    "TAKEN_ALONG",
+    "WIDER",
+    "Acts",
+    "Effect",
+    "Parameter",
+    "findings",
+    "named",
+    "sensors",
+]

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from analysis.model.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.model.effects.row import Acts, Effect, Floats, Parameter, Sensed, frequencies
 
+_PLATE_QUALITY = 300.0  # at most, of a metal plate's swing in air
 _CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # of the record's rate: where the demodulator's decimator begins and ends
 
 
@@ -73,6 +75,36 @@ def frame_of_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[s
     ]
 
 
+def of_plate_on_frame(p: Any, stiffness: Any, mass: Any, time_s: Any) -> tuple[Any, Any, Any]:
+    """Return (m, m/s, rad/s): displacement, velocity and rate of a plate whose clamp a frame has long shaken.
+
+    p = (A in m/s, f in Hz, phi in rad, factor): the clamp moves by factor A/omega cos(omega t + phi), the plate follows
+    it as a mass on a spring (and a dashpot of quality 300) does in the long run.
+    """
+    omega, own = 2 * math.pi * p[1], stiffness / mass
+    turn = omega * time_s + p[2]
+    apart, loss = own - omega * omega, omega * np.sqrt(own) / _PLATE_QUALITY
+    size = p[3] * p[0] / (omega * (apart * apart + loss * loss))
+    with_it, behind = size * (own * apart + loss * loss), size * loss * omega * omega
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return with_it * cosine + behind * sine, omega * (behind * cosine - with_it * sine), omega
+
+
+def plate_on_frame(s: Any, p: Any, out: Any) -> None:
+    """Let the contact point move by q more: q'' = -omega^2 (q + q_0), q = 0 at first touch; p = (q_0, q' then, omega).
+
+    A plate on a spring that is moved at its foot does what it does in the long run, and beside it what it would do on a
+    foot at rest: that is y.
+    """
+    out[Q_RATE] += s[W]
+    out[W_RATE] -= p[2] * p[2] * (s[Q] + p[0])
+
+
+def wider_of_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[str, float]]:
+    """Return what ``frame_of_wave`` does, and that the plate takes part by half."""
+    return [{**values, "plate_factor": 0.5} for values in frame_of_wave(frequency_hz, cosine_and_sine_m)]
+
+
 def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
     """Measure x + A sin(4 pi n x / lambda + phi); p = (A in m, n, phi in rad).
 
@@ -84,6 +116,12 @@ def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
     passed = 0.5 + 0.5 * np.cos(np.pi * beyond)
     return x + p[0] * passed * np.sin(4 * math.pi * p[1] / seen.wavelength_m * x + p[2])
 
+
+_LINE = (
+    Parameter("amplitude_m_per_s", "m/s", 1e-6, lower=0.0),
+    Parameter("frequency_hz", "Hz", 150.0, 1.0, 2e4, frequencies(25, 4000), logarithmic=True),
+    Parameter("phase_rad", "rad", 0.0, grid=(0.0, math.pi / 2), tried=(0.0,), own=True),
+)
 
 ROWS = (
     Effect(
@@ -111,11 +149,7 @@ ROWS = (
         "frame_vibration",
         "a frame that vibrates with the optics",
         Acts.ON_SENSOR,
-        (
-            Parameter("amplitude_m_per_s", "m/s", 1e-6, lower=0.0),
-            Parameter("frequency_hz", "Hz", 150.0, 1.0, 2e4, frequencies(25, 4000), logarithmic=True),
-            Parameter("phase_rad", "rad", 0.0, grid=(0.0, math.pi / 2), tried=(0.0,), own=True),
-        ),
+        _LINE,
         "amplitude_m_per_s",
         sensor=frame_vibration,
         wave=frame_of_wave,
@@ -134,5 +168,24 @@ ROWS = (
         sensor=cyclic_error,
         optical=True,
         ripples=True,
+    ),
+)
+
+WIDER = (
+    Effect(
+        "frame_with_plate",
+        "a frame that vibrates with the optics and the plate",
+        Acts.ON_PLATE,
+        (*_LINE, Parameter("plate_factor", "", 0.5, lower=0.0, upper=1.0)),
+        "amplitude_m_per_s",
+        plate_on_frame,
+        sensor=frame_vibration,
+        hidden=2,
+        shift=1.0,
+        wave=wider_of_wave,
+        at_rest=True,
+        clocked=of_plate_on_frame,
+        widens="frame_vibration",
+        fastest=lambda values, _: float(values[2]),
     ),
 )

@@ -82,6 +82,7 @@ class Sensed:
 
 Sensor = Callable[[Sensed, Any, Any], Any]
 Rate = Callable[[Floats, Collision], float]
+Clocked = Callable[[Any, Any, Any, Any], tuple[Any, Any, Any]]  # (values, k_p, m_p, time in s) -> the kernel's three
 Wave = Callable[[float, Floats], list[dict[str, float]]]  # (frequency in Hz, cosine and sine a shot in m) -> values
 
 
@@ -96,12 +97,15 @@ class Effect:
     block before the touch if they ride with it, and move the contact point by ``shift`` times the first of them.  Of
     its values and the collision ``fastest`` gives the fastest rate in rad/s that the effect brings, ``stiffens`` by
     what factor it may raise the contact's stiffness, ``rough`` says that its law is not smooth where the overlap
-    begins: the integrators suit their steps to them.
+    begins: the integrators suit their steps to them.  What goes on by the recording's clock is told when the bodies
+    meet: ``clocked`` makes the kernel's three parameters of the values, plate stiffness and mass, and that time (all of
+    them may be complex); the second is the rate at which the hidden state changes then.
 
     What a search makes use of: ``grows_as`` is the power of the amplitude in which the effect grows where it is small;
     ``delays`` names the parameter by which everything is shown late; ``in_series`` those of a spring's compliance and
     frequency that stands in series with the plate's; ``wave`` makes the values of a sensor's wave from the cosine and
-    the sine it adds to every shot.  ``ripples`` says that it shows only at the record's own rate, ``at_rest`` that a
+    the sine it adds to every shot.  ``widens`` names the effect of which this is the wider one: it is asked only where
+    that one was found.  ``ripples`` says that it shows only at the record's own rate, ``at_rest`` that a
     record without a collision shows it.
     """
 
@@ -126,6 +130,8 @@ class Effect:
     delays: str = ""
     in_series: tuple[str, str] | None = None
     wave: Wave | None = None
+    clocked: Clocked | None = None
+    widens: str = ""
     ripples: bool = False
     at_rest: bool = False
     fastest: Rate = field(default=lambda _values, _collision: 0.0)

@@ -1,0 +1,46 @@
+"""The wider of two effects, asked where the narrow one was found: a frame that shakes the plate beside the optics.
+
+It has the narrow one's parameters and one more, and is asked in its place, from where that stands: one fit, and none
+where the narrow one was not found.
+"""
+
+from collections.abc import Iterable
+
+from analysis.diagnosis.fits.effective_parameters import Point, to_effective
+from analysis.diagnosis.fits.free_parameters import TrialEffect, trial_effect
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit
+from analysis.model.effects import WIDER, named
+from analysis.model.least_squares import Infeasible
+from analysis.shot import Stop
+
+
+def narrower(names: Iterable[str]) -> set[str]:
+    """Return the effects that the named ones hold: they cannot stand beside them."""
+    return {named(name).widens for name in names} - {""}
+
+
+def widened(here: Fitted, name: str, stop: Stop) -> list[Fitted]:
+    """Return the fits with wider effects in the place of one of a fit's, begun where it stands."""
+    hypothesis = here.hypothesis
+    rows = [row for row in WIDER.values() if row.widens == name]
+    if hypothesis.data.base.one_body:
+        rows = [row for row in rows if row.one_body]
+    found = [_fitted(here, name, trial_effect(row), stop) for row in rows]
+    return [fitted for fitted in found if fitted is not None]
+
+
+def _fitted(here: Fitted, name: str, kind: TrialEffect, stop: Stop) -> Fitted | None:
+    effects = tuple(kind if one.name == name else one for one in here.hypothesis.effects)
+    fixed = {key: given for key, given in here.hypothesis.fixed.items() if key != name}
+    hypothesis = Hypothesis(here.hypothesis.data, effects, fixed)
+    effective = to_effective(here.point)
+    values = tuple(
+        {key: given for key, given in of.items() if key != name} | {kind.name: {**kind.starts[0], **of[name]}}
+        for of in effective.values
+    )
+    try:
+        z = hypothesis.pack_effective(Point(effective.base, effective.own, values))
+        return fit(hypothesis, z, here.floor, cancelled=stop)
+    except Infeasible:
+        return None

@@ -17,8 +17,8 @@ Integers = Any  # int64 arrays, which kernels take as Python passes them
 
 SLOT_PARAMETERS = 8
 # Columns of ``slots``: pair effect, hidden states, moves the contact, on the plate, rides inside, where its
-# range stands in ``p`` (-1: none), where its parameters begin there, and where the rate stands at which its hidden state
-# already changes when the bodies meet (-1: none).
+# range stands in ``p`` (-1: none), where its parameters begin there, and where the rate stands at which its hidden
+# state already changes when the bodies meet (-1: none).
 IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST, RATE_AT = 0, 1, 2, 3, 4, 5, 6, 7
 SLOT_COLUMNS = 8
 MAX_EVENTS = 400

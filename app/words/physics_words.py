@@ -24,7 +24,7 @@ EFFECT_WORDS = {
     "sensor_drift": "a drift of the measured velocity",
     "demodulation_lag": "a lag of the optics' clock",
     "frame_vibration": "a vibration of the frame",
-    "frame_with_plate": "a vibration of the frame and the plate on it",
+    "frame_vibration_with_plate": "a vibration of the frame and the plate on it",
     "cyclic_error": "a cyclic error of the interferometer",
     "directional_viscous_drag": "a viscous drag that differs between both ways",
     "stribeck_friction": "a friction that changes towards rest",

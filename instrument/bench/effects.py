@@ -4,7 +4,8 @@ Where a name alone leaves a choice, this rig chooses: the bearing's force is zer
 a hidden mass is part of the block's mass; the clamp is a mass 1 / (C omega^2) on a spring 1 / C, undamped; adhesion
 pulls with a constant force while the bodies are apart by less than its range; the contact's reference overlap is
 10 um; a demodulation lag follows the path in first order; drift and vibration add to what is seen, not to the block,
-and run on the recording's clock.  A frame that takes the plate along moves its clamp by a factor of what the optics see.
+and run on the recording's clock.  A frame that takes the plate along moves its clamp by a factor of what the optics
+see.
 """
 
 import math
@@ -92,7 +93,7 @@ CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
 
 # what the catalogue lists as the wider of two: drawn only where it is named
 WIDER: Mapping[str, Mapping[str, Parameter]] = {
-    "frame_with_plate": {**CATALOGUE["frame_vibration"], "plate_factor": _p(0.2, 1.0, scales=False)},
+    "frame_vibration_with_plate": {**CATALOGUE["frame_vibration"], "plate_factor": _p(0.2, 1.0, scales=False)},
 }
 
 # what no catalogue lists; the analysis must say "unexplained" or leave it unnamed
@@ -125,7 +126,7 @@ BEYOND: Mapping[str, Mapping[str, Parameter]] = {
 PER_SHOT = {
     "plate_motion": ("velocity_m_per_s", "displacement_m"),
     "frame_vibration": ("phase_rad",),
-    "frame_with_plate": ("phase_rad",),
+    "frame_vibration_with_plate": ("phase_rad",),
 }
 
 
@@ -212,7 +213,7 @@ def draw(name: str, random: np.random.Generator) -> dict[str, float]:
         values[key] = -value if parameter.signed and random.random() < 0.5 else value
     if name == "cyclic_error":
         values["order"] = float(random.integers(1, 3))
-    if name in ("frame_vibration", "frame_with_plate"):
+    if name in ("frame_vibration", "frame_vibration_with_plate"):
         values["phase_rad"] = float(random.uniform(-math.pi, math.pi))
     if name == "bristle_friction":
         values["static_force_n"] = values["force_n"] * float(random.uniform(1.5, 4.0))

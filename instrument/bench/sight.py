@@ -75,7 +75,7 @@ def riding(frame: Frame | None, effects: Effects) -> Frame | None:
 
     The bodies are followed in the foot's coordinates.
     """
-    shake = effects.get("frame_with_plate", _NONE)
+    shake = effects.get("frame_vibration_with_plate", _NONE)
     if not shake or shake["plate_factor"] == 0.0:
         return frame
     omega = 2 * math.pi * shake["frequency_hz"]
@@ -87,7 +87,7 @@ def riding(frame: Frame | None, effects: Effects) -> Frame | None:
 
 def _optics_alone(effects: Effects) -> Mapping[str, float]:
     """Return what the optics move by against the plate's foot, as a frame's vibration."""
-    shake = effects.get("frame_with_plate", _NONE)
+    shake = effects.get("frame_vibration_with_plate", _NONE)
     if not shake:
         return _NONE
     return {**shake, "amplitude_m_per_s": shake["amplitude_m_per_s"] * (1.0 - shake["plate_factor"])}

@@ -11,6 +11,7 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, first_floor, 
 from analysis.diagnosis.fits.quick_shot import too_fast
 from analysis.diagnosis.noise.joint_data import parameters_of
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
+from analysis.diagnosis.search.wider import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.fit import Fit
 from analysis.model.base_minimum import first_guesses
@@ -77,9 +78,10 @@ def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[st
     for name in accepted:
         if name not in {kind.name for kind in catalogue}:
             raise ValueError(f"no effect is called {name!r}; there are {', '.join(k.name for k in catalogue)}")
-    for name in accepted:
+    held = narrower(accepted)
+    for name in (name for name in accepted if name not in held):
         kind = next(k for k in catalogue if k.name == name)
-        better, _ = explore(here, [kind], stop, most=1)
+        better, _ = explore(here, [kind], stop, most=1, widens=False)
         if name not in better.names:
             hypothesis = Hypothesis(here.hypothesis.data, (*here.hypothesis.effects, kind), here.hypothesis.fixed)
             values = tuple({**v, name: dict(kind.starts[0])} for v in here.point.values)

@@ -42,6 +42,7 @@ class Trail:
     fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
     last: Projector | None = None  # of the last round
     asked: set[tuple[str, ...]] = field(default_factory=set)  # fitted from a fit with one effect more, too
+    widens: bool = True  # ask for the wider of two effects where the narrow one was found
 
     def __post_init__(self) -> None:
         self.keep(self.start)
@@ -82,10 +83,15 @@ class Trail:
 
 
 def explore(
-    start: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, *, most: int = CRITERIA.most_effects
+    start: Fitted,
+    catalogue: Sequence[TrialEffect],
+    stop: Stop,
+    *,
+    most: int = CRITERIA.most_effects,
+    widens: bool = True,
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
-    trail = Trail(start, catalogue, stop)
+    trail = Trail(start, catalogue, stop, widens=widens)
     return climb(start, trail, most), trail
 
 
@@ -115,11 +121,11 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
 
 def wider(here: Fitted, trail: Trail) -> Fitted:
     """Return the fit with the wider effect in the place of each that has one, where that pays."""
-    for name in trail.added(here):
+    for name in trail.added(here) if trail.widens else []:
         for trial in widened(here, name, trail.stop):
             trail.keep(trial)
             if trail.pays(trial, here):
-                here = trial
+                here = polish(trial, trail)
     return here
 
 

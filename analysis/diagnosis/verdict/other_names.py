@@ -27,10 +27,10 @@ def other_names(
     for key, other in trail.fits.items():
         swapped = set(key) - set(best.names)
         if len(key) == len(best.names) and len(swapped) == 1 and kept <= set(key):
-            lead = min(lead, other.bic - best.bic)
             new = next(iter(swapped))
-            if "{" not in new and named(new).widens == name:  # holds it: what its further parameter is not worth
+            if "{" not in new and named(new).widens == name:  # holds it: its further parameter was not worth its price
                 continue
+            lead = min(lead, other.bic - best.bic)
             # Of look-alikes the one with fewer parameters is not the true one for that alone.
             if min(other.bic - best.bic, _behind(other, best)) < CRITERIA.least_lead and new not in others:
                 others.append(new)

@@ -9,7 +9,6 @@ CATALOGUE: Mapping[str, Effect] = {
     row.name: row for rows in (on_block.ROWS, on_plate.ROWS, in_contact.ROWS, on_sensor.ROWS) for row in rows
 }
 TAKEN_ALONG: Mapping[str, Effect] = {row.name: row for row in taken_along.ROWS}  # each shot's own, no finding
-_IN_ORDER = tuple(CATALOGUE)
 WIDER: Mapping[str, Effect] = {row.name: row for row in on_sensor.WIDER}  # asked where what they widen was found
 MOST_AT_ONCE = 3
 
@@ -25,8 +24,10 @@ def sensors(names: Iterable[str]) -> list[Effect]:
     A ripple of the light repeats with the path that is shown, lag and frame and all, whichever was found first.
     """
     wanted = set(names)
-    rows = sorted((*CATALOGUE.values(), *WIDER.values()), key=lambda row: _IN_ORDER.index(row.widens or row.name))
-    return [row for row in rows if row.name in wanted and row.sensor is not None]
+    places = [row for row in CATALOGUE.values() if row.sensor is not None]
+    wider = [row for row in WIDER.values() if row.name in wanted]
+    rows = [one for row in places for one in (row, *(other for other in wider if other.widens == row.name))]
+    return [row for row in rows if row.name in wanted]
 
 
 def named(name: str) -> Effect:

@@ -1,16 +1,19 @@
-"""A written law with a value that each shot has for itself: a frame shakes the plate, at any phase a shot."""
+"""A line that shakes the plate, at any phase a shot: as a written law, and as a frame that carries the optics too."""
 
 import math
-from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.fits.base_fit import accept
+from analysis.diagnosis.fits.free_parameters import trial_effects
+from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
 from analysis.laws.own import from_mapping
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
+from tests.analysis.diagnosis.shots import base_fit
+from tests.analysis.diagnosis.shots import shots as shots_of
 from tests.law_rigs import LawRig, Memory
 
 SIZE_N, LINE_HZ = 2e-3, 90.0
@@ -58,24 +61,45 @@ def test_a_fit_finds_them_too(shots: list[Motion]) -> None:
     assert fit.parameters[f"{SHAKEN.key}.f"].value == pytest.approx(LINE_HZ, rel=1e-4)
 
 
-@pytest.mark.slow
-def test_a_frame_that_shakes_plate_and_optics_is_told_whole() -> None:
+WIDE = "frame_vibration_with_plate"
+FRAME = {"amplitude_m_per_s": 5e-5, "frequency_hz": LINE_HZ, "phase_rad": 0.4}
+
+
+@pytest.fixture(scope="module")
+def on_a_frame() -> tuple[Motion, ...]:
     """The block flies free in the room; the optics go with the frame, and the plate's clamp with 0.8 of it."""
-    frame_m_per_s, share, omega = 5e-5, 0.8, 2 * math.pi * LINE_HZ
-    force_n = LawRig().bodies.k_p * share * frame_m_per_s / omega
-    seen = []
-    for index, (speed, phase) in enumerate(((0.15, 0.4), (0.24, 2.5), (0.36, -1.9))):
+    return shots_of({WIDE: {**FRAME, "plate_factor": 0.8}}, seed=31)
 
-        def force(_x: float, _v: float, _y: float, _u: float, t: float, phase: float = phase) -> float:
-            return force_n * (math.cos(omega * t + phase) - math.cos(phase))
 
-        motion = LawRig(memory=Memory(lambda *_: 1.0, on_plate=force)).shot(speed, index)
-        swing = frame_m_per_s / omega * np.cos(omega * (motion.time_s - 0.02) + phase)
-        seen.append(replace(motion, displacement_m=motion.displacement_m - swing))
-    told = diagnose(seen, laws=(SHAKEN.key,))
+def test_a_frame_that_shakes_plate_and_optics_is_told_whole(on_a_frame: tuple[Motion, ...]) -> None:
+    told = diagnose(on_a_frame)
     assert told.verdict is Verdict.EFFECT_FOUND
-    found = {effect.name: effect.parameters for effect in told.effects}
-    line, shaken = found["frame_vibration"], found[SHAKEN.key]
-    assert abs(line["amplitude_m_per_s"].value - frame_m_per_s) < 4 * line["amplitude_m_per_s"].std
-    assert abs(shaken["a"].value - force_n) < 4 * shaken["a"].std
-    assert told.error_after.reduced_chi2 == pytest.approx(1.0, abs=0.1)
+    (found,) = told.effects
+    assert found.name == WIDE and found.indistinguishable_from == ()
+    for name, truth in (("amplitude_m_per_s", 5e-5), ("frequency_hz", LINE_HZ), ("plate_factor", 0.8)):
+        known = found.parameters[name]
+        assert abs(known.value - truth) < 4 * known.std, name
+    assert found.parameters["plate_factor"].std < 1e-3
+    assert told.error_before.displacement_rms_m > 5e-8 and told.error_after.displacement_rms_m < 1.05e-10
+    assert told.error_held_out_after.displacement_rms_m < 1.1e-10
+
+
+def test_in_the_model_it_is_all_there_is(on_a_frame: tuple[Motion, ...]) -> None:
+    told = diagnose(on_a_frame, accepted=(WIDE,))
+    assert told.verdict is Verdict.ADEQUATE
+    read = from_text(to_text(saved(told.fit_after, ("a", "b", "c"), told)))
+    assert read.effects == (WIDE,) and read.parameters[f"{WIDE}.plate_factor"].value == pytest.approx(0.8, abs=2e-3)
+
+
+def test_the_narrow_one_in_the_model_stays_what_it_is(on_a_frame: tuple[Motion, ...]) -> None:
+    start = accept(base_fit(on_a_frame), trial_effects(), ("frame_vibration",), lambda: False)
+    assert start.names == ("frame_vibration",)
+
+
+@pytest.mark.parametrize("factor", [0.0, None])
+def test_a_plate_that_stays_is_none_of_it(factor: float | None) -> None:
+    effects = {"frame_vibration": FRAME} if factor is None else {WIDE: {**FRAME, "plate_factor": factor}}
+    told = diagnose(shots_of(effects, seed=32))
+    (found,) = told.effects
+    assert found.name == "frame_vibration" and found.indistinguishable_from == ()
+    assert told.verdict is Verdict.EFFECT_FOUND and found.evidence["lead_over_runner_up"] > 100.0

@@ -43,8 +43,10 @@ class Minimum:
 
 Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
+Hopeless = Callable[[Floats, Square], bool]
 _CORRECTIONS = 6
 _STEEP = 1e-5  # of damping, relative: directions flatter than that are not corrected
+_LITTLE = 15.0  # of chi^2: a search that promises less is asked whether it may still matter
 _STRAIGHT = 1.0  # of chi^2: a step that is to bring less is too short for a valley to bend on the way
 
 
@@ -57,6 +59,7 @@ def minimise(
     evaluations: int = 60,
     tolerance: float = 1e-6,
     residual: Residual | None = None,
+    hopeless: Hopeless | None = None,
     cancelled: Stop | None = None,
 ) -> Minimum:
     """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
@@ -64,8 +67,9 @@ def minimise(
     With ``residual`` (whitened residuals at a point, without derivatives: cheap) and squares that carry theirs, a step
     is led back to the floor of a bent valley before its derivatives are asked for: it may then be as long as the data
     allow, not as short as the bend commands (a retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on
-    Matrix Manifolds", ch. 4).  A fall of 1e-6 is a move of 1e-3 standard deviations.  The function may raise
-    Infeasible anywhere but at the start.
+    Matrix Manifolds", ch. 4).  A fall of 1e-6 is a move of 1e-3 standard deviations.  ``hopeless`` is asked, once
+    little is promised, whether the search is to be given up where it is.  The function may raise Infeasible anywhere
+    but at the start.
     """
     low = np.full(start.size, -np.inf) if lower is None else lower
     high = np.full(start.size, np.inf) if upper is None else upper
@@ -87,6 +91,10 @@ def minimise(
             if inside and 0 <= fall < tolerance * max(1.0, square.chi2 / square.samples):
                 held = tuple(int(i) for i in np.flatnonzero(~free))
                 return Minimum(here, square, True, used, held)
+            if hopeless is not None and 0 <= fall < _LITTLE * max(1.0, square.chi2 / square.samples):
+                if hopeless(here, square):
+                    break
+                hopeless = None
         step = _step(square, free, damping)
         if step is None:
             damping = max(10 * damping, 1e-8)

@@ -1,5 +1,6 @@
 """A fit with one effect more: from where it scored best, or from where it was found alone."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,17 +12,23 @@ from analysis.diagnosis.fits.hypothesis import Hypothesis
 from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, search, whitened_residual
 from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.search.screening import fixed_of
-from analysis.model.least_squares import Infeasible
+from analysis.model.least_squares import Infeasible, Minimum, Square
 from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
 _SHORT = 7  # evaluations of a search that only compares
+_GIVEN_UP = 300.0  # of the criterion behind another fit: such a search is left where it promises little
 _OF_THE_START = (1.0, 0.3, 0.1)
 _ROOM = 4  # steps at most
 
 
-def refit(at: Projector, kind: TrialEffect, start: Sequence[Mapping[str, float]], stop: Stop) -> Fitted | None:
-    """Fit quickly with one effect more from its start values a shot; None where there is no trajectory."""
+def refit(
+    at: Projector, kind: TrialEffect, start: Sequence[Mapping[str, float]], stop: Stop, *, least_bic: float = math.inf
+) -> Fitted | None:
+    """Fit quickly with one effect more from its start values a shot; None where there is no trajectory.
+
+    ``least_bic`` is the criterion of a fit that it is compared with: far behind, it is not followed to its end.
+    """
     here = at.fitted
     hypothesis = Hypothesis(
         here.hypothesis.data,
@@ -32,13 +39,20 @@ def refit(at: Projector, kind: TrialEffect, start: Sequence[Mapping[str, float]]
     low, high = hypothesis.bounds
     if stop():
         raise Cancelled
+
+    def hopeless(z: Floats, square: Square) -> bool:
+        so_far = finish(hypothesis, Minimum(z, square, False, 0), here.floor)
+        return so_far.bic > least_bic + _GIVEN_UP
+
+    asked = hopeless if math.isfinite(least_bic) else None
     for share in _OF_THE_START:  # a linear step may lead further than any trajectory goes
         weaker = [times(kind, given, share) for given in start]
         values = tuple({**v, kind.name: given} for v, given in zip(effective.values, weaker, strict=True))
         try:
             z = np.clip(hypothesis.pack_effective(Point(effective.base, effective.own, values)), low, high)
             z = _made_room(at, hypothesis, z)
-            return finish(hypothesis, search(hypothesis, z, here.floor, evaluations=_SHORT, cancelled=stop), here.floor)
+            found = search(hypothesis, z, here.floor, evaluations=_SHORT, hopeless=asked, cancelled=stop)
+            return finish(hypothesis, found, here.floor)
         except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
             continue
     return None

@@ -11,7 +11,7 @@ from analysis.diagnosis.fits.effective_parameters import Point
 from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.noise import site_strengths
 from analysis.diagnosis.noise.floor import Floor, learn, white_floor
-from analysis.model.least_squares import Infeasible, Minimum, Square, covariance, minimise
+from analysis.model.least_squares import Hopeless, Infeasible, Minimum, Square, covariance, minimise
 from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
@@ -132,9 +132,10 @@ def search(
     *,
     evaluations: int = 25,
     tolerance: float = 1e-2,
+    hopeless: Hopeless | None = None,
     cancelled: Stop | None = None,
 ) -> Minimum:
-    """Minimise with a given floor from ``z``, until chi^2 is to fall by less than ``tolerance``.
+    """Minimise with a given floor from ``z``, until chi^2 is to fall by less than ``tolerance`` or it is ``hopeless``.
 
     Infeasible where not even the start has a trajectory.
     """
@@ -148,6 +149,7 @@ def search(
         evaluations=evaluations,
         tolerance=tolerance,
         residual=lambda at: whitened_residual(hypothesis, floor, at),
+        hopeless=hopeless,
         cancelled=cancelled,
     )
 

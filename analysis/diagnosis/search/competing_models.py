@@ -124,7 +124,7 @@ def fitted_instead(
     starts = [far.starts[kind.name]]
     if frequency_hz is not None and "frequency_hz" in starts[0][0]:
         starts = _of_one_line(at, kind, starts[0], frequency_hz)
-    trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
+    trials = [trial for start in starts if (trial := refit(at, kind, start, stop, least_bic=best.bic)) is not None]
     trial = min(trials, key=lambda fitted: fitted.bic, default=None)
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial

@@ -168,7 +168,10 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         names = {score.kind.name for score in tried}
         other = _ranked(at.under(here.floor.still), free, trail)[:UNDER_THE_FLOOR]
         tried += [listed[0] for listed in other if listed[0].kind.name not in names]
-    refitted = [refit(at, score.kind, score.start, trail.stop) for score in tried]
+    refitted: list[Fitted | None] = []
+    for score in tried:
+        least = min((trial.bic for trial in refitted if trial is not None), default=math.inf)
+        refitted.append(refit(at, score.kind, score.start, trail.stop, least_bic=least))
     known = {score.kind.name: trail.of((*trail.start.names, score.kind.name)) for score in tried if not first}
     alone = [fitted for fitted in known.values() if fitted is not None and trail.pays(fitted, trail.start)]
     refitted += [united(here, fitted, trail.start, trail.stop) for fitted in alone]

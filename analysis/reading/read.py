@@ -37,6 +37,11 @@ class NoImpact(Exception):
 
 def read_impact(motion: Motion) -> Impact:
     """Read one collision.  Raises NoImpact where the record shows none."""
+    return _read(motion, *_between_flights(motion))
+
+
+def _between_flights(motion: Motion) -> tuple[Span, Edge, Edge | None, Quiet]:
+    """Return where the collision is, touch and release, and what the flights beside them are like."""
     span = find_collision(motion)
     if span is None:
         raise NoImpact("no impact: the force never rises above its noise")
@@ -47,6 +52,11 @@ def read_impact(motion: Motion) -> Impact:
         quiet = _flights(motion, span, touch, release, quiet)
     if quiet is None:
         raise NoImpact("no free flight before the contact: the record starts too late")
+    return span, touch, release, quiet
+
+
+def _read(motion: Motion, span: Span, touch: Edge, release: Edge | None, quiet: Quiet) -> Impact:
+    """Read all numbers between two flights."""
     motion = without_lines(motion, quiet.lines)
     flight_in, flight_out, noise = quiet.incoming, quiet.outgoing, quiet.floor
     v_in = _velocity(flight_in, touch, "before the touch")
@@ -101,7 +111,10 @@ def read_impact(motion: Motion) -> Impact:
 def shaking_in(motion: Motion) -> Shaking | None:
     """Return what shook the frame as far as a motion shows; None where that is too little to matter, or unread."""
     try:
-        disturbance = read_impact(motion).disturbance
+        found = _between_flights(motion)
+        if not _sways(found[-1]):  # whatever else the collision shows
+            return None
+        disturbance = _read(motion, *found).disturbance
     except (NoImpact, AnalysisError, LinAlgError):
         return None
     return disturbance.shaking if disturbance else None

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.kernel_parts import kernel
+from analysis.kernel_parts import kernel, part
 from analysis.kernel_room import cut, cut_integers
 from analysis.model.effects.kernel import FORCE, MASS, ON_BLOCK, ON_PLATE, OUTPUTS, PAIR, STATES, V, X, address
 from analysis.model.effects.row import Acts, Effect
@@ -102,8 +102,27 @@ def along(path: LinearPath, effect: Effect, collision: Collision, parameters: Fl
 
 def _room_for(n: int, count: int) -> int:
     """Return how many numbers the arrays of ``_march`` take, n being those of a state, for ``count`` starts."""
-    fixed = STATES + 3 + INPUTS + OUTPUTS * (SEEN + 3)
+    fixed = STATES + 3 + INPUTS + OUTPUTS * (2 * SEEN + 5) + 2 * (n + 3 * INPUTS)
     return fixed + count * (3 * OUTPUTS + 3 * INPUTS + 2 * n + 6 + 1 + 32 + 4 + 16)
+
+
+@part
+def _add_up(rows, weights, which, number, out):  # type: ignore[no-untyped-def]
+    """Write the weighted sum of some rows, two at a time: each pass writes ``out`` once."""
+    count = out.size
+    first, last = rows[which[0]], rows[which[number - 1]]
+    one, two = weights[0], weights[number - 1]
+    if number % 2 == 1:
+        for c in range(count):
+            out[c] = one * first[c]
+    else:
+        for c in range(count):
+            out[c] = one * first[c] + two * last[c]
+    for k in range(1, number - 1, 2):
+        one, two, near, far = weights[k], weights[k + 1], rows[which[k]], rows[which[k + 1]]
+        if one != 0.0 or two != 0.0:
+            for c in range(count):
+                out[c] += one * near[c] + two * far[c]
 
 
 @kernel
@@ -123,6 +142,8 @@ def _march(effect_at, drives, path, out, room):  # type: ignore[no-untyped-def]
     values, at = cut(room, at, (3,))
     effect, at = cut(room, at, (OUTPUTS,))
     bare, at = cut(room, at, (3, OUTPUTS, count))  # at begin, middle and end, with the hidden state at zero
+    rows, _ = cut(room, at, (n + 3 * INPUTS, count))  # the state, and what acts on it at begin, middle and end
+    state, at = cut(room, at, (n, count))
     u, at = cut(room, at, (3, INPUTS, count))
     at_work, at = cut_integers(room, at, (INPUTS,))
     driven, at = cut_integers(room, at, (OUTPUTS,))
@@ -142,15 +163,30 @@ def _march(effect_at, drives, path, out, room):  # type: ignore[no-untyped-def]
             for c in range(count):
                 if linear[from_, 0, c] != 0.0 or linear[from_, 1, c] != 0.0:
                     at_work[i] = 1
-    state, at = cut(room, at, (n, count))
     new, at = cut(room, at, (n, count))
     h, at = cut(room, at, (3, 2, count))
     moved, at = cut(room, at, (count,))
     steps, at = cut(room, at, (2, 4, 2, 2, count))
     power, at = cut(room, at, (2, 2, count))
     series, at = cut(room, at, (4, 2, 2, count))
+    scaled, at = cut(room, at, (n + 3 * INPUTS,))
+    live, at = cut_integers(room, at, (n + 3 * INPUTS,))
+    given, at = cut_integers(room, at, (OUTPUTS, SEEN + 1))  # what an output is made of, and of how many
+    told_of, at = cut_integers(room, at, (OUTPUTS,))
     if at > room.size:
         return False
+    acting = n
+    for k in range(n):
+        live[k] = k
+    for k in range(3 * INPUTS):
+        if at_work[k % INPUTS]:
+            live[acting] = n + k
+            acting += 1
+    for i in range(OUTPUTS):
+        for j in range(SEEN + 1):
+            if used[i, j]:
+                given[i, told_of[i]] = j
+                told_of[i] += 1
     last, begun = 0.0, False
     for r in range(length.size):
         if not early[r] and not begun:
@@ -179,12 +215,9 @@ def _march(effect_at, drives, path, out, room):  # type: ignore[no-untyped-def]
             if known:
                 for i in range(OUTPUTS):
                     if driven[i]:
-                        for c in range(count):
-                            bare[point, i, c] = seen_by[i, SEEN, c]
-                        for j in range(SEEN):
-                            if used[i, j]:
-                                for c in range(count):
-                                    bare[point, i, c] += s[j] * seen_by[i, j, c]
+                        for k in range(told_of[i]):
+                            scaled[k] = s[given[i, k]] if given[i, k] < SEEN else 1.0
+                        _add_up(seen_by[i], scaled, given[i], told_of[i], bare[point, i])
                 continue
             for c in range(count):
                 ask(where, s, parameters, c, values, effect)
@@ -196,9 +229,12 @@ def _march(effect_at, drives, path, out, room):  # type: ignore[no-untyped-def]
                     for c in range(count):
                         total = steps[part, 0, i, 0, c] * h[0, 0, c] + steps[part, 0, i, 1, c] * h[0, 1, c]
                         for point in range(3):
-                            total += steps[part, 1 + point, i, 0, c] * bare[point, 3, c]
                             total += steps[part, 1 + point, i, 1, c] * bare[point, 4, c]
                         h[1 + part, i, c] = total
+                    if driven[3]:  # nothing pushes the place of what swings
+                        for c in range(count):
+                            for point in range(3):
+                                h[1 + part, i, c] += steps[part, 1 + point, i, 0, c] * bare[point, 3, c]
         for point in range(3):
             for i in range(INPUTS):
                 if not at_work[i]:
@@ -223,19 +259,12 @@ def _march(effect_at, drives, path, out, room):  # type: ignore[no-untyped-def]
                     for c in range(count):
                         state[i, c] += kick[r, i] * moved[c]
         for i in range(n):
-            for c in range(count):
-                new[i, c] = 0.0
-            for j in range(n):
-                weight = propagator[r, i, j]
-                if weight != 0.0:
-                    for c in range(count):
-                        new[i, c] += weight * state[j, c]
-            for point in range(3):
-                for j in range(INPUTS):
-                    weight = weights[r, point, i, j]
-                    if at_work[j] and weight != 0.0:
-                        for c in range(count):
-                            new[i, c] += weight * u[point, j, c]
+            for k in range(n):
+                scaled[k] = propagator[r, i, k]
+            for k in range(n, acting):
+                row = live[k] - n
+                scaled[k] = weights[r, row // INPUTS, i, row % INPUTS]
+            _add_up(rows, scaled, live, acting, new[i])
         for i in range(n):
             for c in range(count):
                 state[i, c] = new[i, c]

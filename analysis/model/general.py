@@ -120,20 +120,23 @@ def solve(
     directions: Sequence[int] = (),
     stride: float = 1.0,
     block: int = 1,
+    rates: Swings | None = None,
 ) -> GeneralRun:
     """Solve ``collision`` with mechanical ``effects`` at ``time_s``, shape (n,), ascending.
 
     ``directions`` are indices into ``parameters.kernel_order`` (0 to 6) and ``direction(slot, place)``, a slot being a
     place in ``effects``; the block's mass (7) is not among them.  Before the touch only what acts on the block and
     has no hidden state takes part: what rides inside has come to rest.  ``block``: everything but the events is a mean
-    over so many samples, the last ones left out where they do not fill one.
+    over so many samples, the last ones left out where they do not fill one.  ``rates`` are what ``swings`` says of
+    them, where that is known.
 
     Effects that are linear in the state are solved to rounding.  Where one is not, ``stride`` lengthens the steps: 2
     takes 0.6 of the time and shows the displacement of a millimetre to 0.05 pm instead of 0.001 pm.  A kink is stepped
     over, by no more than a stride of 1: a hinge of 5 N/m is right to 3 pm so (of 2: to 130 pm), one of 50 to 30 pm.
     Raises TooManyEvents, RunsAway, ValueError.
     """
-    record, count, system = _solved(collision, effects, time_s, directions, stride, block)
+    rates = rates or swings(collision, effects)
+    record, count, system = _solved(collision, effects, time_s, directions, stride, block, rates)
     left = block // record.block
     states, d_x = averaged(record.states, left), averaged(record.d_x, left)
     kinds = tuple(map(_kind, record.event_kind[:count].tolist()))
@@ -156,7 +159,8 @@ class Recorded:
 
 def recorded(collision: Collision, effects: Sequence[Active], time_s: Floats, spacing_s: float = 0.0) -> Recorded:
     """Solve as ``solve`` does, and return whole states and modes; ``spacing_s``: how far apart most times are."""
-    record, count, system = _solved(collision, effects, time_s, (), 1.0, 1, whole=True, spacing_s=spacing_s)
+    rates = swings(collision, effects)
+    record, count, system = _solved(collision, effects, time_s, (), 1.0, 1, rates, whole=True, spacing_s=spacing_s)
     states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # the contact point is none of them
     return Recorded(record.event_time[:count], record.event_kind[:count], record.event_mode[:count], states)
 
@@ -168,6 +172,7 @@ def _solved(
     directions: Sequence[int],
     stride: float,
     block: int,
+    rates: Swings,
     *,
     whole: bool = False,
     spacing_s: float = 0.0,

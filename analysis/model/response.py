@@ -15,7 +15,7 @@ from analysis.model.effects.row import Effect, Parameter, Sensed
 from analysis.model.general import Happened, TooManyEvents
 from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision, Floats, Variant
-from analysis.model.slots import swings
+from analysis.model.slots import Swings, swings
 from analysis.model.starts import Course
 from analysis.model.sway import Swayed
 from analysis.noise import Noise
@@ -215,10 +215,12 @@ def respond(
     derivatives: bool = True,
     stride: float = 1.0,
     block: int = 1,
+    fastest_rad_per_s: float = math.inf,
 ) -> Response:
     """Solve the model for one shot; ``own`` begins with (v_i, touch time, offset).  Infeasible where it cannot be.
 
-    ``stride`` is that of ``general.solve``; with ``block`` all arrays are means over so many samples.
+    ``stride`` is that of ``general.solve``; with ``block`` all arrays are means over so many samples.  What swings
+    faster than ``fastest_rad_per_s`` cannot be.
     """
     values = model.values(shared, own) if model.effects else {}
     start = model.plate_start(values, own, shot.plate)
@@ -236,7 +238,10 @@ def respond(
     times = shot.time_s - own[1]
     seeing = sensors(e.name for e in model.effects)
     inner = 1 if seeing else block  # a sensor sees every sample
-    response = _solved(collision, active, times, wanted, stride, inner)
+    rates = swings(collision, active)
+    if max(rates.contact, rates.every) > fastest_rad_per_s:
+        raise Infeasible("something would swing faster than any record can show")
+    response = _solved(collision, active, rates, times, wanted, stride, inner)
     x, columns = response.displacement_m, response.derivatives
     velocity_out = response.velocity_out
     if derivatives:
@@ -279,16 +284,17 @@ def _direction(of_base: Mapping[str, int], active: Sequence[general.Active], nam
 def _solved(
     collision: Collision,
     active: Sequence[general.Active],
+    rates: Swings,
     times: Floats,
     wanted: dict[str, int | None],
     stride: float,
     block: int,
 ) -> Response:
-    if swings(collision, active).every * (times[-1] - times[0]) > _MOST_RADIANS:
+    if rates.every * (times[-1] - times[0]) > _MOST_RADIANS:
         raise Infeasible("an effect would swing faster than any that a record can show")
     directions = [at for at in wanted.values() if at is not None]
     try:
-        run = general.solve(collision, active, times, directions=directions, stride=stride, block=block)
+        run = general.solve(collision, active, times, directions=directions, stride=stride, block=block, rates=rates)
     except (TooManyEvents, general.RunsAway) as why:
         raise Infeasible(str(why)) from why
     columns = np.zeros((run.time_s.size if wanted else 0, len(wanted)))

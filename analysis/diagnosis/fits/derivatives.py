@@ -5,13 +5,14 @@ differences trajectories loses them in the error of the difference and stops in 
 that the integrator carries along do not.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.quick_shot import Values, too_fast
+from analysis.diagnosis.fits.quick_shot import Values, fastest_shown, too_fast
 from analysis.diagnosis.fits.search_vector import SearchVector
 from analysis.model.effects import Effect, named
 from analysis.model.least_squares import Infeasible
@@ -36,28 +37,41 @@ def solved(
 
     Cost: 0.3 ms, with derivatives 0.5 to 1 ms; where a law is not linear in the state 1 to 2 ms and 4 to 11 ms.
     """
-    values = point.values[index]
-    shot = vector.data.shots[index]
-    at = vector.shot_at(index, point)
+    values, shot = point.values[index], vector.data.shots[index]
     # What the model can follow and no sample can show is no place for a search.
-    if too_fast(at.base, at.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
-        raise Infeasible("something would swing faster than any record can show")
+    fastest = fastest_shown(shot.spacing_s, shot.factor)
+    if laws:  # which are as fast as they are
+        at, fastest = vector.shot_at(index, point), math.inf
+        if too_fast(at.base, at.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+            raise Infeasible("something would swing faster than any record can show")
     rows = (*(named(kind.name) for kind in vector.effects), *laws)
     model = Model(vector.data.base, rows, _chosen(vector, values))
     shared = [*point.base, *(_value(values, name) for name in model.shared_effect_names)]
     own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
     block = shot.factor if averaged else 1
+    given = np.array(shared), np.array(own)
+    if any(np.isnan(one).any() for one in given):
+        raise Infeasible("a parameter is not a number")
     return model, respond(
-        model, shot.for_model, np.array(shared), np.array(own), derivatives=derivatives, stride=_STRIDE, block=block
+        model,
+        shot.for_model,
+        *given,
+        derivatives=derivatives,
+        stride=_STRIDE,
+        block=block,
+        fastest_rad_per_s=fastest,
     )
 
 
-def linearised_shot(vector: SearchVector, index: int, z: Floats, laws: Sequence[Effect] = ()) -> tuple[Floats, Floats]:
-    """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""
-    _, response = solved(vector, index, vector.unpack(z), derivatives=True, laws=laws)
-    physical = np.zeros((response.displacement_m.size, vector.size))
-    physical[:, vector.places(index)] = response.derivatives
-    return response.displacement_m, physical @ vector.slope(z)
+def linearised_shot(
+    vector: SearchVector, index: int, point: Point, slope: Floats, laws: Sequence[Effect] = ()
+) -> tuple[Floats, Floats]:
+    """Return one shot's averaged displacement, shape (n,), and its derivatives by a vector, shape (n, size).
+
+    ``point`` is that of the vector, ``slope`` the parameters' derivatives by it: for all shots the same.
+    """
+    _, response = solved(vector, index, point, derivatives=True, laws=laws)
+    return response.displacement_m, response.derivatives @ slope[vector.places(index)]
 
 
 def _chosen(vector: SearchVector, values: Values) -> tuple[tuple[str, float], ...]:

@@ -60,7 +60,8 @@ class Hypothesis(SearchVector):
         known = self._lately.get(z.tobytes())
         if known is not None:
             return known
-        self.remember(z, [self.of_shot(i, z) for i in range(len(self.data.shots))])
+        point, slope = self.unpack(z), self.slope(z)
+        self.remember(z, [linearised_shot(self, i, point, slope) for i in range(len(self.data.shots))])
         return self._lately[z.tobytes()]
 
     def remember(self, z: Floats, lines: list[tuple[Floats, Floats]]) -> None:
@@ -71,7 +72,7 @@ class Hypothesis(SearchVector):
 
     def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
         """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""
-        return linearised_shot(self, index, z)
+        return linearised_shot(self, index, self.unpack(z), self.slope(z))
 
 
 __all__ = ["Hypothesis", "JointData"]

@@ -53,7 +53,12 @@ def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_
     """
     collision, active = situation(base, own, values, mass_kg)
     rates = swings(collision, active)
-    return max(rates.contact, rates.every) * spacing_s > min(math.pi * factor, _MOST_RADIANS)
+    return max(rates.contact, rates.every) > fastest_shown(spacing_s, factor)
+
+
+def fastest_shown(spacing_s: float, factor: int) -> float:
+    """Return the fastest swing in rad/s that ``too_fast`` allows."""
+    return min(math.pi * factor, _MOST_RADIANS) / spacing_s
 
 
 def respond(time_s: Floats, base: Floats, own: Floats, values: Values, mass_kg: float, optics: Optics) -> Run:
@@ -67,7 +72,7 @@ def respond(time_s: Floats, base: Floats, own: Floats, values: Values, mass_kg: 
     if max(rates.contact, rates.every) * float(time_s[1] - time_s[0]) > _MOST_RADIANS:
         raise Infeasible("something would swing faster than any record can show")
     try:
-        run = general.solve(collision, active, time_s - own[1], stride=_STRIDE)
+        run = general.solve(collision, active, time_s - own[1], stride=_STRIDE, rates=rates)
     except (general.TooManyEvents, general.RunsAway) as why:
         raise Infeasible(str(why)) from why
     shown = seen(run.displacement_m, run.velocity_m_per_s, time_s, values, optics) + own[2]

@@ -98,10 +98,10 @@ def displacements(hypothesis: Hypothesis, z: Floats, terms: Sequence[Term]) -> t
 def motions(hypothesis: Hypothesis, z: Floats, terms: Sequence[Term]) -> Motions:
     """Return the shots' motions with curves, and their derivatives; some 30 ms a shot."""
     rows = _rows(terms)
-    point = hypothesis.unpack(z)
+    point, slope = hypothesis.unpack(z), hypothesis.slope(z)
 
     def one(index: int) -> tuple[Floats, Floats]:
-        shown, of_base = linearised_shot(hypothesis, index, z, rows)
+        shown, of_base = linearised_shot(hypothesis, index, point, slope, rows)
         path = _path(hypothesis, point, rows, index)
         of_terms = [_columns(term, row, path, shown.size) for term, row in zip(terms, rows, strict=True)]
         return shown, np.hstack([of_base, *of_terms])

@@ -30,7 +30,7 @@ from analysis.model.system import (
     State,
     state_of,
 )
-from analysis.model.two_bodies import glide
+from analysis.model.two_bodies import glide, glide_in_blocks
 
 _STEP = 0.7  # longest step times the fastest rate: nine steps a period, so that no touch is stepped over
 _LONGEST_S = 1e-3
@@ -149,7 +149,7 @@ def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
 def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     form, times, block = held(form_at(stepper.kept, stepper.at[NOW])), record.times, record.block
     rows, forward, last, cleared = system.which.size + 1, ahead.forward, ahead.last, ahead.cleared
-    alone = rows == 1 and system.numbers == 4 and block == 1 and stepper.active[0] <= 2
+    alone = rows == 1 and system.numbers == 4 and stepper.active[0] <= 2 and (block == 1 or form.steps[SLOW] > 0.5)
     bit, pieces, spacing, share = form.steps[BIT], int(form.steps[PIECES]), stepper.spacing_s, 1.0 / block
     z, z_end, odd = stepper.z[0], stepper.z[1], False
     i, t, left, h, why = ahead.i, motion.clock[TIME], stepper.at[LEFT], 0.0, DONE
@@ -160,9 +160,12 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
             if is_gone(motion.here.z[0], motion.mode, system, omega):
                 why = GONE
                 break
-        if alone and pieces == 1 and not cleared:
-            before = i
-            i, t = glide(z, form, motion, stepper.active, record, Ahead(i, last, forward, cleared), t)
+        if alone and pieces == 1 and not cleared and (block == 1 or (left == 0 and i != stepper.at[CAREFUL])):
+            before, here = i, Ahead(i, last, forward, cleared)
+            if block == 1:
+                i, t = glide(z, form, motion, stepper.active, record, here, t)
+            else:
+                i, t = glide_in_blocks(z, form, motion, stepper.active, record, here, t)
             if i != before:
                 continue
         remaining = times[i] - t

@@ -1,9 +1,13 @@
 """The search for several effects takes more than one way."""
 
+import math
+
+import numpy as np
 import pytest
 
 from analysis.diagnosis.fits.added_effect import refit, united
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, Floats
 from analysis.diagnosis.search.forward_selection import another_way, explore
 from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.search.screening import scores
@@ -42,6 +46,32 @@ def test_a_mode_is_found_beside_a_ripple_from_where_it_was_found_alone() -> None
     assert both is not None and both.names == (ripple, mode)
     assert both.bic < one_more(first, mode).bic - 500  # which goes nowhere from there
     assert both.point.values[0][mode]["mass_kg"] == pytest.approx(0.0138, rel=0.05)
+
+
+def test_a_fit_far_behind_another_is_not_followed_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    at = projector(base_fit(shots({"coulomb_friction": {"force_n": 2e-6}})))
+    start = scores(at, KINDS["adhesion"])[0].start
+    solved: list[int] = []
+    linearised = Hypothesis.linearised
+
+    def counted(hypothesis: Hypothesis, z: Floats) -> list[tuple[Floats, Floats]]:
+        solved.append(1)
+        return linearised(hypothesis, z)
+
+    monkeypatch.setattr(Hypothesis, "linearised", counted)
+
+    def fitted(least_bic: float) -> tuple[Fitted, int]:
+        solved.clear()
+        found = refit(at, KINDS["adhesion"], start, calm, least_bic=least_bic)
+        assert found is not None
+        return found, len(solved)
+
+    best = refit(at, KINDS["coulomb_friction"], scores(at, KINDS["coulomb_friction"])[0].start, calm)
+    assert best is not None
+    (to_its_end, every), (left, few) = fitted(math.inf), fitted(best.bic)
+    near, as_many = fitted(to_its_end.bic - 50)
+    assert few < every and left.bic > best.bic + 300 and left.bic == pytest.approx(to_its_end.bic, abs=5)
+    assert as_many == every and np.array_equal(near.z, to_its_end.z)  # where it may matter, nothing is changed
 
 
 def test_two_that_nearly_undo_each_other_are_found_though_neither_pays_alone() -> None:

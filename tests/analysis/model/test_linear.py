@@ -87,6 +87,32 @@ def test_means_are_those_of_the_samples(names: tuple[str, ...], asked: list[int]
     assert np.abs(means.contact_point_m - expected)[together].max() < 1e-10 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("names", [(), ("coulomb_friction",), ("viscous_drag", "tilt"), ("block_mode",)])
+def test_means_without_derivatives_are_those_with_them(names: tuple[str, ...], asked: list[int]) -> None:
+    effects, random, touched = active(*names), np.random.default_rng(5), []
+    for _ in range(20):
+        factors = 10.0 ** random.uniform(-1.0, 1.0, 4)
+        rig = replace(
+            PAPER,
+            plate_stiffness_n_per_m=factors[0] * PAPER.plate_stiffness_n_per_m,
+            plate_mass_kg=factors[1] * PAPER.plate_mass_kg,
+            contact_stiffness_n_per_m=factors[2] * PAPER.contact_stiffness_n_per_m,
+            contact_damping_n_s_per_m=factors[3] * PAPER.contact_damping_n_s_per_m,
+        )
+        time_s = TIME_S - random.uniform(0.0, 1e-5)
+        try:
+            plain = general.solve(rig, effects, time_s, block=5)
+        except general.TooManyEvents:
+            continue
+        full = general.solve(rig, effects, time_s, directions=directions(effects), block=5)
+        assert [event.kind for event in plain.events] == [event.kind for event in full.events]
+        assert np.abs(plain.displacement_m - full.displacement_m).max() < 1e-14
+        assert np.abs(plain.contact_point_m - full.contact_point_m).max() < 1e-14
+        assert np.abs(plain.velocity_m_per_s - full.velocity_m_per_s).max() < 1e-10
+        touched.append(sum(event.kind == "touch" for event in plain.events))
+    assert len(touched) > 10 and max(touched) > 2 and min(touched) == 1  # some bounce
+
+
 def test_means_hold_where_something_swings_faster_than_they_show(asked: list[int]) -> None:
     effects = [general.Active(CATALOGUE["second_plate_mode"], (5e-3, 5000.0, 0.01))]
     every = general.solve(PAPER, effects, TIME_S, directions=directions(effects))

@@ -6,7 +6,7 @@ import pytest
 from analysis.impact import Impact
 from analysis.quantity import Quantity
 from analysis.reading.locate import find_collision
-from analysis.reading.read import read_impact
+from analysis.reading.read import read_impact, shaking_in
 from tests.analysis.collision import Synthetic, motion_from, motion_of, position_m
 from tests.analysis.disturbance import Disturbance, Knock, Line, disturbed_motion
 
@@ -72,6 +72,16 @@ def test_a_knock_in_the_approach_is_left_out() -> None:
     impact = read_impact(disturbed_motion(RIG, Disturbance(knocks=(Knock(5e-3, 5e-8),))))
     assert "knock" in impact.flags
     assert all_right(impact), pulls(impact)
+
+
+@pytest.mark.parametrize("lines", [(), (Line(600.0, 1e-8, 1.1),), (Line(40.0, 2e-7, 0.3),)])
+def test_what_shook_is_the_same_without_reading_all(lines: tuple[Line, ...]) -> None:
+    motion = disturbed_motion(RIG, Disturbance(lines=lines))
+    disturbance = read_impact(motion).disturbance
+    assert disturbance is not None
+    shaking = shaking_in(motion)
+    assert (shaking is None) == (disturbance.shaking is None) == (not lines)
+    assert repr(shaking) == repr(disturbance.shaking)
 
 
 def test_a_quiet_table_is_not_called_a_shaking_one() -> None:

@@ -181,7 +181,6 @@ def _solved(
     if times.ndim != 1 or times.size < block or times.size == 0 or not np.all(times[1:] >= times[:-1]):
         raise ValueError("time_s must be one-dimensional, not empty and ascending")
     system = lay_out(collision, effects, directions)
-    rates = swings(collision, effects)
     shown = 1 + system.numbers if whole else 5
     record = _record(times, block, system, shown)
     closed: Any = march.in_closed_form

@@ -132,13 +132,11 @@ def _crosses(z, z_end, h, form, active, signs):  # type: ignore[no-untyped-def]
 def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
     """Return whether a guard function may pass zero in a block: the state alone is looked at, on every sample."""
     near, further = stepper.room.single[0], stepper.room.single[1]
-    slow = form.steps[SLOW] > 0.5
-    looks = 1 if slow else block  # only where something swings fast
     for c in range(z.shape[0]):
         near[c, 0] = further[c, 0] = z[c, 0]
-    for _ in range(looks):
-        step_alone(near, form.whole if slow else form.e, further)
-        if _crosses(near, further, block * form.steps[BIT] / looks, form, stepper.active, motion.signs):
+    for _ in range(block):
+        step_alone(near, form.e, further)
+        if _crosses(near, further, form.steps[BIT], form, stepper.active, motion.signs):
             return True
         for c in range(z.shape[0] - 1):
             near[c, 0] = further[c, 0]
@@ -176,13 +174,17 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
         even = left > 0 or abs(remaining - way * spacing) < 2e-15
         whole = i % block == 0 and i + block - 1 <= last if forward else i % block == block - 1
         if whole and even and block > 1 and pieces == 1 and i != stepper.at[CAREFUL]:
-            if _may_cross(z, form, block, motion, stepper):
+            slow = form.steps[SLOW] > 0.5
+            if not slow and _may_cross(z, form, block, motion, stepper):
                 stepper.at[CAREFUL] = i
                 continue
             if rows > 1:
                 step(z, form.whole, form.d_whole, z_end)
             else:
                 step_alone(z, form.whole, z_end)
+            if slow and _crosses(z, z_end, block * bit, form, stepper.active, motion.signs):
+                stepper.at[CAREFUL] = i
+                continue
             show_mean(z, rows, form, record.states[i // block], record.d_x[i // block])
             t += block * bit
             i += way * block

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from analysis.diagnosis.fits.effective_parameters import Point
 from analysis.diagnosis.fits.quick_shot import Values, fastest_shown, too_fast
 from analysis.diagnosis.fits.search_vector import SearchVector
-from analysis.model.effects import Effect, named
+from analysis.model.effects import Effect
 from analysis.model.least_squares import Infeasible
 from analysis.model.response import Model, Response, respond
 
@@ -44,8 +44,7 @@ def solved(
         at, fastest = vector.shot_at(index, point), math.inf
         if too_fast(at.base, at.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
             raise Infeasible("something would swing faster than any record can show")
-    rows = (*(named(kind.name) for kind in vector.effects), *laws)
-    model = Model(vector.data.base, rows, _chosen(vector, values))
+    model = vector.model(_chosen(vector, values), laws)
     shared = [*point.base, *(_value(values, name) for name in model.shared_effect_names)]
     own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
     block = shot.factor if averaged else 1

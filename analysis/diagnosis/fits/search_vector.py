@@ -1,6 +1,6 @@
 """Where the parameters of a base model with effects stand in the vector of a search, and what they mean there."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -15,8 +15,9 @@ from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.site import Site
 from analysis.diagnosis.search.first_order import Shot
 from analysis.model.coordinates import Coordinates
-from analysis.model.effects.row import Parameter
-from analysis.model.response import OWN_NAMES, Base
+from analysis.model.effects import named
+from analysis.model.effects.row import Effect, Parameter
+from analysis.model.response import OWN_NAMES, Base, Model
 
 Floats = NDArray[np.float64]
 
@@ -75,6 +76,19 @@ class SearchVector:
         for shot in range(len(self.data.shots)):
             out += [(kind.name, free, shot) for kind in self.effects for free in kind.own]
         return out
+
+    @cached_property
+    def _models(self) -> dict[tuple[tuple[str, float], ...], Model]:
+        return {}
+
+    def model(self, chosen: tuple[tuple[str, float], ...] = (), laws: Sequence[Effect] = ()) -> Model:
+        """Return the model of base and effects, ``laws`` beside them; one for all trajectories of as much chosen."""
+        rows = tuple(named(kind.name) for kind in self.effects)
+        if laws:
+            return Model(self.data.base, (*rows, *laws), chosen)
+        if chosen not in self._models:
+            self._models[chosen] = Model(self.data.base, rows, chosen)
+        return self._models[chosen]
 
     @property
     def offset(self) -> int:

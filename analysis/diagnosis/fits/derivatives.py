@@ -19,7 +19,6 @@ from analysis.model.least_squares import Infeasible
 from analysis.model.response import Model, Response, respond
 
 Floats = NDArray[np.float64]
-_STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
 
 
 def solved(
@@ -56,7 +55,7 @@ def solved(
         shot.for_model,
         *given,
         derivatives=derivatives,
-        stride=_STRIDE,
+        stride=vector.stride,
         block=block,
         fastest_rad_per_s=fastest,
     )

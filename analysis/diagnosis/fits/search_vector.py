@@ -68,6 +68,7 @@ class SearchVector:
     data: JointData
     effects: tuple[TrialEffect, ...]
     fixed: Values = field(default_factory=dict)
+    stride: float = 2.0  # of ``general.solve``: a law that is not linear is right to 0.05 pm so, far below any noise
 
     @cached_property
     def free_parameters(self) -> list[tuple[str, Parameter, int]]:

@@ -16,7 +16,7 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
 from analysis.diagnosis.learning.closed_forms import Fitting, compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import ground_of
-from analysis.diagnosis.learning.form_fits import fit_forms
+from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
 from analysis.diagnosis.learning.law_telling import FormFit, told
 from analysis.diagnosis.result import LearnedLaw
 from analysis.diagnosis.search.projector import projector
@@ -90,6 +90,7 @@ def learn_law(
     within = fits[0].bic + CRITERIA.form_excluded
     fits = side_by_side(lambda one: _led_on(one, stop) if one.bic < within else one, fits)
     fits.sort(key=lambda one: one.bic)
+    fits[0] = replace(fits[0], fitted=over_kinks(fits[0].fitted, stop))
     best = fits[0].fitted
     if best.bic > start.bic - CRITERIA.law_fall:
         return None

@@ -12,7 +12,7 @@ from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
 from analysis.diagnosis.learning.closed_forms import compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
 from analysis.diagnosis.learning.curve_motion import Term, ground_of
-from analysis.diagnosis.learning.form_fits import fit_forms
+from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
 from analysis.diagnosis.learning.law_learning import (
     FIRST_PIECES,
     Discovery,
@@ -91,7 +91,8 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop) -> Discovery | N
     within = tried[best()].bic + CRITERIA.form_excluded
     near = [pair for pair, one in tried.items() if one.bic < within]
     tried.update(zip(near, side_by_side(lambda pair: lead_on(tried[pair], cancelled=stop), near), strict=True))
-    at, fitted = best(), tried[best()]
+    at = best()
+    tried[at] = fitted = over_kinks(tried[at], stop)
     if fitted.bic > curves.bic + CRITERIA.form_meets:
         return None
     fewer = [without_effect(fitted, name, stop) for name in fitted.names[-2:]]

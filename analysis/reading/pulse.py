@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 
 from analysis.motion import Motion
 from analysis.quantity import NotSeen, Quantity, Reading
@@ -63,9 +64,11 @@ def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
     out = np.full(motion.force_n.shape, np.nan)
     inside = motion.force_n[first : last + 1]
     pad = min(last - first, round(FORGOTTEN * motion.sample_rate_hz / cutoff_hz))
-    longer = np.pad(inside, pad, mode="reflect", reflect_type="odd")  # goes on through its ends, not round
+    # a few samples more where that has only small factors: a prime of thousands makes the transform a slow one
+    more = min(last - first - pad, next_fast_len(inside.size + 2 * pad, real=True) - inside.size - 2 * pad)
+    longer = np.pad(inside, (pad, pad + more), mode="reflect", reflect_type="odd")  # goes on through its ends, not round
     frequency_hz = np.fft.rfftfreq(longer.size, 1.0 / motion.sample_rate_hz)
-    passed = np.fft.irfft(np.fft.rfft(longer) / (1.0 + (frequency_hz / cutoff_hz) ** 4), longer.size)
+    passed = irfft(rfft(longer) / (1.0 + (frequency_hz / cutoff_hz) ** 4), longer.size)
     out[first : last + 1] = passed[pad : pad + inside.size]
     return out
 

@@ -66,7 +66,8 @@ def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
     pad = min(last - first, round(FORGOTTEN * motion.sample_rate_hz / cutoff_hz))
     # a few samples more where that has only small factors: a prime of thousands makes the transform a slow one
     more = min(last - first - pad, next_fast_len(inside.size + 2 * pad, real=True) - inside.size - 2 * pad)
-    longer = np.pad(inside, (pad, pad + more), mode="reflect", reflect_type="odd")  # goes on through its ends, not round
+    # ... and on through its ends, not round
+    longer = np.pad(inside, (pad, pad + more), mode="reflect", reflect_type="odd")
     frequency_hz = np.fft.rfftfreq(longer.size, 1.0 / motion.sample_rate_hz)
     passed = irfft(rfft(longer) / (1.0 + (frequency_hz / cutoff_hz) ** 4), longer.size)
     out[first : last + 1] = passed[pad : pad + inside.size]

@@ -156,11 +156,10 @@ def _least_squares_edge(
     scaled = scaled - line @ (line.T @ scaled)
     found: Edge | None = None
     for narrowing in range(2):
-        terms = _force_terms(u_s[:, None] - trials, omega)
-        flat = terms.reshape(u_s.size, -1)
-        flat = flat - line @ (line.T @ flat)
+        flat = _force_terms(u_s[:, None] - trials, omega).reshape(u_s.size, -1)
+        flat -= line @ (line.T @ flat)
         costs = np.empty((trials.size, 2))
-        _costs_of_one(flat.T @ flat, flat.T @ scaled, float(scaled @ scaled), tension, costs)
+        _costs_of_one(_grams_of_each(flat), flat.T @ scaled, float(scaled @ scaled), tension, costs)
         least = max(1.0, float(costs.min()) / max(u_s.size - bend - 4, 1))
         # a step or none: where the record cannot tell, the instant spans both; the plainer one is the likelier before
         cost = -2.0 * least * np.logaddexp(*(np.array([[0.0], [PLAINER]]) - 0.5 * costs.T / least))
@@ -214,24 +213,39 @@ def _force_terms(u_s: Floats, omega: float = 0.0) -> Floats:
 
     With ``omega`` they bend as a spring's do: 2 (1 - cos) and 6 (x - sin x), to the fourth order.
     """
-    u = np.maximum(u_s, 0.0)
-    square = (omega * u) ** 2
-    u = u / np.maximum(u.max(axis=0), 1e-300)
-    step = u**2 * (1.0 - square / 12.0 + square**2 / 360.0)
-    return np.stack([step, u**3 * (1.0 - square / 20.0 + square**2 / 840.0)], axis=-1)
+    since = np.maximum(u_s, 0.0)
+    u = since / np.maximum(since.max(axis=0), 1e-300)
+    out = np.empty((*u.shape, 2))
+    out[..., 0] = u * u
+    out[..., 1] = out[..., 0] * u
+    if omega:
+        square = (omega * since) ** 2
+        out[..., 0] *= 1.0 - square / 12.0 + square**2 / 360.0
+        out[..., 1] *= 1.0 - square / 20.0 + square**2 / 840.0
+    return out
+
+
+def _grams_of_each(flat: Floats) -> Floats:
+    """Return the products of each trial's step and slope with each other, (trials, 2, 2), of columns (n, 2 trials)."""
+    step, slope = flat[:, ::2], flat[:, 1::2]
+    out = np.empty((step.shape[1], 2, 2))
+    out[:, 0, 0] = np.einsum("ij,ij->j", step, step)
+    out[:, 1, 1] = np.einsum("ij,ij->j", slope, slope)
+    out[:, 0, 1] = out[:, 1, 0] = np.einsum("ij,ij->j", step, slope)
+    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _costs_of_one(gram: Floats, across: Floats, whole: float, tension: bool, cost: Floats) -> None:
     """Write what a step with a slope of force, and a slope alone, leave of the squares at every trial, (trials, 2).
 
-    Columns 2 k and 2 k + 1 are trial k's step and slope.  About 0.2 us a trial.
+    ``gram`` (trials, 2, 2) and ``across`` (2 trials,) hold trial k's step and slope.  About 0.2 us a trial.
     """
-    index, free = np.empty(2, np.int64), np.array([tension, False])
+    index, free = np.array([0, 1]), np.array([tension, False])
     for k in range(cost.shape[0]):
-        index[0], index[1] = 2 * k, 2 * k + 1
-        cost[k, 0] = whole - _explained(gram, across, index, free)
-        cost[k, 1] = whole - _explained(gram, across, index[1:], free[1:])
+        mine = across[2 * k : 2 * k + 2]
+        cost[k, 0] = whole - _explained(gram[k], mine, index, free)
+        cost[k, 1] = whole - _explained(gram[k], mine, index[1:], free[1:])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

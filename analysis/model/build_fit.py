@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.fit import Fit, ShotFit
+from analysis.model.base import OWN_NAMES
 from analysis.model.moments import rings
 from analysis.model.overlay import lay_over
 from analysis.model.parameters import Floats
-from analysis.model.response import OWN_NAMES, Response
+from analysis.model.response import Response
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from analysis.disturbance import Shaking
+from analysis.model.base import OWN_NAMES
 from analysis.model.least_squares import Minimum, Square, covariance
 from analysis.model.on_frame import sways_as
 from analysis.model.parameters import Floats
-from analysis.model.response import OWN_NAMES, ShotData, respond
+from analysis.model.response import ShotData, respond
 from analysis.model.search import Problem, search
 from analysis.model.sway import BELOW_HZ, Grid, Swayed, unit_sines
 from analysis.model.sway_knots import knots_of

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.disturbance import Shaking
+from analysis.model.base import Base
 from analysis.model.parameters import Collision, Floats
-from analysis.model.response import Base, ShotData
+from analysis.model.response import ShotData
 from analysis.model.sway import BELOW_HZ, Grid, Swayed, plate_swing_std
 from analysis.model.sway_knots import knots_of
 from analysis.motion import Motion

@@ -8,8 +8,9 @@ import numpy as np
 from analysis import noise as noise_model
 from analysis.disturbance import Shaking
 from analysis.model import starts
+from analysis.model.base import Base
 from analysis.model.parameters import Variant
-from analysis.model.response import DEFAULT_WAVELENGTH_M, Base, ShotData
+from analysis.model.response import DEFAULT_WAVELENGTH_M, ShotData
 from analysis.model.sway import BELOW_HZ
 from analysis.motion import Motion
 from analysis.plates_of_set import plate_count, plate_numbers

@@ -10,26 +10,17 @@ from numpy.typing import NDArray
 
 from analysis.model import general
 from analysis.model.acting import acting, chained, through
+from analysis.model.base import OWN_NAMES, Base
 from analysis.model.effects import sensors
 from analysis.model.effects.row import Effect, Parameter, Sensed
 from analysis.model.general import Happened, TooManyEvents
 from analysis.model.least_squares import Infeasible
-from analysis.model.parameters import Collision, Floats, Variant
+from analysis.model.parameters import Collision, Floats
 from analysis.model.slots import Swings, swings
 from analysis.model.starts import Course
 from analysis.model.sway import Swayed
 from analysis.noise import Noise
 
-PLATE_NAMES = (
-    "plate_stiffness_n_per_m",
-    "plate_mass_kg",
-    "contact_stiffness_n_per_m",
-    "contact_damping_n_s_per_m",
-)
-BODY_NAMES = PLATE_NAMES[:2]  # of the plate itself
-CONTACT_NAMES = PLATE_NAMES[2:]
-OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
-PLATE_START = ("plate_displacement_m", "plate_velocity_m_per_s")  # at first touch, where the plate swings
 DEFAULT_WAVELENGTH_M = 632.8e-9
 _MOST_RADIANS = 1e5
 _STEP = 1e-40  # of a complex step
@@ -39,11 +30,6 @@ _PLATE_AT = {  # in ``parameters.kernel_order``
     "plate_displacement_m": 5,
     "plate_velocity_m_per_s": 6,
 }
-
-
-def named_on_plate(name: str, plate_number: int) -> str:
-    """Return the name of a plate's own parameter: as it is of the first, "plate_2_mass_kg" of the second."""
-    return name if plate_number == 0 else name.replace("plate_", f"plate_{plate_number + 1}_", 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,77 +47,6 @@ class ShotData:
     plate_std: tuple[float, float] = (1e-15, 1e-12)  # m, m/s: how far the plate may swing before it is touched
     plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: at first touch, as far as it is known and not fitted
     plate_number: int = 0  # on which of the set's plates it was taken
-
-
-@dataclass(frozen=True, slots=True)
-class Base:
-    """Which base model is fitted: the paper's two bodies, or one body on a contact whose plate does not move.
-
-    ``swings``: the plate has a displacement and a velocity of its own at each first touch.  Shots on several
-    ``plates`` share the contact; stiffness and mass are each plate's, those of the second "plate_2_mass_kg" and so on.
-    """
-
-    variant: Variant
-    one_body: bool
-    swings: bool = False
-    plates: int = 1
-
-    @property
-    def own_names(self) -> tuple[str, ...]:
-        """Get the names of what every shot has for itself, in the fit's order."""
-        return (*OWN_NAMES, *PLATE_START) if self.swings else OWN_NAMES
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Get the names of the shared parameters, in the fit's order: what further plates have of their own is last."""
-        if self.one_body:
-            return CONTACT_NAMES
-        return PLATE_NAMES + tuple(named_on_plate(name, k) for k in range(1, self.plates) for name in BODY_NAMES)
-
-    @property
-    def further_at(self) -> tuple[int, ...]:
-        """Get where the stiffness of each further plate stands among them, its mass after it."""
-        return tuple(range(len(PLATE_NAMES), len(self.names), len(BODY_NAMES)))
-
-    @property
-    def contact_at(self) -> slice:
-        """Get where the contact's stiffness and damping stand among them."""
-        first = self.names.index(CONTACT_NAMES[0])
-        return slice(first, first + len(CONTACT_NAMES))
-
-    def places(self, plate_number: int) -> tuple[int, ...]:
-        """Return where stiffness and mass of a plate (where it moves), and the contact's numbers, stand among them."""
-        if self.one_body:
-            return (0, 1)
-        first = (0, *self.further_at)[plate_number]
-        return (first, first + 1, 2, 3)
-
-    def columns(self, plate_number: int) -> dict[str, int]:
-        """Return where the parameters that a shot on a plate depends on stand in the kernels' order."""
-        first = 2 if self.one_body else 0
-        return {self.names[place]: first + k for k, place in enumerate(self.places(plate_number))}
-
-    def collision(
-        self,
-        shared: Floats,
-        velocity_in_m_per_s: float,
-        block_mass_kg: float,
-        plate: tuple[float, float] = (0.0, 0.0),
-        plate_number: int = 0,
-    ) -> Collision:
-        """Return the collision these parameters mean, ``plate`` being its start; Infeasible where there is none."""
-        values = [float(shared[place]) for place in self.places(plate_number)]
-        k_p, m_p, k_n, gamma_n = (0.0, math.inf, *values) if self.one_body else values
-        try:
-            return Collision(
-                block_mass_kg, float(velocity_in_m_per_s), k_p, m_p, k_n, gamma_n, *plate, variant=self.variant
-            )
-        except ValueError as why:
-            raise Infeasible(str(why)) from why
-
-    def shared(self, collision: Collision) -> Floats:
-        """Return the shared parameters of a collision on the one plate there is, in the fit's order."""
-        return collision.vector[list(self.columns(0).values())]
 
 
 @dataclass(frozen=True)
@@ -346,6 +261,3 @@ def _sense(
     for k, (_, at) in enumerate(moved):
         out[:, at] += slopes[:, 1 + count + k]
     return shown[:, 0].real.copy(), out
-
-
-__all__ = ["OWN_NAMES", "Base", "Model", "Response", "ShotData", "respond"]

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.model.base import OWN_NAMES
 from analysis.model.coordinates import Coordinates
 from analysis.model.least_squares import Infeasible, Minimum, Square, minimise
 from analysis.model.parameters import Floats
-from analysis.model.response import OWN_NAMES, Model, ShotData, respond
+from analysis.model.response import Model, ShotData, respond
 from analysis.shot import Cancelled, Stop
 
 _FURTHEST = 30.0  # a frequency or a time leaves its start by no more than this factor

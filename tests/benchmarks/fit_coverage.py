@@ -12,10 +12,11 @@ import numpy as np
 
 from analysis.fit import Fit
 from analysis.model import fitting
+from analysis.model.base import Base
 from analysis.model.least_squares import covariance
 from analysis.model.parameters import PAPER
 from analysis.model.prepare import prepare
-from analysis.model.response import Base, Model
+from analysis.model.response import Model
 from analysis.model.search import Problem
 from analysis.noise import Noise
 from analysis.quantity import Quantity

@@ -14,10 +14,11 @@ from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.site import Site
 from analysis.diagnosis.search.first_order import Shot
+from analysis.model.base import OWN_NAMES, Base
 from analysis.model.coordinates import Coordinates
 from analysis.model.effects import named
 from analysis.model.effects.row import Effect, Parameter
-from analysis.model.response import OWN_NAMES, Base, Model
+from analysis.model.response import Model
 
 Floats = NDArray[np.float64]
 

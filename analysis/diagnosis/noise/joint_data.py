@@ -11,10 +11,10 @@ from analysis.diagnosis.fits.search_vector import JointData
 from analysis.diagnosis.noise.site import Site, on_site, site_of
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
+from analysis.model.base import PLATE_START, Base
 from analysis.model.least_squares import Infeasible
 from analysis.model.on_frame import can_tell
 from analysis.model.prepare import base_of
-from analysis.model.response import PLATE_START, Base
 from analysis.motion import Motion
 from analysis.reading.read import shaking_in
 from analysis.side_by_side import side_by_side

@@ -16,9 +16,10 @@ from scipy.linalg import solve_triangular
 from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.disturbance import Shaking
+from analysis.model.base import PLATE_START, Base
 from analysis.model.effects.row import Acts, Effect
 from analysis.model.general import averaged
-from analysis.model.response import PLATE_START, Base, Model, respond
+from analysis.model.response import Model, respond
 from analysis.model.sway import BELOW_HZ, plate_swing_std, responses, speed_stds
 from analysis.side_by_side import side_by_side
 

@@ -26,10 +26,11 @@ from analysis.drive.run import prepare as prepare_drive
 from analysis.drive.table import Table
 from analysis.fit import names_on_plate, plates_named
 from analysis.fitted_shot import fit_jointly
+from analysis.model.base import PLATE_NAMES
 from analysis.model.effects import findings
 from analysis.model.least_squares import Infeasible, minimise
 from analysis.model.prepare import base_named, prepare
-from analysis.model.response import PLATE_NAMES, Model
+from analysis.model.response import Model
 from analysis.model.search import own_start
 from analysis.motion import Motion
 from analysis.plate import stated_n_per_m

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.model.base import Base
 from analysis.model.effects import CATALOGUE, WIDER, named, on_sensor, sensors
 from analysis.model.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.model.effects.on_sensor import of_plate_on_frame, plate_on_frame
 from analysis.model.parameters import Variant
-from analysis.model.response import Base, Model, ShotData, respond
+from analysis.model.response import Model, ShotData, respond
 from analysis.model.starts import Course
 from analysis.noise import Noise
 from instrument.bench import frame

@@ -18,7 +18,7 @@ from analysis.model.least_squares import Infeasible
 from analysis.model.parameters import Collision, Floats
 from analysis.model.slots import Swings, swings
 from analysis.model.starts import Course
-from analysis.model.sway import Swayed
+from analysis.model.sway import STILL, Swayed
 from analysis.noise import Noise
 
 DEFAULT_WAVELENGTH_M = 632.8e-9
@@ -44,7 +44,7 @@ class ShotData:
     noise: Noise | Swayed
     wavelength_m: float = DEFAULT_WAVELENGTH_M
     rate_hz: float = 1e5  # of the demodulated record
-    plate_std: tuple[float, float] = (1e-15, 1e-12)  # m, m/s: how far the plate may swing before it is touched
+    plate_std: tuple[float, float] = STILL  # m, m/s: how far the plate may swing before it is touched
     plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: at first touch, as far as it is known and not fitted
     plate_number: int = 0  # on which of the set's plates it was taken
 

@@ -25,6 +25,7 @@ from analysis.noise import Noise
 
 BELOW_HZ = 1000.0  # what shakes faster is part of the beat's noise
 PLATE_QUALITY = 300.0  # at most, of a metal plate's swing in air
+STILL = (1e-15, 1e-12)  # m, m/s: std of a plate that nothing swings
 _ROUNDING = 1e-13
 _NOTHING = 1e-6
 _LEAST = 1e-8  # of the largest value: less counts as nothing
@@ -144,7 +145,8 @@ def plate_swing_std(shaking: Shaking, collision: Collision) -> tuple[float, floa
     driven = float(np.sum((shaking.power_m2 * answer**2)[beside]))
     resonant = 0.25 * own * PLATE_QUALITY * shaking.density_m2_per_hz(own / (2 * np.pi))
     std = float(np.sqrt(driven + resonant))
-    return std, own * std
+    # a trial plate that nothing swings is still weighed by how far it may be from rest
+    return max(std, STILL[0]), max(own * std, STILL[1])
 
 
 def responses(collision: Collision, at_s: Floats, omega: Floats) -> tuple[Complex, Complex]:

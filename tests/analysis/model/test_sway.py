@@ -10,7 +10,7 @@ from analysis.doubts import concerning
 from analysis.model.exact import solve
 from analysis.model.fitting import fit_shots
 from analysis.model.parameters import PAPER
-from analysis.model.sway import plate_swing_std, responses
+from analysis.model.sway import STILL, plate_swing_std, responses
 from analysis.pipeline import analyse
 from analysis.quantity import Quantity
 from analysis.shot import Shot
@@ -114,3 +114,12 @@ def test_a_plate_swings_with_what_shakes_it_near_its_own_note() -> None:
     displacement, velocity = plate_swing_std(shaking, PAPER)
     assert velocity == pytest.approx(own * displacement)
     assert 0.4 < displacement / float(np.std(swings)) < 4.0
+
+
+def test_a_trial_plate_that_nothing_swings_is_still_weighed() -> None:
+    """A first guess may have hardly a mass: the swing that a frame gives it underflows."""
+    shot = _shot("VC-C", 4)
+    assert shot.impact is not None and shot.impact.disturbance is not None
+    shaking = shot.impact.disturbance.shaking
+    assert shaking is not None
+    assert plate_swing_std(shaking, replace(PAPER, plate_mass_kg=1e-300)) >= STILL

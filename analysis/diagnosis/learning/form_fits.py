@@ -71,8 +71,8 @@ def fit_forms(
 def over_kinks(fitted: Fitted, stop: Stop) -> Fitted:
     """Return the fit of a law with a corner led to its end in steps so short that the corner is met; others as is.
 
-    What a step over a corner misses goes as the square of its length, and so do the numbers that a fit ends with: of a
-    bend's corner of 10,000 noise norms up to two standard deviations at the length that serves to compare.
+    What a step over a corner misses goes as the square of its length, and so do the numbers that a fit ends with: at
+    the length that serves to compare up to five standard deviations of a corner of the overlap, of a bend's a tenth.
     """
     if not any(named(name).kinked for name in fitted.names):
         return fitted

@@ -1,5 +1,6 @@
 """The closed loop over one or several shots: what is left, what it is traced to, what is left then."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ from analysis.diagnosis.fits.profile import with_profile_std
 from analysis.diagnosis.learning import contact_words
 from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.learning.law_learning import may_reach
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.full_rate import seen_finely
 from analysis.diagnosis.noise.joint_data import shakings_of, site_under
@@ -35,6 +37,7 @@ from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 from analysis.shot import Progress, Stop
+from analysis.side_by_side import side_by_side
 
 
 def diagnose(
@@ -74,8 +77,9 @@ def diagnose(
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
     search = Search(motions, fit_before, catalogue, accepted, tell, stop)
     # The last effect that may join is asked where no law explains all: it seldom does.
-    wandering = search.under(None, most=CRITERIA.most_effects - (site is None))
-    under_site = search.under(site) if site is not None else wandering
+    noises = [(None, CRITERIA.most_effects - (site is None)), *([(site, CRITERIA.most_effects)] if site else [])]
+    each = side_by_side(lambda noise: search.under(noise[0], most=noise[1]), noises)
+    wandering, under_site = each[0], each[-1]
     likelier = wandering if wandering.best.bic <= under_site.best.bic else under_site
     alone = asked.law_alone(wandering.trail.start)
     instead = likelier.rest.significant and alone.explains_instead(likelier.best, catalogue)
@@ -88,7 +92,7 @@ def diagnose(
     if told.explained:
         return told.diagnosis
     # A law that bends flights may pass for a building, and a building with a name or two come nearer than no law.
-    without_site = _judged(asked, _standing(asked, wandering, alone))
+    without_site = _judged(asked, _before(asked, told.bic, wandering, alone), beat=told.bic)
     if without_site.explained and without_site.bic < told.bic:
         return without_site.diagnosis
     return _judged(asked, at_site).diagnosis
@@ -155,8 +159,16 @@ def _standing(asked: _Asked, searched: Searched, alone: LawAlone) -> _Standing:
     return _Standing(searched.catalogue, trail, held, settle(best, trail, held, asked.tell, rest), alone)
 
 
-def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True) -> _Judged:
-    """Judge what stands, learn ``laws`` where it leaves something, and tell it."""
+def _before(asked: _Asked, beat: float, searched: Searched, alone: LawAlone) -> _Standing:
+    """Return what stands that may come before the criterion ``beat``: nothing, where what was found is far behind."""
+    start, best = searched.trail.start, searched.best
+    if may_reach(beat, best.bic, start.bic):
+        return _standing(asked, searched, alone)
+    return _nothing_but(alone, searched)
+
+
+def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True, beat: float = math.inf) -> _Judged:
+    """Judge what stands, learn ``laws`` that may ``beat`` a criterion where it leaves something, and tell it."""
     motions, tell, stop = asked.motions, asked.tell, asked.stop
     trail, held, stands = standing.trail, standing.held, standing.settled
     before, data = trail.start, trail.start.hypothesis.data
@@ -186,9 +198,9 @@ def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True) -> _Judged
     if laws and verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
         in_turn = standing.alone.held
         beyond = (
-            beside(best, effects, before, in_turn, tell, stop)
+            beside(best, effects, before, in_turn, tell, stop, beat=beat)
             if effects
-            else beyond_catalogue(standing.alone, best, found)
+            else beyond_catalogue(standing.alone, best, found, beat=beat)
         )
         if beyond is not None:
             held = in_turn

@@ -1,5 +1,6 @@
 """Where the catalogue leaves something: learned laws, alone or beside the effects that were found or came nearest."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -33,25 +34,28 @@ class Beyond:
     rest: Residual
 
 
-def beyond_catalogue(alone: LawAlone, nearest: Fitted, effects: Sequence[FoundEffect]) -> Beyond | None:
+def beyond_catalogue(
+    alone: LawAlone, nearest: Fitted, effects: Sequence[FoundEffect], *, beat: float = math.inf
+) -> Beyond | None:
     """Return what lowers the error of the held-out shots, or None where nothing does.
 
     ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Asked in turn, until one explains
     all: the law ``alone``, two laws, a law beside those effects.  Two laws beside effects that are themselves in doubt
-    are not: so much freedom imitates nearly anything, and costs as much time as all before it.
+    are not: so much freedom imitates nearly anything, and costs as much time as all before it.  ``beat`` is what laws
+    must make the shots likelier than (``law_learning``).
     """
     before, held, tell, stop = alone.start, alone.held, alone.tell, alone.stop
     found = []
     if (first := alone.found) is not None:
         if first.explains:
             return _alone(first)
-        found.append(_alone(learn_another(first, held, tell, stop)))
+        found.append(_alone(learn_another(first, held, tell, stop, beat=beat)))
         if found[-1].verdict is Verdict.LAW_LEARNED:
             return found[-1]
     helped = _helps(before, nearest, held, stop)
     if helped is not None:
         tell("learning a law beside the effects that came nearest", 0.83)
-        joined = learn_law(nearest, held, tell, stop)
+        joined = learn_law(nearest, held, tell, stop, beat=beat)
         if joined is not None:
             found.append(_together(joined, effects, helped[0], held, stop))
             if found[-1].verdict is Verdict.LAW_LEARNED:
@@ -62,14 +66,21 @@ def beyond_catalogue(alone: LawAlone, nearest: Fitted, effects: Sequence[FoundEf
 
 
 def beside(
-    named: Fitted, effects: Sequence[FoundEffect], before: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop
+    named: Fitted,
+    effects: Sequence[FoundEffect],
+    before: Fitted,
+    held: tuple[int, ...],
+    tell: Progress,
+    stop: Stop,
+    *,
+    beat: float = math.inf,
 ) -> Beyond | None:
     """Return a law beside ``effects`` that passed every test and left something, or None where there is none.
 
     ``named`` is the fit with those effects, ``before`` the base model's.
     """
     tell("learning a law beside the effects that were found", 0.8)
-    found = learn_laws(named, held, tell, stop)
+    found = learn_laws(named, held, tell, stop, beat=beat)
     if found is None:
         return None
     base = predict(before, held, named.floor, stop) or found.foretold[0]

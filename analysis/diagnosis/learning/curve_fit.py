@@ -81,6 +81,11 @@ class Learned:
         """Get the Bayesian information criterion, the curves' effective freedom among the parameters."""
         return (self.z.size + self.freedom) * math.log(self.samples) - 2 * self.log_likelihood
 
+    @property
+    def at_best(self) -> float:
+        """Get the criterion of forms that meet the curves with a single number each."""
+        return self.bic - (self.freedom - len(self.terms)) * math.log(self.samples)
+
 
 def screen(ground: Ground, argument: Argument, pieces: int, stop: Stop, *, steps: int = 7) -> Learned:
     """Fit a curve of ``argument`` in about ``pieces`` pieces to what a fit leaves; Infeasible, Cancelled.

@@ -4,6 +4,9 @@ Every argument is given a free curve (``curve_fit``); the best ones finer knots,
 are read as closed forms (``closed_forms``), and the nearest forms are fitted to the shots like any effect of the
 catalogue, on the same solver, judged by the same tests and on the same held-out shots.  Decided is after that: two
 arguments whose curves end in forms are compared as forms.
+
+Where a law counts only if it makes the shots likelier than something else does, that criterion is ``beat``: curves that
+are so far behind it that no form of theirs can come before it are read as none.
 """
 
 import math
@@ -58,8 +61,22 @@ class Discovery:
         return named and self.fitted.converged and not self.rest.significant
 
 
+def may_reach(beat: float, there: float, start: float) -> bool:
+    """Return whether what led from the criterion ``start`` to ``there`` may yet lead below ``beat``.
+
+    A form may find more than its curve, another way more than the first: as much again as they did, at most.
+    """
+    return there - (start - there) < beat
+
+
 def learn_law(
-    start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop, *, beside: LearnedLaw | None = None
+    start: Fitted,
+    held: tuple[int, ...],
+    tell: Progress,
+    stop: Stop,
+    *,
+    beside: LearnedLaw | None = None,
+    beat: float = math.inf,
 ) -> Discovery | None:
     """Return the law that ``start`` lacks, if the shots show any; Cancelled when asked to stop.
 
@@ -73,9 +90,11 @@ def learn_law(
     curves = _screened(start, arguments, tell, stop)
     if not curves or curves[0].bic > start.bic - CRITERIA.law_fall:
         return None
+    if not any(may_reach(beat, curve.at_best, start.bic) for curve in curves):
+        return None
     fits: list[FormFit] = []
     for place, learned in enumerate(curves[:FOLLOWED]):
-        if fits and _at_best(learned) > min(one.bic for one in fits) + CRITERIA.form_excluded:
+        if fits and learned.at_best > min(one.bic for one in fits) + CRITERIA.form_excluded:
             continue
         tell(f"reading the curve of the {_argument(learned).name}", 0.84 + 0.03 * place)
         forms = [form for form in compress(learned) if is_law(form, _argument(learned))][:FORMS_FITTED]
@@ -149,12 +168,7 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
     ahead = [curve for curve in found[:FOLLOWED] if curve.bic < start.bic - CRITERIA.law_fall]
     curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
     # A form saves no more than its curve's freedom costs: others cannot come to the front.
-    return [curve for curve in curves if _at_best(curve) < curves[0].bic + CRITERIA.form_excluded]
-
-
-def _at_best(curve: Learned) -> float:
-    """Return the criterion of a form that meets its curve with a single number."""
-    return curve.bic - (curve.freedom - 1) * math.log(curve.samples)
+    return [curve for curve in curves if curve.at_best < curves[0].bic + CRITERIA.form_excluded]
 
 
 def finer(learned: Learned, most_pieces: int, stop: Stop) -> Learned:

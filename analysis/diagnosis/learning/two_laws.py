@@ -4,6 +4,7 @@ One law alone takes what is another's, and may then be given to the wrong argume
 curves side by side do not; each is read as a closed form with the other still free, and the forms are fitted together.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,6 +21,7 @@ from analysis.diagnosis.learning.law_learning import (
     finer,
     is_law,
     learn_law,
+    may_reach,
 )
 from analysis.diagnosis.learning.law_telling import FormFit, retold, told
 from analysis.diagnosis.search.forward_selection import without_effect
@@ -38,35 +40,44 @@ _FORMS = 4  # of each curve, by their distance from it
 _AT_FIRST = 2  # of these with as many of the other's; then all beside the other's best
 
 
-def learn_laws(start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery | None:
+def learn_laws(
+    start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop, *, beat: float = math.inf
+) -> Discovery | None:
     """Return the law that ``start`` lacks, or the two: a second is asked where the first leaves more than noise."""
     first = learn_law(start, held, tell, stop)
-    return first if first is None or first.explains else learn_another(first, held, tell, stop)
+    return first if first is None or first.explains else learn_another(first, held, tell, stop, beat=beat)
 
 
-def learn_another(first: Discovery, held: tuple[int, ...], tell: Progress, stop: Stop) -> Discovery:
+def learn_another(
+    first: Discovery, held: tuple[int, ...], tell: Progress, stop: Stop, *, beat: float = math.inf
+) -> Discovery:
     """Return two laws, or the first where there is no second; Cancelled when asked to stop.
 
     Both at once where that explains all, else a second beside the first.  A form that fell short of its curve only for
-    what the second explains is then the first law's after all.
+    what the second explains is then the first law's after all.  ``beat`` is a criterion that two must come before
+    (``law_learning``).
     """
     tell("learning two laws at once", 0.86)
-    together = learn_two(first.start, held, stop)
+    together = learn_two(first.start, held, stop, beat=beat)
     if together is not None and together.explains:
         return together
+    if not may_reach(beat, first.fitted.bic, first.start.bic):
+        return first
     tell("learning a second law", 0.88)
     law = first.laws[0]
-    second = learn_law(first.fitted, held, tell, stop, beside=law)
+    second = learn_law(first.fitted, held, tell, stop, beside=law, beat=beat)
     if second is None:
         return first
     both = (retold(law, second.fitted, law.form is not None or second.explains), *second.laws)
     return Discovery(first.start, both, second.fitted, second.rest, (first.foretold[0], second.foretold[1]))
 
 
-def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop) -> Discovery | None:
+def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float = math.inf) -> Discovery | None:
     """Return two laws that ``start`` lacks, learned at once, or None where no two do; Cancelled when asked to stop."""
     curves = _curves(start, stop)
     if curves is None or curves.bic > start.bic - 2 * CRITERIA.law_fall:
+        return None
+    if not may_reach(beat, curves.at_best, start.bic):
         return None
     forms = [
         [form for form in compress(curves, which) if is_law(form, term.argument)][:_FORMS]

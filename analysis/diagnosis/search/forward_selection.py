@@ -19,6 +19,7 @@ from analysis.diagnosis.search.wider import narrower, widened
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.least_squares import Infeasible
 from analysis.shot import Cancelled, Stop
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 REFITTED = 5
@@ -199,7 +200,7 @@ def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[li
         trail.go_on()
         return scores(at, kind, to_join=True)
 
-    return sorted(filter(None, map(scored, free)), key=lambda listed: -listed[0].worth(at.left.size))
+    return sorted(filter(None, side_by_side(scored, free)), key=lambda listed: -listed[0].worth(at.left.size))
 
 
 def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:

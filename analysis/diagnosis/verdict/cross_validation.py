@@ -11,6 +11,7 @@ from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.least_squares import Infeasible, Square, covariance, minimise
 from analysis.shot import Stop
+from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> 
     same one to what is compared.
     """
     shown, surprise, off = [], 0.0, []
-    each = [_predict(fitted, shot, floor, stop) for shot in held]
+    each = side_by_side(lambda shot: _predict(fitted, shot, floor, stop), held)
     for shot, told in zip(held, each, strict=True):
         if told is None:
             return None

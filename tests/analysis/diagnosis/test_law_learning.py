@@ -8,8 +8,8 @@ from analysis.diagnosis.fits.base_fit import base_fit
 from analysis.diagnosis.fits.hypothesis import JointData
 from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.diagnosis.fits.samples import together
-from analysis.diagnosis.learning.law_learning import Discovery
-from analysis.diagnosis.learning.two_laws import learn_laws, learn_two
+from analysis.diagnosis.learning.law_learning import Discovery, learn_law, may_reach
+from analysis.diagnosis.learning.two_laws import learn_another, learn_laws, learn_two
 from analysis.diagnosis.verdict.cross_validation import choose, predict
 from analysis.model.fitting import fit_shots
 from analysis.model.prepare import base_named
@@ -41,6 +41,29 @@ def test_a_law_of_the_place_is_learned_with_its_form() -> None:
     assert after.rms_m < 0.01 * before.rms_m
     assert found.fitted.floor.std_m == pytest.approx(rig.noise_m / math.sqrt(2.5), rel=0.3)  # of averaged samples
     assert law.visited[0] < -1e-3 and law.visited[1] > 1e-3
+
+
+def test_what_cannot_come_before_a_criterion_is_not_asked_to_the_end() -> None:
+    rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-3 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
+    start = begun(rig)
+    held, told = choose(start.hypothesis.data), []
+
+    def tell(what: str, _fraction: float) -> None:
+        told.append(what)
+
+    first = learn_law(start, held, tell, lambda: False, beat=start.bic)
+    assert first is not None and first.fitted.bic < start.bic
+    assert any(what.startswith("reading the curve") for what in told)
+    out_of_reach = first.fitted.bic - 3.0 * (start.bic - first.fitted.bic)
+    told.clear()
+    assert learn_law(start, held, tell, lambda: False, beat=out_of_reach) is None
+    assert learn_another(first, held, tell, lambda: False, beat=out_of_reach) is first
+    assert not any(what.startswith("reading the curve") or what == "learning a second law" for what in told)
+
+
+def test_as_much_again_as_was_gained_is_within_reach() -> None:
+    assert may_reach(-299.0, -200.0, -100.0)
+    assert not may_reach(-301.0, -200.0, -100.0)
 
 
 def test_a_law_of_the_bend_that_begins_in_mid_contact_is_not_taken_for_one_of_the_place() -> None:

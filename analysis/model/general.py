@@ -135,8 +135,8 @@ def solve(
     over, by no more than a stride of 1: a hinge of 5 N/m is right to 3 pm so (of 2: to 130 pm), one of 50 to 30 pm.
     Raises TooManyEvents, RunsAway, ValueError.
     """
-    rates = rates or swings(collision, effects)
-    record, count, system = _solved(collision, effects, time_s, directions, stride, block, rates)
+    asked = _Asked(time_s, tuple(directions), block)
+    record, count, system = _solved(collision, effects, asked, stride, rates or swings(collision, effects))
     left = block // record.block
     states, d_x = averaged(record.states, left), averaged(record.d_x, left)
     kinds = tuple(map(_kind, record.event_kind[:count].tolist()))
@@ -159,35 +159,37 @@ class Recorded:
 
 def recorded(collision: Collision, effects: Sequence[Active], time_s: Floats, spacing_s: float = 0.0) -> Recorded:
     """Solve as ``solve`` does, and return whole states and modes; ``spacing_s``: how far apart most times are."""
-    rates = swings(collision, effects)
-    record, count, system = _solved(collision, effects, time_s, (), 1.0, 1, rates, whole=True, spacing_s=spacing_s)
+    asked = _Asked(time_s, whole=True, spacing_s=spacing_s)
+    record, count, system = _solved(collision, effects, asked, 1.0, swings(collision, effects))
     states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # the contact point is none of them
     return Recorded(record.event_time[:count], record.event_kind[:count], record.event_mode[:count], states)
 
 
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is asked of a motion: when, by which ``directions``, as means of so many; ``whole``: hidden states too."""
+
+    time_s: Floats
+    directions: tuple[int, ...] = ()
+    block: int = 1
+    whole: bool = False
+    spacing_s: float = 0.0  # how far apart most times are, where that is known
+
+
 def _solved(
-    collision: Collision,
-    effects: Sequence[Active],
-    time_s: Floats,
-    directions: Sequence[int],
-    stride: float,
-    block: int,
-    rates: Swings,
-    *,
-    whole: bool = False,
-    spacing_s: float = 0.0,
+    collision: Collision, effects: Sequence[Active], asked: _Asked, stride: float, rates: Swings
 ) -> tuple[Record, int, System]:
-    times = np.ascontiguousarray(time_s, dtype=np.float64)
-    if times.ndim != 1 or times.size < block or times.size == 0 or not np.all(times[1:] >= times[:-1]):
+    times = np.ascontiguousarray(asked.time_s, dtype=np.float64)
+    if times.ndim != 1 or times.size < asked.block or times.size == 0 or not np.all(times[1:] >= times[:-1]):
         raise ValueError("time_s must be one-dimensional, not empty and ascending")
-    system = lay_out(collision, effects, directions)
-    shown = 1 + system.numbers if whole else 5
-    record = _record(times, block, system, shown)
+    system = lay_out(collision, effects, asked.directions)
+    shown = 1 + system.numbers if asked.whole else 5
+    record = _record(times, asked.block, system, shown)
     closed: Any = march.in_closed_form
     count = march.NOT_LINEAR
     if not any(active.effect.bent for active in effects):
         room = np.zeros(march.room_for(system, record))
-        count = closed(system, record, _fastest(rates, spacing_s), room)
+        count = closed(system, record, _fastest(rates, asked.spacing_s), room)
     if count == march.NOT_LINEAR:
         record = _record(times, 1, system, shown)
         stepped: Any = march.step_by_step

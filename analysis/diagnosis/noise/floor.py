@@ -32,8 +32,12 @@ _EVALUATIONS = 60  # of a search, for each part
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gains(valid, white, q0, phi0, p0, q1, phi1, p1, gain, scale):  # type: ignore[no-untyped-def]
-    """Write the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,); about 15 ns a sample."""
+def _gains(valid, white, parts, gain, scale):  # type: ignore[no-untyped-def]
+    """Write the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,); about 15 ns a sample.
+
+    ``parts`` are step variance, memory of a step and variance of the one wandering part, then of the other.
+    """
+    q0, phi0, p0, q1, phi1, p1 = parts
     a, b, c = p0, 0.0, p1
     for i in range(valid.size):
         if i > 0:
@@ -116,7 +120,7 @@ class Floor:
         """
         kalman = self.kalman
         gain, scale = np.empty((valid.size, 2)), np.empty(valid.size)
-        _gains(valid, kalman[0] * weight**2, *kalman[1:], gain, scale)
+        _gains(valid, kalman[0] * weight**2, kalman[1:], gain, scale)
         out = np.empty((int(valid.sum()), columns.shape[1]))
         _innovations(np.ascontiguousarray(columns), gain, scale, kalman[2], kalman[5], out)
         return out

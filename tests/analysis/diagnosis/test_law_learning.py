@@ -27,9 +27,15 @@ def learned(rig: LawRig) -> tuple[Fitted, Discovery | None]:
     return start, learn_laws(start, held, lambda _what, _fraction: None, lambda: False)
 
 
-def test_a_law_of_the_place_is_learned_with_its_form() -> None:
+@pytest.fixture(scope="module")
+def attraction() -> tuple[Fitted, Discovery | None]:
+    """Return the base fit of shots with an attraction that falls off with the place, and what is learned from them."""
     rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-3 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
-    start, found = learned(rig)
+    return learned(rig)
+
+
+def test_a_law_of_the_place_is_learned_with_its_form(attraction: tuple[Fitted, Discovery | None]) -> None:
+    start, found = attraction
     assert found is not None and found.explains
     (law,) = found.laws
     assert (law.where, law.argument, law.form) == ("block", "place", "exponential")
@@ -39,25 +45,24 @@ def test_a_law_of_the_place_is_learned_with_its_form() -> None:
     before, after = found.foretold
     assert before.rms_m == predict(start, choose(start.hypothesis.data), found.fitted.floor, lambda: False).rms_m
     assert after.rms_m < 0.01 * before.rms_m
-    assert found.fitted.floor.std_m == pytest.approx(rig.noise_m / math.sqrt(2.5), rel=0.3)  # of averaged samples
+    assert found.fitted.floor.std_m == pytest.approx(LawRig().noise_m / math.sqrt(2.5), rel=0.3)  # of averaged samples
     assert law.visited[0] < -1e-3 and law.visited[1] > 1e-3
 
 
-def test_what_cannot_come_before_a_criterion_is_not_asked_to_the_end() -> None:
-    rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-3 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
-    start = begun(rig)
+def test_what_cannot_come_before_a_criterion_is_not_asked_to_the_end(
+    attraction: tuple[Fitted, Discovery | None],
+) -> None:
+    start, first = attraction
+    assert first is not None
     held, told = choose(start.hypothesis.data), []
 
     def tell(what: str, _fraction: float) -> None:
         told.append(what)
 
-    first = learn_law(start, held, tell, lambda: False, beat=start.bic)
-    assert first is not None and first.fitted.bic < start.bic
-    assert any(what.startswith("reading the curve") for what in told)
     out_of_reach = first.fitted.bic - 3.0 * (start.bic - first.fitted.bic)
-    told.clear()
     assert learn_law(start, held, tell, lambda: False, beat=out_of_reach) is None
     assert learn_another(first, held, tell, lambda: False, beat=out_of_reach) is first
+    assert "trying a force of the place" in told and "learning two laws at once" in told
     assert not any(what.startswith("reading the curve") or what == "learning a second law" for what in told)
 
 

@@ -82,12 +82,14 @@ def diagnose(
     wandering, under_site = each[0], each[-1]
     likelier = wandering if wandering.best.bic <= under_site.best.bic else under_site
     alone = asked.law_alone(wandering.trail.start)
-    instead = likelier.rest.significant and alone.explains_instead(likelier.best, catalogue)
-    if instead and seen_finely(wandering.best, wandering.trail, motions) is None:
-        return _judged(asked, _nothing_but(alone, wandering)).diagnosis
-    if likelier is wandering:
-        return _judged(asked, _standing(asked, wandering.to_the_end(), alone)).diagnosis
-    at_site = _standing(asked, under_site, asked.law_alone(under_site.trail.start))
+    quiet = likelier is wandering
+    if likelier.rest.significant and alone.explains_instead(likelier.best, catalogue):
+        likelier = likelier.with_pairs()
+        if alone.ahead_of(likelier.best) and seen_finely(wandering.best, wandering.trail, motions) is None:
+            return _judged(asked, _nothing_but(alone, wandering)).diagnosis
+    if quiet:
+        return _judged(asked, _standing(asked, likelier.to_the_end(), alone)).diagnosis
+    at_site = _standing(asked, likelier, asked.law_alone(likelier.trail.start))
     told = _judged(asked, at_site, laws=False)
     if told.explained:
         return told.diagnosis

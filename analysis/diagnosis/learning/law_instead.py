@@ -41,3 +41,8 @@ class LawAlone:
             return False
         apart = separation(law.fitted, projector(law.fitted), law.laws[0].name, catalogue)
         return not apart.too_close(_A_ROW * apart.snr)
+
+    def ahead_of(self, named: Fitted) -> bool:
+        """Return whether the shots tell the law from ``named`` effects, which stand where they do not."""
+        law = self.found
+        return law is not None and law.fitted.bic < named.bic - CRITERIA.form_excluded

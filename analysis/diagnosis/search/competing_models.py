@@ -26,6 +26,7 @@ _FITTED = 2  # look-alikes of an effect at most
 _ALIKE = 0.6  # of an effect's size is left beside a look-alike that is worth a fit
 _ONE_LINE = 0.03  # of the frequency
 _STRONGER = 10.0
+_RINGS = 2  # hidden states of what swings by itself
 _HOPELESS = 150.0  # of the criterion behind the best after a short search
 
 
@@ -52,7 +53,7 @@ def challenged(
         if fewer is None:
             continue
         frequency = best.point.values[0][name].get("frequency_hz")
-        near = _nearest(distances, trail.catalogue)
+        near = _nearest(name, distances, trail.catalogue)
         known = {kind.name: _known(trail, fewer, kind, frequency) for kind in near}
         left = [kind for kind in near if known[kind.name] is None]
         fitted = [one for one in known.values() if one is not None]
@@ -92,12 +93,22 @@ def unmissed(
     return best, at, rest
 
 
-def _nearest(distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
-    """Return the effects that do most of what one does, nearest first."""
+def _nearest(effect: str, distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
+    """Return the effects that do most of what one does, nearest first, and those that ring at the same place.
+
+    What rings long is a line so narrow that to first order even its twin a hundredth beside it stands apart.
+    """
     near = sorted(
         (distance, name) for name, distance in distances.from_other.items() if distance < _ALIKE * distances.snr
     )
-    return [kind for _, name in near[:_FITTED] for kind in catalogue if kind.name == name]
+    names = [name for _, name in near[:_FITTED]]
+    names += [name for name in distances.from_other if name not in names and _ring_alike(effect, name)]
+    return [kind for name in names for kind in catalogue if kind.name == name]
+
+
+def _ring_alike(effect: str, other: str) -> bool:
+    one, two = named(effect), named(other)
+    return one.hidden == two.hidden == _RINGS and one.acts == two.acts
 
 
 def _known(trail: Trail, fewer: Fitted, kind: TrialEffect, frequency_hz: float | None) -> Fitted | None:

@@ -1,7 +1,8 @@
 """Which effects, and how many: score all, refit the best jointly from several starts, keep what pays its way."""
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -78,7 +79,7 @@ class Trail:
             return self.last
         return projector(fitted, near=self.last)
 
-    def of(self, names: Sequence[str]) -> Fitted | None:
+    def of(self, names: Iterable[str]) -> Fitted | None:
         """Return the best fit of these effects, if there is one."""
         return self.fits.get(tuple(sorted(names)))
 
@@ -107,6 +108,29 @@ def another_way(best: Fitted, trail: Trail) -> Fitted:
     some = sorted(firsts, key=lambda fitted: fitted.bic)[:OTHER_FIRSTS]
     ends = [climb(polish(first, trail), trail, CRITERIA.most_effects - 1, NARROW) for first in some]
     return min([best, *ends], key=lambda fitted: fitted.bic)
+
+
+def paired(trail: Trail) -> Fitted | None:
+    """Return the best fit of two effects that each were found alone and not yet together, or None.
+
+    A third that looks like both is found first, and neither pays beside it.
+    """
+    single = len(trail.start.names) + 1
+    alone = [fitted for key, fitted in trail.fits.items() if len(key) == single and trail.pays(fitted, trail.start)]
+    firsts = sorted(alone, key=lambda fitted: fitted.bic)[: NARROW + 1]
+
+    def together(two: tuple[Fitted, Fitted]) -> Fitted | None:
+        one, other = two
+        if narrower(one.names) & {*other.names} or narrower(other.names) & {*one.names}:
+            return None
+        return united(one, other, trail.start, trail.stop)
+
+    new = [
+        two for two in itertools.combinations(firsts, 2) if trail.of({name for f in two for name in f.names}) is None
+    ]
+    fits = [fitted for fitted in side_by_side(together, new) if fitted is not None]
+    best = min(fits, key=lambda fitted: fitted.bic, default=None)
+    return None if best is None else polish(best, trail)
 
 
 def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: int = REFITTED + STRONGER) -> Fitted:

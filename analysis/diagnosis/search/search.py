@@ -5,7 +5,7 @@ either.  So where the readings tell of a site, the shots are searched with it an
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from analysis.diagnosis.fits.base_fit import accept, base_fit, explored, pays_along
@@ -15,7 +15,7 @@ from analysis.diagnosis.noise.full_rate import swayed_from_there
 from analysis.diagnosis.noise.joint_data import joint_data
 from analysis.diagnosis.noise.own_flights import own_flights
 from analysis.diagnosis.noise.site import Site, may_be_of_a_site
-from analysis.diagnosis.search.forward_selection import Trail, climb
+from analysis.diagnosis.search.forward_selection import Trail, climb, paired
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, judge
 from analysis.fit import Fit
@@ -46,6 +46,11 @@ class Searched:
         if not self.rounds or not self.rest.significant:
             return self
         return Searched(climb(self.best, self.trail, self.rounds), self.trail, self.catalogue)
+
+    def with_pairs(self) -> "Searched":
+        """Return the search with the likeliest two that it did not ask together, where that is likelier."""
+        pair = paired(self.trail)
+        return self if pair is None or pair.bic >= self.best.bic else replace(self, best=pair)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,13 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
 from analysis.diagnosis.fits.added_effect import refit
+from analysis.diagnosis.fits.hypothesis_fit import fit
 from analysis.diagnosis.search.competing_models import challenged
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.search.screening import scores
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.identifiability import separation
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
@@ -22,3 +24,19 @@ def test_the_better_of_two_look_alikes_takes_the_place() -> None:
     assert list(far) == [true]
     kept, _, _ = challenged(wrong, projector(wrong), trail, lambda _: False)
     assert kept is wrong  # what does not predict a held-out shot takes no place
+
+
+def test_what_rings_in_the_same_place_is_asked_however_far_apart_it_is_to_first_order() -> None:
+    true, first = "support_compliance", "second_plate_mode"
+    effects = {true: {"compliance_m_per_n": 4.187e-5, "frequency_hz": 1506.9}}
+    before = base_fit(shots(effects, seed=63001648))  # a rig on which such a clamp leaves 40 norms
+    at = projector(before)
+    quick = refit(at, KINDS[first], scores(at, KINDS[first])[0].start, calm)
+    assert quick is not None
+    wrong = fit(quick.hypothesis, quick.z, quick.floor, evaluations=60)
+    far = separation(wrong, projector(wrong), first, [KINDS[true]])
+    assert far.from_other[true] > 0.7 * far.snr  # a line so narrow that its twin beside it stands apart
+    trail = Trail(before, [KINDS[true], KINDS[first]], calm)
+    trail.keep(wrong)
+    best, _, _ = challenged(wrong, projector(wrong), trail, lambda _: True)
+    assert best.names == (true,) and best.bic < wrong.bic

@@ -9,6 +9,7 @@ from analysis.diagnosis.fits.free_parameters import trial_effects
 from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.cross_validation import choose
+from tests.analysis.diagnosis.shots import shots
 from tests.analysis.diagnosis.test_law_learning import begun
 from tests.law_rigs import LawRig
 
@@ -21,6 +22,14 @@ def test_a_law_that_explains_all_ends_the_search() -> None:
     assert [(law.where, law.argument, law.form) for law in found.laws] == [("block", "place", "exponential")]
     assert "trying a force of the place" in told
     assert "looking for another way" not in told
+
+
+def test_two_rows_that_look_like_a_third_are_named_before_a_law_is() -> None:
+    # Both together are nearly a viscous drag, which the search finds first, and wholly a rising exponential.
+    effects = {"quadratic_drag": {"coefficient_n_s2_per_m2": 2.8e-7}, "coulomb_friction": {"force_n": 1.95e-8}}
+    found = diagnose(shots(effects))
+    assert found.verdict is Verdict.EFFECT_FOUND and not found.laws
+    assert {effect.name for effect in found.effects} == set(effects)
 
 
 @pytest.mark.slow

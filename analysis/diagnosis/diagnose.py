@@ -77,24 +77,24 @@ def diagnose(
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
     search = Search(motions, fit_before, catalogue, accepted, tell, stop)
     # The last effect that may join is asked where no law explains all: it seldom does.
-    noises = [(None, CRITERIA.most_effects - (site is None)), *([(site, CRITERIA.most_effects)] if site else [])]
-    each = side_by_side(lambda noise: search.under(noise[0], most=noise[1]), noises)
-    wandering, under_site = each[0], each[-1]
-    likelier = wandering if wandering.best.bic <= under_site.best.bic else under_site
+    most = CRITERIA.most_effects - (site is None)
+    noises = [None] if site is None else [None, site]
+    wandering, *under_site = side_by_side(lambda noise: search.under(noise, most=most), noises)
+    likelier = min([wandering, *under_site], key=lambda searched: searched.best.bic)
     alone = asked.law_alone(wandering.trail.start)
-    quiet = likelier is wandering
+    wanders = likelier is wandering
     if likelier.rest.significant and alone.explains_instead(likelier.best, catalogue):
         likelier = likelier.with_pairs()
         if alone.ahead_of(likelier.best) and seen_finely(wandering.best, wandering.trail, motions) is None:
             return _judged(asked, _nothing_but(alone, wandering)).diagnosis
-    if quiet:
+    if wanders:
         return _judged(asked, _standing(asked, likelier.to_the_end(), alone)).diagnosis
     at_site = _standing(asked, likelier, asked.law_alone(likelier.trail.start))
     told = _judged(asked, at_site, laws=False)
     if told.explained:
         return told.diagnosis
     # A law that bends flights may pass for a building, and a building with a name or two come nearer than no law.
-    without_site = _judged(asked, _before(asked, told.bic, wandering, alone), beat=told.bic)
+    without_site = _judged(asked, _standing_before(told.bic, asked, wandering, alone), beat=told.bic)
     if without_site.explained and without_site.bic < told.bic:
         return without_site.diagnosis
     return _judged(asked, at_site).diagnosis
@@ -161,7 +161,7 @@ def _standing(asked: _Asked, searched: Searched, alone: LawAlone) -> _Standing:
     return _Standing(searched.catalogue, trail, held, settle(best, trail, held, asked.tell, rest), alone)
 
 
-def _before(asked: _Asked, beat: float, searched: Searched, alone: LawAlone) -> _Standing:
+def _standing_before(beat: float, asked: _Asked, searched: Searched, alone: LawAlone) -> _Standing:
     """Return what stands that may come before the criterion ``beat``: nothing, where what was found is far behind."""
     start, best = searched.trail.start, searched.best
     if may_reach(beat, best.bic, start.bic):

@@ -1,9 +1,6 @@
 """One hypothesis: the base model with some effects, and what it gives at a search vector, derivatives included."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +9,9 @@ from analysis.diagnosis.fits.derivatives import linearised_shot, solved
 from analysis.diagnosis.fits.effective_parameters import Point
 from analysis.diagnosis.fits.quick_shot import Run, respond
 from analysis.diagnosis.fits.search_vector import JointData, SearchVector
-from analysis.model.effects import named
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
-Result = TypeVar("Result")
 _REMEMBERED = 3
 
 
@@ -56,7 +51,7 @@ class Hypothesis(SearchVector):
         if known is not None:
             return [x for x, _ in known]
         point = self.unpack(z)
-        return self._each(lambda i: self.averaged(i, point))
+        return side_by_side(lambda i: self.averaged(i, point), range(len(self.data.shots)))
 
     def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
         """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
@@ -67,7 +62,8 @@ class Hypothesis(SearchVector):
         if known is not None:
             return known
         point, slope = self.unpack(z), self.slope(z)
-        self.remember(z, self._each(lambda i: linearised_shot(self, i, point, slope)))
+        lines = side_by_side(lambda i: linearised_shot(self, i, point, slope), range(len(self.data.shots)))
+        self.remember(z, lines)
         return self._lately[z.tobytes()]
 
     def remember(self, z: Floats, lines: list[tuple[Floats, Floats]]) -> None:
@@ -75,16 +71,6 @@ class Hypothesis(SearchVector):
         while len(self._lately) >= _REMEMBERED:
             del self._lately[next(iter(self._lately))]
         self._lately[z.tobytes()] = lines
-
-    def _each(self, function: Callable[[int], Result]) -> list[Result]:
-        """Return ``function`` of every shot, on two cores where a shot takes longer than to share them out."""
-        shots = range(len(self.data.shots))
-        return side_by_side(function, shots)
-
-    @cached_property
-    def _stepped(self) -> bool:
-        """Get whether a law is not linear in the state: then a shot takes milliseconds."""
-        return any(named(one.name).bent for one in self.effects)
 
     def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
         """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""

@@ -79,6 +79,12 @@ class Trail:
             return self.last
         return projector(fitted, near=self.last)
 
+    def alone(self) -> list[Fitted]:
+        """Return the fits with one effect more than the start, the likeliest first."""
+        single = len(self.start.names) + 1
+        found = [fitted for key, fitted in self.fits.items() if len(key) == single and len(self.added(fitted)) == 1]
+        return sorted(found, key=lambda fitted: fitted.bic)
+
     def of(self, names: Iterable[str]) -> Fitted | None:
         """Return the best fit of these effects, if there is one."""
         return self.fits.get(tuple(sorted(names)))
@@ -99,14 +105,8 @@ def explore(
 
 def another_way(best: Fitted, trail: Trail) -> Fitted:
     """Return the best fit that begins with another first effect: two that lean on each other look like a third."""
-    single = len(trail.start.names) + 1
-    firsts = [
-        fitted
-        for key, fitted in trail.fits.items()
-        if len(key) == single and len(trail.added(fitted)) == 1 and not set(key) <= set(best.names)
-    ]
-    some = sorted(firsts, key=lambda fitted: fitted.bic)[:OTHER_FIRSTS]
-    ends = [climb(polish(first, trail), trail, CRITERIA.most_effects - 1, NARROW) for first in some]
+    firsts = [fitted for fitted in trail.alone() if not set(fitted.names) <= set(best.names)][:OTHER_FIRSTS]
+    ends = [climb(polish(first, trail), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
@@ -115,9 +115,7 @@ def paired(trail: Trail) -> Fitted | None:
 
     A third that looks like both is found first, and neither pays beside it.
     """
-    single = len(trail.start.names) + 1
-    alone = [fitted for key, fitted in trail.fits.items() if len(key) == single and trail.pays(fitted, trail.start)]
-    firsts = sorted(alone, key=lambda fitted: fitted.bic)[: NARROW + 1]
+    firsts = [fitted for fitted in trail.alone() if trail.pays(fitted, trail.start)][: NARROW + 1]
 
     def together(two: tuple[Fitted, Fitted]) -> Fitted | None:
         one, other = two
@@ -125,9 +123,7 @@ def paired(trail: Trail) -> Fitted | None:
             return None
         return united(one, other, trail.start, trail.stop)
 
-    new = [
-        two for two in itertools.combinations(firsts, 2) if trail.of({name for f in two for name in f.names}) is None
-    ]
+    new = [(a, b) for a, b in itertools.combinations(firsts, 2) if trail.of({*a.names, *b.names}) is None]
     fits = [fitted for fitted in side_by_side(together, new) if fitted is not None]
     best = min(fits, key=lambda fitted: fitted.bic, default=None)
     return None if best is None else polish(best, trail)

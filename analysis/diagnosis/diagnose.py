@@ -37,7 +37,6 @@ from analysis.model.fitting import fit_shots
 from analysis.motion import Motion
 from analysis.quantity import Quantity
 from analysis.shot import Progress, Stop
-from analysis.side_by_side import side_by_side
 
 
 def diagnose(
@@ -76,10 +75,14 @@ def diagnose(
     asked = _Asked(motions, fit, model, hold_out, tell, stop, began)
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
     search = Search(motions, fit_before, catalogue, accepted, tell, stop)
+    under_site = [search.under(site)] if site is not None else []
+    for searched in under_site:
+        if not searched.rest.significant:
+            told = _judged(asked, _standing(asked, searched, asked.law_alone(searched.trail.start)), laws=False)
+            if told.explained:
+                return told.diagnosis
     # The last effect that may join is asked where no law explains all: it seldom does.
-    most = CRITERIA.most_effects - (site is None)
-    noises = [None] if site is None else [None, site]
-    wandering, *under_site = side_by_side(lambda noise: search.under(noise, most=most), noises)
+    wandering = search.under(None, most=CRITERIA.most_effects - (site is None))
     likelier = min([wandering, *under_site], key=lambda searched: searched.best.bic)
     alone = asked.law_alone(wandering.trail.start)
     wanders = likelier is wandering

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.fits.samples import Samples, together
+from analysis.diagnosis.noise.floor import white_floor
 from analysis.diagnosis.noise.site import Site, Sway, swayed
 from analysis.disturbance import Shaking
 from analysis.model.prepare import base_named
@@ -102,7 +103,8 @@ def norms(truth: Truth) -> float:
     for index, (shot, sway, columns) in enumerate(zip(shots, sways, tangents, strict=True)):
         adds = (clean_m(slight, index) - clean_m(still, index)) / _SMALL
         both = shot.averaged(np.column_stack([adds, columns]))[shot.valid] / shot.white_m
-        rows.append(sway.whiten(both, shot.white_m, (0.0,)))
+        noise = replace(white_floor(shot.white_m / shot.weight, shot.spacing_s), site=(0.0,))
+        rows.append(sway.whiten(both, noise))
     whole = np.concatenate(rows)
     left, free = whole[:, 0], whole[:, 1:] / np.linalg.norm(whole[:, 1:], axis=0)
     return float(np.linalg.norm(left - free @ np.linalg.lstsq(free, left, rcond=1e-12)[0]))

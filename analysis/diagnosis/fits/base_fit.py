@@ -42,7 +42,7 @@ def base_fit(data: JointData, given: Fit, stop: Stop, taken_along: Sequence[str]
     white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
     z = hypothesis.pack(point)
     try:
-        return fit(hypothesis, z, first_floor(hypothesis, z, white), cancelled=stop)
+        return fit(hypothesis, z, first_floor(hypothesis, z, white), anew=True, cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
 

@@ -104,10 +104,15 @@ def residuals(hypothesis: Hypothesis, z: Floats) -> tuple[Floats, ...]:
     return hypothesis.data.left_m(hypothesis.displacement(z))
 
 
-def learn_floor(data: JointData, left: Sequence[Floats], start: Floor | None = None) -> tuple[Floor, float]:
-    """Return the floor of what is left over, and the log-likelihood."""
+def learn_floor(
+    data: JointData, left: Sequence[Floats], start: Floor | None = None, *, anew: bool = False
+) -> tuple[Floor, float]:
+    """Return the noise of what is left over, and the log-likelihood.
+
+    At a site the parts that wander keep the shape they have in ``start``, unless they are to be learnt ``anew``.
+    """
     if data.site is not None:
-        return site_strengths.learn(left, data.shots, data.site, data.shots[0].spacing_s, start)
+        return site_strengths.learn(left, data.shots, data.site, start=start, parts=data.parts if anew else 0)
     return learn(
         left,
         [shot.valid for shot in data.shots],
@@ -121,7 +126,7 @@ def learn_floor(data: JointData, left: Sequence[Floats], start: Floor | None = N
 def first_floor(hypothesis: Hypothesis, z: Floats, white_m: float) -> Floor:
     """Return the floor under which a search from ``z`` begins: white noise, and what a building does there."""
     if hypothesis.data.site is not None:
-        return learn_floor(hypothesis.data, residuals(hypothesis, z))[0]
+        return learn_floor(hypothesis.data, residuals(hypothesis, z), anew=True)[0]
     return white_floor(white_m, hypothesis.data.shots[0].spacing_s)
 
 
@@ -154,11 +159,11 @@ def search(
     )
 
 
-def finish(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Fitted:
-    """Learn the floor of what was found beside another ``floor``, and give it its likelihood."""
+def finish(hypothesis: Hypothesis, found: Minimum, floor: Floor, *, anew: bool = False) -> Fitted:
+    """Learn the floor of what was found beside another ``floor``, and give it its likelihood; ``anew`` as there."""
     left = residuals(hypothesis, found.parameters)
     # What wanders has more than one likely floor: begun where another hypothesis ended, it would stay there.
-    floor, value = learn_floor(hypothesis.data, left, floor if floor.site else None)
+    floor, value = learn_floor(hypothesis.data, left, floor if floor.site else None, anew=anew)
     inverse = covariance(found.square)
     converged = found.converged
     if inverse is None:
@@ -175,13 +180,14 @@ def fit(
     floor: Floor,
     *,
     evaluations: int = 25,
+    anew: bool = False,
     cancelled: Stop | None = None,
 ) -> Fitted:
-    """Fit from ``z``: with the floor given, then once more with the floor that this leaves."""
+    """Fit from ``z``: with the floor given, then once more with the floor that this leaves, learnt ``anew`` or not."""
     first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled), floor)
     again = max(8, evaluations // 2)
     second = search(hypothesis, first.z, first.floor, evaluations=again, cancelled=cancelled)
-    final = finish(hypothesis, second, first.floor)
+    final = finish(hypothesis, second, first.floor, anew=anew)
     return final if final.log_likelihood >= first.log_likelihood else first
 
 

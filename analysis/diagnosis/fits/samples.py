@@ -58,7 +58,7 @@ class Samples:
         rows = floor.whiten(columns, self.valid, self.weight)
         if self.sway is None or not floor.site:
             return rows
-        return self.sway.whiten(rows, floor.white_m * self.weight, floor.site)
+        return self.sway.whiten(rows, floor)
 
     def averaged(self, columns: Floats) -> Floats:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
@@ -69,7 +69,7 @@ class Samples:
         if self.sway is None or not floor.site:
             return left_m
         out = left_m.copy()
-        out[self.valid] -= self.sway.likely(left_m[self.valid], floor.white_m * self.weight, floor.site)
+        out[self.valid] -= self.sway.likely(left_m, floor)
         return out
 
     @property

@@ -74,10 +74,10 @@ def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-unty
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """White noise of ``white_m`` a sample and up to two wandering parts of ``rms_m`` with memories ``tau_s``.
+    """White noise of ``white_m`` a sample, up to two wandering parts of ``rms_m`` with memories ``tau_s``, and a site.
 
-    Or, where the shots stand in a building, what ``site`` says of it: the logarithms of how much stronger each band of
-    its spectrum is than it was read.
+    ``site``, where the shots stand in a building, says how much stronger each band of its spectrum is than it was read
+    (logarithms of powers).
     """
 
     white_m: float
@@ -102,6 +102,11 @@ class Floor:
         return self.rms_m[0] > 0 or bool(self.site)
 
     @property
+    def without_site(self) -> "Floor":
+        """Get what stands beside the site's motion."""
+        return replace(self, site=()) if self.site else self
+
+    @property
     def still(self) -> "Floor":
         """Get the floor as if nothing but the white noise moved."""
         return replace(self, rms_m=(0.0, 0.0), site=())
@@ -118,12 +123,21 @@ class Floor:
         One row a valid sample; the first rows know the floor's own spread, so no sample is lost.  ``weight`` is the
         shot's white noise over that of the floor.
         """
-        kalman = self.kalman
-        gain, scale = np.empty((valid.size, 2)), np.empty(valid.size)
-        _gains(valid, kalman[0] * weight**2, kalman[1:], gain, scale)
+        gain, scale = self._filter(valid, weight)
         out = np.empty((int(valid.sum()), columns.shape[1]))
-        _innovations(np.ascontiguousarray(columns), gain, scale, kalman[2], kalman[5], out)
+        _innovations(np.ascontiguousarray(columns), gain, scale, self.kalman[2], self.kalman[5], out)
         return out
+
+    def log_variances(self, valid: Mask, weight: float = 1.0) -> float:
+        """Return the sum of the logarithms of the innovations' variances, in m^2: ln det of the covariance."""
+        _, scale = self._filter(valid, weight)
+        return float(-2.0 * np.log(scale[valid]).sum())
+
+    def _filter(self, valid: Mask, weight: float) -> tuple[Floats, Floats]:
+        """Return the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,), nothing where not valid."""
+        gain, scale = np.empty((valid.size, 2)), np.empty(valid.size)
+        _gains(valid, self.white_m**2 * weight**2, self.kalman[1:], gain, scale)
+        return gain, scale
 
     def psd(self, frequency_hz: Floats) -> Floats:
         """Return the one-sided power density in m^2/Hz."""

@@ -157,7 +157,7 @@ def better(fitted: Fitted, other: Fitted) -> bool:
 
 def polish(fitted: Fitted, trail: Trail) -> Fitted:
     """Return the fit brought to its very minimum: what a short search leaves over would call for one effect more."""
-    better = fit(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, cancelled=trail.stop)
+    better = fit(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, anew=True, cancelled=trail.stop)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
     trail.fits[tuple(sorted(better.names))] = better
@@ -252,7 +252,7 @@ def without_effect(fitted: Fitted, name: str, stop: Stop) -> Fitted | None:
     values = tuple({key: value for key, value in v.items() if key != name} for v in effective.values)
     z = hypothesis.pack_effective(Point(effective.base, effective.own, values))
     try:
-        return fit(hypothesis, z, fitted.floor, cancelled=stop)
+        return fit(hypothesis, z, fitted.floor, anew=True, cancelled=stop)
     except Infeasible:
         return None
 

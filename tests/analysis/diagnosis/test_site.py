@@ -12,6 +12,7 @@ from analysis.diagnosis.fits.effective_parameters import Point
 from analysis.diagnosis.fits.hypothesis import Hypothesis
 from analysis.diagnosis.fits.hypothesis_fit import residuals
 from analysis.diagnosis.noise import site_strengths
+from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.joint_data import joint_data, parameters_of, shakings_of, site_under, with_plates
 from analysis.diagnosis.noise.site import Site, Sway, site_of
 from analysis.diagnosis.result import Verdict
@@ -34,40 +35,59 @@ def a_sway(random: np.random.Generator, rows: int = 60) -> Sway:
     """Return two bands of motion, far above noise of 1 and near it."""
     columns = random.standard_normal((rows, 9)) * np.repeat([30.0, 1.0], [5, 4])
     basis, _ = np.linalg.qr(columns)
-    return Sway(basis, basis.T @ columns, np.repeat([0, 1], [5, 4]))
+    return Sway(basis, basis.T @ columns, np.repeat([0, 1], [5, 4]), np.ones(rows, np.bool_))
 
 
+def a_noise(white_m: float, strengths: tuple[float, ...], wander_m: float = 0.0) -> Floor:
+    """Return white noise with a part that wanders and a site."""
+    return Floor(white_m, (wander_m, 0.0), (1e-3, 1e-2), 5e-5, strengths)
+
+
+def covariance_of(noise: Floor, rows: int) -> np.ndarray:
+    """Return what ``noise`` is without its site, written down."""
+    apart = np.abs(np.subtract.outer(np.arange(rows), np.arange(rows))) * noise.spacing_s
+    return noise.white_m**2 * np.eye(rows) + noise.rms_m[0] ** 2 * np.exp(-apart / noise.tau_s[0])
+
+
+@pytest.mark.parametrize("wander_m", [0.0, 2.0])
 @pytest.mark.parametrize(("white_m", "strengths"), [(1.0, (0.0, 0.0)), (0.3, (-2.0, 1.5))])
-def test_whitening_undoes_noise_and_sway(white_m: float, strengths: tuple[float, float]) -> None:
+def test_whitening_undoes_noise_wander_and_sway(
+    white_m: float, strengths: tuple[float, float], wander_m: float
+) -> None:
     sway = a_sway(np.random.default_rng(1))
+    noise = a_noise(white_m, strengths, wander_m)
     moved = sway.basis @ sway.factors * np.exp(0.5 * np.array(strengths))[sway.band]
-    covariance = moved @ moved.T + white_m**2 * np.eye(60)
-    white = sway.whiten(np.linalg.cholesky(covariance) / white_m, white_m, strengths)
+    root = np.linalg.cholesky(moved @ moved.T + covariance_of(noise, 60))
+    white = sway.whiten(noise.whiten(root, sway.valid), noise)
     np.testing.assert_allclose(white @ white.T, np.eye(60), atol=1e-8)
 
 
-def test_what_the_site_likely_did_is_the_conditional_mean() -> None:
-    sway = a_sway(np.random.default_rng(2))
+@pytest.mark.parametrize("wander_m", [0.0, 2.0])
+def test_what_the_site_likely_did_is_the_conditional_mean(wander_m: float) -> None:
+    sway, noise = a_sway(np.random.default_rng(2)), a_noise(0.3, (0.0, 0.0), wander_m)
     moved = sway.basis @ sway.factors
     left = np.random.default_rng(3).standard_normal(60)
-    expected = moved @ moved.T @ np.linalg.solve(moved @ moved.T + 0.09 * np.eye(60), left)
-    np.testing.assert_allclose(sway.likely(left, 0.3, (0.0, 0.0)), expected, atol=1e-10)
+    expected = moved @ moved.T @ np.linalg.solve(moved @ moved.T + covariance_of(noise, 60), left)
+    np.testing.assert_allclose(sway.likely(left, noise), expected, atol=1e-10)
 
 
-def test_the_likeliest_plate_is_the_conditional_mean_wherever_it_was_taken_to_be() -> None:
+@pytest.mark.parametrize("wander_m", [0.0, 2.0])
+def test_the_likeliest_plate_is_the_conditional_mean_wherever_it_was_taken_to_be(wander_m: float) -> None:
     random = np.random.default_rng(4)
     columns = random.standard_normal((60, 9)) * np.repeat([30.0, 5.0], [7, 2])
     basis, _ = np.linalg.qr(columns)
-    sway = Sway(basis, basis.T @ columns, np.repeat([0, 1], [7, 2]), plate_std=(2e-7, 1e-4))
-    strengths, white_m = (0.4, -1.0), 0.3
+    valid = np.ones(60, np.bool_)
+    sway = Sway(basis, basis.T @ columns, np.repeat([0, 1], [7, 2]), valid, plate_std=(2e-7, 1e-4))
+    strengths = (0.4, -1.0)
+    noise = a_noise(0.3, strengths, wander_m)
     sizes = np.exp(0.5 * np.array(strengths))[sway.band]
     moved, left = columns * sizes, random.standard_normal(60)
-    numbers = moved.T @ np.linalg.solve(moved @ moved.T + white_m**2 * np.eye(60), left)
+    numbers = moved.T @ np.linalg.solve(moved @ moved.T + covariance_of(noise, 60), left)
     expected = (numbers * sizes)[-2:] * sway.plate_std
-    np.testing.assert_allclose(sway.likely_plate(left, (0.0, 0.0), white_m, strengths), expected, rtol=1e-6)
+    np.testing.assert_allclose(sway.likely_plate(left, (0.0, 0.0), noise), expected, rtol=1e-6)
     known = (3e-7, -2e-4)  # what it does is taken off the remainder then
     beside = left - columns[:, -2:] @ np.divide(known, sway.plate_std)
-    np.testing.assert_allclose(sway.likely_plate(beside, known, white_m, strengths), expected, rtol=1e-6)
+    np.testing.assert_allclose(sway.likely_plate(beside, known, noise), expected, rtol=1e-6)
 
 
 def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shaking:
@@ -76,6 +96,16 @@ def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shakin
     random = np.arange(frequency.size + at.size) < frequency.size
     power = np.concatenate([np.full(frequency.size, power_m2), size])
     return Shaking(np.concatenate([frequency, at]), power, random)
+
+
+def test_what_falls_no_faster_than_a_path_wanders_is_none_of_the_frames() -> None:
+    frequency = np.arange(2.0, 1000.0, 4.0)
+    of_frame, of_path = 1e-15 * (frequency / 10.0) ** -5.0, 1e-19 * (frequency / 10.0) ** -2.0
+    site = site_of((Shaking(frequency, of_frame + of_path, np.ones(frequency.size, np.bool_)),), 0.06)
+    assert isinstance(site, Site)
+    both = 2.0 * 1e-19 / 1e-15  # of path over frame: where all is three times the path
+    fastest = 10.0 * both ** (-1 / 3)
+    assert site.shaking.frequency_hz[-1] == pytest.approx(fastest, rel=0.05)
 
 
 def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
@@ -110,16 +140,14 @@ def at_vc_d():
 
 def test_strengths_are_the_likeliest_and_leave_white_noise() -> None:
     data, left = at_vc_d()
-    floor, value = site_strengths.learn(left, data.shots, data.site, data.shots[0].spacing_s)
+    floor, value = site_strengths.learn(left, data.shots, data.site)
     assert floor.white_m == pytest.approx(WHITE_M / math.sqrt(data.shots[0].factor), rel=0.05)
     for shot, rest in zip(data.shots, left, strict=True):
         white = shot.whitened(floor, rest[:, None])[:, 0]
         assert np.mean(white**2) == pytest.approx(1.0, abs=0.12)
     for scale in (0.9, 1.1):
         other = replace(floor, white_m=scale * floor.white_m)
-        assert site_strengths.learn(left, data.shots, data.site, floor.spacing_s, other)[1] == pytest.approx(
-            value, abs=0.05
-        )
+        assert site_strengths.learn(left, data.shots, data.site, start=other)[1] == pytest.approx(value, abs=0.05)
 
 
 def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:

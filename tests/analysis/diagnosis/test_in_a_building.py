@@ -1,0 +1,26 @@
+"""The diagnosis on a rig that knows nothing of the analysis, in buildings of several curves, its path wandering."""
+
+import pytest
+
+from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.result import Verdict
+from tests.building_rig import Rig
+
+
+@pytest.mark.parametrize(
+    ("site", "seed"),
+    [("VC-C", 11), pytest.param("VC-A", 11, marks=pytest.mark.slow), pytest.param("VC-G", 11, marks=pytest.mark.slow)],
+)
+def test_a_clean_set_is_adequate_where_the_optical_path_wanders_too(site: str, seed: int) -> None:
+    found = diagnose(Rig(site).shots(seed))
+    assert found.verdict is Verdict.ADEQUATE
+    assert not found.effects and not found.laws
+
+
+def test_friction_is_named_beside_a_building_and_a_path_that_wanders() -> None:
+    found = diagnose(Rig("VC-C").with_bodies(friction_n=1.2e-4).shots(102))
+    assert found.verdict is Verdict.EFFECT_FOUND
+    assert [effect.name for effect in found.effects] == ["coulomb_friction"]
+    force_n = found.effects[0].parameters["force_n"]
+    assert force_n.std < 1e-5
+    assert abs(force_n.value - 1.2e-4) < 3 * force_n.std

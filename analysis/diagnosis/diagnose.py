@@ -17,11 +17,11 @@ from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogu
 from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.learning.law_learning import may_reach
 from analysis.diagnosis.noise.floor import Floor
-from analysis.diagnosis.noise.full_rate import seen_finely
 from analysis.diagnosis.noise.joint_data import shakings_of, site_under
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.competing_models import apart
 from analysis.diagnosis.search.forward_selection import Trail, without
+from analysis.diagnosis.search.full_rate import seen_finely
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear, settle
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -71,7 +71,7 @@ def diagnose(
     accepted = findings(accepted)
     tell("fitting the base model", 0.0)
     shakings = shakings_of(motions, model, shakings)
-    site = site_under(motions, shakings)
+    site = site_under(motions, shakings, CRITERIA.site_nm)
     asked = _Asked(motions, fit, model, hold_out, tell, stop, began)
     fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
     search = Search(motions, fit_before, catalogue, accepted, tell, stop)

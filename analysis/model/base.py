@@ -3,8 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from analysis.model.least_squares import Infeasible
-from analysis.model.parameters import Collision, Floats, Variant
+from analysis.model.parameters import Collision, Floats, Infeasible, Variant
 
 PLATE_NAMES = (
     "plate_stiffness_n_per_m",

@@ -11,9 +11,9 @@ from analysis import noise as noise_model
 from analysis.disturbance import Shaking
 from analysis.model import guesses, starts
 from analysis.model.base import Base
-from analysis.model.least_squares import Infeasible, Minimum
+from analysis.model.least_squares import Minimum
 from analysis.model.on_frame import on_frames
-from analysis.model.parameters import Floats
+from analysis.model.parameters import Floats, Infeasible
 from analysis.model.prepare import prepare_set
 from analysis.model.response import Model, ShotData
 from analysis.model.search import Problem, own_start, search

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.model.least_squares import Infeasible
-from analysis.model.parameters import Floats
+from analysis.model.parameters import Floats, Infeasible
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from analysis.model.effects.row import Effect
-from analysis.model.least_squares import Infeasible
-from analysis.model.parameters import Floats
+from analysis.model.parameters import Floats, Infeasible
 from analysis.model.response import Model
 from analysis.model.search import Problem
 from analysis.model.tangents import Candidate, Gain, Projection, candidates

@@ -16,8 +16,9 @@ from analysis.model.effect_starts import effect_starts
 from analysis.model.effects import MOST_AT_ONCE, findings, named
 from analysis.model.frame_residual import sway_left_std_m
 from analysis.model.learned_sway import LearnedSway, with_learned_sway
-from analysis.model.least_squares import Infeasible, Minimum, covariance
+from analysis.model.least_squares import Minimum, covariance
 from analysis.model.on_frame import can_tell, elsewhere, on_frames
+from analysis.model.parameters import Infeasible
 from analysis.model.prepare import base_of, prepare_set
 from analysis.model.response import Model, respond
 from analysis.model.search import Problem, own_start, search

@@ -5,12 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.model.parameters import Floats
+from analysis.model.parameters import Floats, Infeasible
 from analysis.shot import Stop
-
-
-class Infeasible(ArithmeticError):
-    """The parameters give no trajectory; the search turns back."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,10 +19,9 @@ from analysis.model.effects.kernel import ON_BLOCK, ON_PLATE, PAIR, STATES
 from analysis.model.effects.row import Acts, Effect, Parameter
 from analysis.model.general import RunsAway, TooManyEvents
 from analysis.model.guards import FORCE, OVERLAP, OVERLAP_RATE, RANGE_0, VELOCITY
-from analysis.model.least_squares import Infeasible
 from analysis.model.march import RANGE, TURN
 from analysis.model.modes import FREE, NEAR_0, PARTING, PHASE, PLATE, SIGN
-from analysis.model.parameters import Collision, Floats
+from analysis.model.parameters import Collision, Floats, Infeasible
 from analysis.model.path_matrices import FRESH, INPUTS, NONE, Matrices, Steps, room_for, write_matrices
 from analysis.model.path_steps import cut_at_events, lay_instants
 from analysis.model.slots import Active, direction, lay_out, swings

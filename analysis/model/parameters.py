@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 
+class Infeasible(ArithmeticError):
+    """The parameters give no trajectory; the search turns back."""
+
+
 class Variant(IntEnum):
     """The contact law: what the dashpot may do while the two bodies part."""
 

@@ -14,8 +14,7 @@ from analysis.model.base import OWN_NAMES, Base
 from analysis.model.effects import sensors
 from analysis.model.effects.row import Effect, Parameter, Sensed
 from analysis.model.general import Happened, TooManyEvents
-from analysis.model.least_squares import Infeasible
-from analysis.model.parameters import Collision, Floats
+from analysis.model.parameters import Collision, Floats, Infeasible
 from analysis.model.slots import Swings, swings
 from analysis.model.starts import Course
 from analysis.model.sway import STILL, Swayed

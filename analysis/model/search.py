@@ -8,8 +8,8 @@ import numpy as np
 
 from analysis.model.base import OWN_NAMES
 from analysis.model.coordinates import Coordinates
-from analysis.model.least_squares import Infeasible, Minimum, Square, minimise
-from analysis.model.parameters import Floats
+from analysis.model.least_squares import Minimum, Square, minimise
+from analysis.model.parameters import Floats, Infeasible
 from analysis.model.response import Model, ShotData, respond
 from analysis.shot import Cancelled, Stop
 

@@ -19,8 +19,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from analysis.disturbance import Shaking
 from analysis.model.exact import Event, solve
 from analysis.model.general import RunsAway, TooManyEvents
-from analysis.model.least_squares import Infeasible
-from analysis.model.parameters import Collision, Floats
+from analysis.model.parameters import Collision, Floats, Infeasible
 from analysis.noise import Noise
 
 BELOW_HZ = 1000.0  # what shakes faster is part of the beat's noise

@@ -18,9 +18,8 @@ from analysis.model.base import OWN_NAMES
 from analysis.model.effects import CATALOGUE, Effect, named
 from analysis.model.effects.row import Sensed
 from analysis.model.first_order import along, steps_for
-from analysis.model.least_squares import Infeasible
 from analysis.model.linear_path import linear_path
-from analysis.model.parameters import Collision, Floats
+from analysis.model.parameters import Collision, Floats, Infeasible
 from analysis.model.response import ShotData, respond
 from analysis.model.search import Problem
 

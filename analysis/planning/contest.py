@@ -18,10 +18,11 @@ from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.search.screening import fixed_of
 from analysis.diagnosis.verdict.coincidence import unforetold
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
 from analysis.fit import Fit
 from analysis.model.effects import named
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.motion import Motion
 from analysis.shot import AnalysisError, Stop
 
@@ -140,7 +141,7 @@ def again(given: Fit, motions: Sequence[Motion], stop: Stop, beside: Sequence[st
     """Return the fit that a diagnosis ended with as it was searched, fine enough for the effects ``beside`` it."""
     kinds = trials_named(given.effects)
     finely = any(named(name).ripples for name in (*given.effects, *beside))
-    site = site_under(motions, shakings_of(motions, given.model, None))
+    site = site_under(motions, shakings_of(motions, given.model, None), CRITERIA.site_nm)
     data = joint_data(motions, given, site, FINE_RATE_HZ if finely else RATE_HZ)
     base, own = parameters_of(given, data.base)
     values = tuple({kind.name: _values(given, kind.name, shot) for kind in kinds} for shot in range(len(motions)))

@@ -9,7 +9,7 @@ from analysis.diagnosis.fits.free_parameters import trials_named
 from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.planning.contest import Contest, Member, rivals
 from analysis.planning.foreseen import (
     NEAR,

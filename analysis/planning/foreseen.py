@@ -13,7 +13,7 @@ from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.site import on_site
 from analysis.diagnosis.verdict.cross_validation import shared_places
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.model.starts import Course
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s, on_the_rig
 from analysis.shot import Stop

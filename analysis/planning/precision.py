@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.diagnosis.verdict.cross_validation import shared_places
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.planning.foreseen import at_hand, blank, foretold, informs
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
 from analysis.shot import AnalysisError, Cancelled, Progress, Stop

@@ -17,7 +17,7 @@ from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.fits.samples import take
 from analysis.fit import Fit
 from analysis.impact import Impact
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.model.prepare import base_named
 from analysis.motion import Motion
 from analysis.quantity import NotSeen, Quantity, Reading

@@ -20,7 +20,7 @@ from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.model.effects import named
 from analysis.model.effects.row import Acts, Sensed
 from analysis.model.fitting import fit_shots
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.planning.contest import Contest, Member, again, contest, rivals
 from analysis.planning.foreseen import Informs, at_hand, blank, eliminated, foretold, informs
 from analysis.planning.next_shot import NextShot, Reach, next_shots

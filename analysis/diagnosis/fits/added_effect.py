@@ -12,7 +12,8 @@ from analysis.diagnosis.fits.hypothesis import Hypothesis
 from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, search, whitened_residual
 from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.search.screening import fixed_of
-from analysis.model.least_squares import Infeasible, Minimum, Square
+from analysis.model.least_squares import Minimum, Square
+from analysis.model.parameters import Infeasible
 from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]

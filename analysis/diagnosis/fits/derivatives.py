@@ -15,7 +15,7 @@ from analysis.diagnosis.fits.effective_parameters import Point
 from analysis.diagnosis.fits.quick_shot import Values, fastest_shown, too_fast
 from analysis.diagnosis.fits.search_vector import SearchVector
 from analysis.model.effects import Effect
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.model.response import Model, Response, respond
 
 Floats = NDArray[np.float64]

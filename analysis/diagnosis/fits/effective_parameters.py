@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.fits.quick_shot import Values
 from analysis.model.effects import named
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 
 Floats = NDArray[np.float64]
 _SOFTEST = 0.9  # of the whole compliance is the clamp's, at most

@@ -11,7 +11,8 @@ from analysis.diagnosis.fits.effective_parameters import Point
 from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.noise import site_strengths
 from analysis.diagnosis.noise.floor import Floor, learn, white_floor
-from analysis.model.least_squares import Hopeless, Infeasible, Minimum, Square, covariance, minimise
+from analysis.model.least_squares import Hopeless, Minimum, Square, covariance, minimise
+from analysis.model.parameters import Infeasible
 from analysis.shot import Stop
 
 Floats = NDArray[np.float64]

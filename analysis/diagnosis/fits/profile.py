@@ -11,7 +11,8 @@ import numpy as np
 
 from analysis.diagnosis.fits.hypothesis_fit import Fitted, square_of, whitened_residual
 from analysis.model.effects import named
-from analysis.model.least_squares import Infeasible, minimise
+from analysis.model.least_squares import minimise
+from analysis.model.parameters import Infeasible
 from analysis.shot import Stop
 from analysis.side_by_side import side_by_side
 

@@ -12,8 +12,7 @@ from analysis.model import general
 from analysis.model.acting import acting
 from analysis.model.effects import named, sensors
 from analysis.model.effects.row import Sensed
-from analysis.model.least_squares import Infeasible
-from analysis.model.parameters import Collision
+from analysis.model.parameters import Collision, Infeasible
 from analysis.model.slots import Active, swings
 
 Floats = NDArray[np.float64]

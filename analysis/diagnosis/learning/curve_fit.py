@@ -21,7 +21,7 @@ from analysis.diagnosis.learning.curve_step import damped, penalised_step
 from analysis.diagnosis.noise.floor import Floor, white_floor
 from analysis.laws.arguments import Argument
 from analysis.laws.curve import graded
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
 

@@ -22,9 +22,8 @@ from analysis.model.effects import named
 from analysis.model.effects.kernel import TOUCHING
 from analysis.model.effects.row import Effect
 from analysis.model.first_order import along
-from analysis.model.least_squares import Infeasible
 from analysis.model.linear_path import LinearPath, linear_path
-from analysis.model.parameters import Collision
+from analysis.model.parameters import Collision, Infeasible
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]

@@ -14,7 +14,7 @@ from analysis.diagnosis.learning.closed_forms import Fitting
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.laws.own import LawError
 from analysis.model.effects import named
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
 

@@ -27,7 +27,7 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import Residual, judge
 from analysis.laws.arguments import ARGUMENTS, Argument
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.shot import Cancelled, Progress, Stop
 from analysis.side_by_side import side_by_side
 

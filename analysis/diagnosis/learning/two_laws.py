@@ -29,7 +29,7 @@ from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import predict
 from analysis.diagnosis.verdict.residual import judge
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.shot import Progress, Stop
 from analysis.side_by_side import side_by_side
 

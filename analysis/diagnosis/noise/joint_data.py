@@ -12,8 +12,8 @@ from analysis.diagnosis.noise.site import Site, on_site, site_of
 from analysis.disturbance import Shaking
 from analysis.fit import Fit
 from analysis.model.base import PLATE_START, Base
-from analysis.model.least_squares import Infeasible
 from analysis.model.on_frame import can_tell
+from analysis.model.parameters import Infeasible
 from analysis.model.prepare import base_of
 from analysis.motion import Motion
 from analysis.reading.read import shaking_in
@@ -35,9 +35,9 @@ def shakings_of(
     return tuple(known if known is not None else side_by_side(shaking_in, motions))
 
 
-def site_under(motions: Sequence[Motion], shakings: Sequence[Shaking | None]) -> Site | None:
-    """Return the site that shots with these shakings tell of, None where hardly anything shakes."""
-    return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions))
+def site_under(motions: Sequence[Motion], shakings: Sequence[Shaking | None], least_nm: float) -> Site | None:
+    """Return the site that shots with these shakings tell of, None where less than ``least_nm`` rms shakes."""
+    return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm)
 
 
 def joint_data(motions: Sequence[Motion], given: Fit, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:

@@ -15,7 +15,6 @@ from scipy.special import chdtri
 
 from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.noise.floor import learn, white_floor
-from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.effects import TAKEN_ALONG
 
 Floats = NDArray[np.float64]
@@ -37,9 +36,10 @@ class _Flight:
     weight: float
 
 
-def own_flights(shots: Sequence[Samples]) -> tuple[str, ...]:
+def own_flights(shots: Sequence[Samples], chance: float) -> tuple[str, ...]:
     """Return what each shot may have for itself beside whatever is searched: nothing, or its flights' bend.
 
+    The bends count as the shots' own where laws of all shots would leave them with less than ``chance``.
     Of records without optics only.  Cost: some 0.1 s.
     """
     if len(shots) < FEWEST_SHOTS or any(shot.wavelength_m is not None for shot in shots):
@@ -50,7 +50,7 @@ def own_flights(shots: Sequence[Samples]) -> tuple[str, ...]:
     spacing_s = shots[0].spacing_s
     shared, laws = _log_likelihood(flights, np.stack([flight.laws for flight in flights]), _ONE_WAY, spacing_s)
     own, bends = _log_likelihood(flights, np.eye(len(flights)), np.zeros(len(flights), dtype=np.bool_), spacing_s)
-    limit = float(chdtri(bends - laws, CRITERIA.own_flights))
+    limit = float(chdtri(bends - laws, chance))
     return tuple(TAKEN_ALONG) if 2.0 * (own - shared) > limit else ()
 
 

@@ -18,7 +18,6 @@ from scipy.linalg import solve_triangular
 
 from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.noise.floor import Floor
-from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.disturbance import Shaking
 from analysis.model.base import PLATE_START, Base
 from analysis.model.effects.row import Acts, Effect
@@ -173,8 +172,8 @@ def may_be_of_a_site(row: Effect) -> bool:
     return row.wave is not None or row.acts is Acts.AT_START
 
 
-def site_of(shakings: Sequence[Shaking | None], length_s: float) -> Site | None:
-    """Return the one site that shots of ``length_s`` tell of, None where hardly anything shakes.
+def site_of(shakings: Sequence[Shaking | None], length_s: float, least_nm: float) -> Site | None:
+    """Return the one site that shots of ``length_s`` tell of, None where less than ``least_nm`` rms shakes at random.
 
     A floor is the mean of what the shots show; a line is one where shots show it at the same frequency.
     """
@@ -188,7 +187,7 @@ def site_of(shakings: Sequence[Shaking | None], length_s: float) -> Site | None:
     power = np.asarray(density * apart_hz)
     quick = _of_the_frame(frequency, power)
     frequency, power = frequency[:quick], power[:quick]
-    if 1e9 * float(np.sqrt(power.sum())) < CRITERIA.site_nm:
+    if 1e9 * float(np.sqrt(power.sum())) < least_nm:
         return None
     third = np.floor(_IN_AN_OCTAVE * np.log2(np.maximum(frequency / frequency[1], 1.0)))
     band = np.unique(third, return_inverse=True)[1]

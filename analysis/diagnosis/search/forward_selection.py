@@ -18,7 +18,7 @@ from analysis.diagnosis.search.projector import Projector, projector
 from analysis.diagnosis.search.screening import Score, scores
 from analysis.diagnosis.search.wider import narrower, widened
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.shot import Cancelled, Stop
 from analysis.side_by_side import side_by_side
 
@@ -218,7 +218,7 @@ def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[li
 
     def scored(kind: TrialEffect) -> list[Score]:
         trail.go_on()
-        return scores(at, kind, to_join=True)
+        return scores(at, kind, to_join=CRITERIA.least_fall)
 
     return sorted(filter(None, side_by_side(scored, free)), key=lambda listed: -listed[0].worth(at.left.size))
 

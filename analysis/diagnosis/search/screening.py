@@ -15,9 +15,8 @@ from analysis.diagnosis.fits.samples import Samples
 from analysis.diagnosis.noise.lines import near_loud_lines, scan
 from analysis.diagnosis.search import first_order
 from analysis.diagnosis.search.projector import Projector
-from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.effects import named
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
@@ -46,8 +45,11 @@ class Score:
         return self.gain - self.freedom * math.log(samples)
 
 
-def scores(at: Projector, kind: TrialEffect, *, to_join: bool = False) -> list[Score]:
-    """Return the scores of one effect, one a start, best first; ``to_join``: only those count that may pay."""
+def scores(at: Projector, kind: TrialEffect, *, to_join: float | None = None) -> list[Score]:
+    """Return the scores of one effect, one a start, best first.
+
+    ``to_join`` is the fall of the criterion for which it may join: only what may come to that counts.
+    """
     if named(kind.name).wave is not None:
         return _waves(at, kind)
     with_it = Hypothesis(
@@ -87,7 +89,7 @@ def scores(at: Projector, kind: TrialEffect, *, to_join: bool = False) -> list[S
 
     if "frequency_hz" in kind.starts[0]:
         # One that is to join pays its parameters: it is asked only where as much stands at its frequency.
-        cost = freedom * math.log(at.left.size) + CRITERIA.least_fall if to_join else 0.0
+        cost = 0.0 if to_join is None else freedom * math.log(at.left.size) + to_join
         lines = near_loud_lines(at, kind, louder_than=cost)
         out += more(lines) if lines else []
     if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > WORTH_REFINING:

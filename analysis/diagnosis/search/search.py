@@ -8,14 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from analysis.diagnosis.fits.base_fit import accept, base_fit, explored, pays_along
+from analysis.diagnosis.fits.base_fit import base_fit, pays_along
 from analysis.diagnosis.fits.free_parameters import TrialEffect
 from analysis.diagnosis.fits.hypothesis_fit import Fitted
-from analysis.diagnosis.noise.full_rate import swayed_from_there
 from analysis.diagnosis.noise.joint_data import joint_data
 from analysis.diagnosis.noise.own_flights import own_flights
 from analysis.diagnosis.noise.site import Site, may_be_of_a_site
 from analysis.diagnosis.search.forward_selection import Trail, climb, paired
+from analysis.diagnosis.search.from_base import accept, explored
+from analysis.diagnosis.search.full_rate import swayed_from_there
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, judge
 from analysis.fit import Fit
@@ -85,7 +86,7 @@ class Search:
             more = CRITERIA.most_effects - len(trail.added(first))
             return (climb(first, trail, more) if trail.added(first) else first), trail
 
-        along = own_flights(data.shots)
+        along = own_flights(data.shots, CRITERIA.own_flights)
         best, trail = along_with(along)
         if along:  # bends of each shot's own take up what one law of all does, at the price of a number each
             plain, plain_trail = along_with(())

@@ -11,7 +11,7 @@ from analysis.diagnosis.fits.free_parameters import TrialEffect, trial_effect
 from analysis.diagnosis.fits.hypothesis import Hypothesis
 from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit
 from analysis.model.effects import WIDER, named
-from analysis.model.least_squares import Infeasible
+from analysis.model.parameters import Infeasible
 from analysis.shot import Stop
 
 

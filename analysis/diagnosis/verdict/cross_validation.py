@@ -9,7 +9,8 @@ from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.fits.hypothesis_fit import Fitted, search, square_of
 from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.model.least_squares import Infeasible, Square, covariance, minimise
+from analysis.model.least_squares import Square, covariance, minimise
+from analysis.model.parameters import Infeasible
 from analysis.shot import Stop
 from analysis.side_by_side import side_by_side
 

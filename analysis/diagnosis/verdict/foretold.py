@@ -28,7 +28,8 @@ from analysis.fit import names_on_plate, plates_named
 from analysis.fitted_shot import fit_jointly
 from analysis.model.base import PLATE_NAMES
 from analysis.model.effects import findings
-from analysis.model.least_squares import Infeasible, minimise
+from analysis.model.least_squares import minimise
+from analysis.model.parameters import Infeasible
 from analysis.model.prepare import base_named, prepare
 from analysis.model.response import Model
 from analysis.model.search import own_start

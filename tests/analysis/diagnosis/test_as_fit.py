@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.diagnosis.fits.as_fit import as_fit
-from analysis.diagnosis.fits.base_fit import accept
+from analysis.diagnosis.search.from_base import accept
 from analysis.model.fitting import fit_shots
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 

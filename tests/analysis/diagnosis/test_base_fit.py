@@ -2,9 +2,10 @@
 
 import pytest
 
-from analysis.diagnosis.fits.base_fit import base_fit, explored
+from analysis.diagnosis.fits.base_fit import base_fit
 from analysis.diagnosis.fits.hypothesis import JointData
 from analysis.diagnosis.fits.samples import together
+from analysis.diagnosis.search.from_base import explored
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.model.fitting import fit_shots
 from analysis.model.prepare import base_named

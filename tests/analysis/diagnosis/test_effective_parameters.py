@@ -6,8 +6,7 @@ import pytest
 from analysis.diagnosis.fits.effective_parameters import Point, to_actual, to_effective
 from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
 from analysis.diagnosis.fits.samples import together
-from analysis.model.least_squares import Infeasible
-from analysis.model.parameters import PAPER
+from analysis.model.parameters import PAPER, Infeasible
 from analysis.model.prepare import base_named
 from tests.analysis.diagnosis.shots import KINDS, shots
 

@@ -5,10 +5,10 @@ import math
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.fits.base_fit import accept
 from analysis.diagnosis.fits.free_parameters import trial_effects
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.search.from_base import accept
 from analysis.laws.own import from_mapping
 from analysis.model.fitting import fit_shots
 from analysis.motion import Motion

@@ -5,8 +5,7 @@ import pytest
 
 from analysis.diagnosis.fits.quick_shot import Optics, respond
 from analysis.model.base import PLATE_NAMES
-from analysis.model.least_squares import Infeasible
-from analysis.model.parameters import PAPER
+from analysis.model.parameters import PAPER, Infeasible
 from instrument.bench.mechanics import Bodies
 from instrument.bench.sight import shoot
 

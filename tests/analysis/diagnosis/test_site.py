@@ -16,6 +16,7 @@ from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.noise.joint_data import joint_data, parameters_of, shakings_of, site_under, with_plates
 from analysis.diagnosis.noise.site import Site, Sway, site_of
 from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.disturbance import Shaking
 from analysis.model.fitting import fit_shots
 from analysis.quantity import Quantity
@@ -101,7 +102,7 @@ def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shakin
 def test_what_falls_no_faster_than_a_path_wanders_is_none_of_the_frames() -> None:
     frequency = np.arange(2.0, 1000.0, 4.0)
     of_frame, of_path = 1e-15 * (frequency / 10.0) ** -5.0, 1e-19 * (frequency / 10.0) ** -2.0
-    site = site_of((Shaking(frequency, of_frame + of_path, np.ones(frequency.size, np.bool_)),), 0.06)
+    site = site_of((Shaking(frequency, of_frame + of_path, np.ones(frequency.size, np.bool_)),), 0.06, CRITERIA.site_nm)
     assert isinstance(site, Site)
     both = 2.0 * 1e-19 / 1e-15  # of path over frame: where all is three times the path
     fastest = 10.0 * both ** (-1 / 3)
@@ -110,7 +111,7 @@ def test_what_falls_no_faster_than_a_path_wanders_is_none_of_the_frames() -> Non
 
 def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
     one, other = flat(1e-16, ((100.0, 4e-18),)), flat(3e-16, ((101.0, 2e-18), (296.0, 1e-18)))
-    site = site_of((one, other), 0.06)
+    site = site_of((one, other), 0.06, CRITERIA.site_nm)
     assert isinstance(site, Site)
     lines = site.shaking.frequency_hz[~site.shaking.random]
     assert list(lines) == [100.0, 101.0, 296.0]
@@ -120,9 +121,9 @@ def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
 
 
 def test_a_quiet_table_is_no_site() -> None:
-    assert site_of((None, None), 0.06) is None
-    assert site_of((flat(1e-18), flat(2e-18)), 0.06) is None  # 12 nm: a path that wanders by itself
-    assert site_of((flat(1e-22, ((100.0, 1e-15),)),), 0.06) is None  # of a line alone the diagnosis tells
+    assert site_of((None, None), 0.06, CRITERIA.site_nm) is None
+    assert site_of((flat(1e-18), flat(2e-18)), 0.06, CRITERIA.site_nm) is None  # 12 nm: a path that wanders by itself
+    assert site_of((flat(1e-22, ((100.0, 1e-15),)),), 0.06, CRITERIA.site_nm) is None  # the diagnosis tells
 
 
 @cache
@@ -130,7 +131,7 @@ def at_vc_d():
     """Return three clean shots at VC-D as a diagnosis judges them, and what the base fit leaves."""
     motions = shots_at("VC-D", 31)
     shakings = shakings_of(motions, "paper", None)
-    site = site_under(motions, shakings)
+    site = site_under(motions, shakings, CRITERIA.site_nm)
     fit = fit_shots(motions, shakings=shakings)
     data = joint_data(motions, fit, site)
     hypothesis = Hypothesis(data, ())
@@ -177,7 +178,7 @@ def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
     fit = fit_shots(motions)
     names = {"plate_stiffness_n_per_m": 3.8e6, "plate_mass_kg": 1.4e-6, "contact_stiffness_n_per_m": 280.0}
     drawn_off = replace(fit, parameters={**fit.parameters, **{name: Quantity(v, 0.0) for name, v in names.items()}})
-    site = site_under(motions, shakings_of(motions, "paper", None))
+    site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
     assert joint_data(motions, drawn_off, site).site is None
 

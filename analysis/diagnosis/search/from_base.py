@@ -1,0 +1,91 @@
+"""Search for effects from the base model's fit: with those the model already has, or from where the shot was read."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.diagnosis.fits.base_fit import slow_enough
+from analysis.diagnosis.fits.effective_parameters import Point
+from analysis.diagnosis.fits.free_parameters import TrialEffect
+from analysis.diagnosis.fits.hypothesis import Hypothesis
+from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, search
+from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
+from analysis.diagnosis.search.wider import narrower
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.fit import Fit
+from analysis.model.base_minimum import first_guesses
+from analysis.model.parameters import Infeasible
+from analysis.model.prepare import prepare_set
+from analysis.model.response import Model
+from analysis.model.search import own_start
+from analysis.motion import Motion
+from analysis.shot import Stop
+
+_SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # of the stiffness and damping of the contact that was read
+
+
+def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[str], stop: Stop) -> Fitted:
+    """Return the fit with the effects that the model already has."""
+    here = base
+    for name in accepted:
+        if name not in {kind.name for kind in catalogue}:
+            raise ValueError(f"no effect is called {name!r}; there are {', '.join(k.name for k in catalogue)}")
+    held = narrower(accepted)
+    for name in (name for name in accepted if name not in held):
+        kind = next(k for k in catalogue if k.name == name)
+        better, _ = explore(here, [kind], stop, most=1, widens=False)
+        if name not in better.names:
+            hypothesis = Hypothesis(here.hypothesis.data, (*here.hypothesis.effects, kind), here.hypothesis.fixed)
+            values = tuple({**v, name: dict(kind.starts[0])} for v in here.point.values)
+            z = hypothesis.pack(Point(here.point.base, here.point.own, values))
+            better = finish(hypothesis, search(hypothesis, z, here.floor, cancelled=stop), here.floor)
+        here = better
+    return here
+
+
+def explored(
+    before: Fitted,
+    given: Fit,
+    motions: Sequence[Motion],
+    catalogue: Sequence[TrialEffect],
+    stop: Stop,
+    *,
+    most: int = CRITERIA.most_effects,
+) -> tuple[Fitted, Trail]:
+    """Return the best fit with ``most`` effects, and what was tried from where; ``given`` is the base fit."""
+    if not before.converged and given.reduced_chi2 > CRITERIA.drawn_far:
+        return _from_the_guess(before, motions, catalogue, stop)
+    best, trail = explore(before, catalogue, stop, most=most)
+    again = trail.of(before.names)
+    if again is not None and better(again, before):  # an effect's detour led the base itself to a better place
+        return explore(again, catalogue, stop, most=most)
+    return best, trail
+
+
+def _from_the_guess(
+    before: Fitted, motions: Sequence[Motion], catalogue: Sequence[TrialEffect], stop: Stop
+) -> tuple[Fitted, Trail]:
+    """Return the best fit with effects, begun where the collision was read, not where the base was drawn.
+
+    What a base model lacks a thousandfold draws its own parameters to a wall: no step from there leads back.  It may
+    have drawn the contact that was read too, so a softer one is a second place to begin.
+    """
+    hypothesis = before.hypothesis
+    shots = prepare_set(motions)
+    guess = first_guesses(hypothesis.data.base, shots, stop)[0]
+    own = np.array([own_start(shot, Model(hypothesis.data.base)) for shot in shots])
+    climbs = []
+    for softer in _SOFTENED:
+        contact = guess.copy()
+        contact[hypothesis.data.base.contact_at] *= softer
+        point = slow_enough(hypothesis, Point(contact, own, before.point.values))
+        try:
+            found = search(hypothesis, hypothesis.pack(point), before.floor, evaluations=1, cancelled=stop)
+            there = finish(hypothesis, found, before.floor)
+        except Infeasible:
+            continue
+        trail = Trail(before, catalogue, stop)
+        best = climb(there, trail)
+        if best is not there and best.bic < before.bic:
+            climbs.append((best, trail))
+    return min(climbs, key=lambda climbed: climbed[0].bic) if climbs else explore(before, catalogue, stop)

@@ -12,6 +12,7 @@ from analysis.doubts import FIT_DOUBTS, doubts_of_fit
 from analysis.fit import Fit
 from analysis.motion import Motion
 from analysis.quantity import NotSeen
+from analysis.rate_error import fit_with_rate_error
 from analysis.shot import AnalysisError, Shot
 
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
@@ -81,6 +82,7 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
     assert shot.motion is not None
     try:
         fit = fit_jointly([shot.motion], shot.settings.model, effects, cancelled, [shaking_of(shot)])
+        fit = fit_with_rate_error(fit, shot.motion)
         fitted = with_fit(shot, fit)
         return replace(fitted, problem=None) if driven else _read_again(replace(fitted, fit_problem=None))
     except AnalysisError as error:

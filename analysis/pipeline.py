@@ -120,6 +120,7 @@ def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | No
 def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) -> Shot:
     if shot.motion is None:
         return shot
+    from analysis.rate_error import with_rate_error
     from analysis.reading.read import NoImpact, read_impact
     from analysis.reading.sense import check_collision
 
@@ -128,7 +129,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
     if shot.settings.model != "driven":  # a slider under a known force strikes nothing
         try:
             check_collision(shot.motion)
-            impact = read_impact(shot.motion)
+            impact = with_rate_error(read_impact(shot.motion), shot.motion)
             shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
         except (NoImpact, AnalysisError) as error:
             shot = replace(shot, problem=str(error))

@@ -18,6 +18,8 @@ from analysis.signal.losses import FLAG as SAMPLES_LOST
 from analysis.signal.losses import find_losses, kinks, suspicious
 from analysis.signal.plan import plans
 from analysis.signal.rest import Rest, smooth
+from analysis.signal.stated_rate import FLAG as RATE_CONTRADICTED
+from analysis.signal.stated_rate import rate_error
 from analysis.signal.survey import survey
 from analysis.signal.track import Grid, Track, Wanted, read_tracks
 from analysis.signal.wander import wander
@@ -25,7 +27,6 @@ from analysis.signal.wander import wander
 Floats = NDArray[np.float64]
 HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat it bends the phase by as much
 _UNSTEADY_SIGMA = 3.0
-_RATE_DOUBT = 0.01  # of a stated rest frequency, by which PD0 may differ
 _WORTH_ANOTHER = 0.8  # of the samples missed so far: a wider band must do this well to be preferred
 _CLIPPED = 1e-4  # of the samples at a rail: a beat that is cut off
 _REST_REACH = 2000
@@ -143,6 +144,9 @@ def _motion(
             moving = moving - leak_phase(leak, moving, rest_cycles, track, grid)
             flags.append("leak_removed")
     displacement = -0.5 * wavelength_m * (moving - rest_cycles)
+    off = rate_error(recording, rest if len(tracks) > 1 and isinstance(rest, Quantity) else None)
+    if off:
+        flags.append(RATE_CONTRADICTED)
     std = 0.5 * wavelength_m * np.hypot(track.std_cycles[:count], rest_std)
 
     hole = track.hole[:count].copy()
@@ -199,6 +203,7 @@ def _motion(
         wavelength_m=wavelength_m,
         rest_frequency_hz=rest,
         trigger_time_s=recording.trigger_time_s,
+        rate_error=off,
         displacement_wander_m_per_sqrt_s=walk,
         reference=_quality(recording, Role.REFERENCE, tracks[1], grid) if len(tracks) > 1 else None,
         measurement=_quality(recording, Role.MEASUREMENT, track, grid),
@@ -231,11 +236,6 @@ def _rest(
     rest: Rest = smooth(own_time, np.where(track.hole, np.nan, phase), std, track.oscillator_hz)
     if rest.degree > 1:
         flags.append("rest_drift")
-    stated = recording.setup.rest_frequency_hz
-    if stated and abs(rest.frequency_hz.value / stated - 1.0) > _RATE_DOUBT:
-        flags.append(
-            "rate_doubtful"
-        )  # a laser's rest beat is known better: the sample rate is not what it is said to be
     if rest.unsteady_cycles > _UNSTEADY_SIGMA * std:
         flags.append("rest_unsteady")
     delayed = track.oscillator_hz * (time_s - _delay_s(track))

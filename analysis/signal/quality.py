@@ -22,7 +22,7 @@ MEANINGS = {
     "rest_unsteady": "the rest frequency was not smooth: subtract PD0 sample by sample (instantaneous)",
     "wander": "the optical path drifted by itself; contained in the uncertainties of velocity and force",
     "out_of_band": "the beat left the band it was read through: frequencies beyond it are not to be trusted",
-    "rate_doubtful": "the computer's clock or PD0 contradicts the sample rate: all speeds and times may be wrong",
+    "rate_contradicted": "PD0 or the computer's clock contradicts the sample rate: all speeds may be wrong by that",
     "uneven_time": "the record's times were uneven and were interpolated to an even grid",
 }
 

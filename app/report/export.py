@@ -51,6 +51,20 @@ KINETIC = ("force_peaks", "onsets", "flights", "contact")
 FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 
 
+def _pair(name: str, unit: str) -> list[str]:
+    suffix = "" if unit == "1" else f"_{unit}"
+    return [f"{name}{suffix}", f"{name}_std{suffix}"]
+
+
+SHOT_COLUMNS = (
+    *("name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"),
+    *itertools.chain.from_iterable(_pair(name, unit) for name, unit, _ in READINGS),
+    *itertools.chain.from_iterable(_pair(f"cor_kinetic_{kind}", "1") for kind in KINETIC),
+    *(f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")),
+    "reduced_chi2",
+)
+
+
 def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
     """Write one motion file a shot, ``shots.csv``, ``budget.csv`` and, of several shots, ``series.csv``.
 
@@ -127,13 +141,7 @@ def write_motion(shot: Shot, path: Path) -> None:
 
 def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
     """Write ``shots.csv`` from rows of ``shot_row``; each reading stands beside its standard uncertainty."""
-    header = ["name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"]
-    for name, unit, _ in READINGS:
-        header += _pair(name, unit)
-    for kind in KINETIC:
-        header += _pair(f"cor_kinetic_{kind}", "1")
-    header += [f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")] + ["reduced_chi2"]
-    write_table(header, rows, path)
+    write_table(SHOT_COLUMNS, rows, path)
 
 
 def write_table(header: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
@@ -153,11 +161,6 @@ def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:
         if shot.impact is not None:
             rows += to_rows(budget(shot, others=[other for other in shots if other is not shot]))
     return rows
-
-
-def _pair(name: str, unit: str) -> list[str]:
-    suffix = "" if unit == "1" else f"_{unit}"
-    return [f"{name}{suffix}", f"{name}_std{suffix}"]
 
 
 def shot_row(shot: Shot, motion_file: str) -> list[str]:

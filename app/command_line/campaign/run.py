@@ -47,6 +47,8 @@ def campaign(
         effects = known.effects if known else ()
         tasks = tasks_of(found, known.base if known else model, effects, export_to, checked=checked)
         with contextlib.closing(_journal(json_to, export_to, tasks)) as journal:
+            if journal.spoilt:
+                print(f"levimass: {_spoilt(journal.path, journal.spoilt)}", file=sys.stderr)
             todo = [task for task in tasks if task.stamp not in journal]
             _say_again(tasks, journal)
             not_reached: dict[str, str] = {}
@@ -70,6 +72,11 @@ def _crew(jobs: int | None, scheduler: str | None, todo: Sequence[Task]) -> Crew
     from app.command_line.campaign.cluster import Cluster  # dask.distributed is an extra
 
     return Cluster(scheduler, todo)
+
+
+def _spoilt(path: Path | None, lines: int) -> str:
+    which = "a line is" if lines == 1 else f"{lines} lines are"
+    return f"{path}: {which} not as this program writes them: passed over, what they were of is analysed again"
 
 
 def _say_again(tasks: Sequence[Task], journal: Journal) -> None:

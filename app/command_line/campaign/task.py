@@ -7,7 +7,7 @@ from typing import Any
 
 from analysis.report import shot_result
 from analysis.shot import AnalysisSettings
-from analysis.version import program_version
+from analysis.version import program
 from app.report.export import motion_file_names, shot_row, write_motion
 from app.session.load import analysed, cause_of, unanalysed
 from instrument.foreign.remembered import remembered_mapping
@@ -61,7 +61,7 @@ def tasks_of(
     for path, name in zip(found, names, strict=True):
         csv = str(export_to.absolute() / name) if export_to is not None else None
         sizes, dates = _state(path)
-        stamp = (program_version(), base, effects, csv, checked, str(path.resolve()), sizes, dates)
+        stamp = (program(), base, effects, csv, checked, str(path.resolve()), sizes, dates)
         tasks.append(Task(str(path.absolute()), base, effects, csv, checked, "|".join(map(str, stamp)), sizes))
     return tasks
 

@@ -8,6 +8,7 @@ from analysis.shot import AnalysisError
 
 Floats = NDArray[np.float64]
 CLEAR_SIGMAS = 20.0  # of the displacement's noise: a turn has to stand out by that
+SHORTEST_S, LONGEST_S = 1e-6, 600.0  # a record with a collision and its two flights: a microsecond, ten minutes
 _BLOCKS = 200  # averaged over, so that a turn is one of the motion
 
 
@@ -15,6 +16,9 @@ def check_collision(motion: Motion) -> None:
     """Raise AnalysisError, saying what to mend, where a record from elsewhere lacks a mass or runs the wrong way."""
     if motion.wavelength_m is not None:
         return
+    span = float(motion.time_s[-1] - motion.time_s[0])
+    if not SHORTEST_S <= span <= LONGEST_S:
+        raise AnalysisError(f"time_s: {motion.time_s.size} samples over {span:.3g} s: is the unit right?")
     if not np.isfinite(motion.moving_mass_kg):
         raise AnalysisError(
             "moving_mass_kg: not stated; the force of a collision is mass times acceleration (say it in the .toml)"

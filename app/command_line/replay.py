@@ -12,6 +12,7 @@ from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
 from analysis.fit import Fit
+from analysis.fit_time import SECONDS
 from analysis.fitted_shot import fit_again, read_together, shaking_of
 from analysis.one_rig import why_not_together
 from analysis.planning.next_shot import Reach
@@ -50,6 +51,7 @@ def replay(
     checked: bool = True,
     plan: str | None = None,
     reach: Reach | None = None,
+    fit_seconds: float | None = None,
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
@@ -57,7 +59,7 @@ def replay(
     ``foretell`` puts the file's model to the test, as it is.
     ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue; ``checked`` compares the
     data with their hash.  ``plan`` asks for the next shots: those that decide (""), or that make a parameter surer;
-    ``reach`` is what the rig can do.
+    ``reach`` is what the rig can do.  ``fit_seconds`` is the longest that the fit of one shot may take.
     """
     shots: list[Shot] = []
     try:
@@ -67,7 +69,7 @@ def replay(
     except (AnalysisError, RecordingError, OSError) as error:
         print(f"levimass: {in_a_line(error, model)}", file=sys.stderr)
         return 1
-    settings = AnalysisSettings(effects=known.effects) if known else None
+    settings = AnalysisSettings(effects=known.effects if known else (), fit_seconds=fit_seconds or SECONDS)
     for path in find_recordings(paths):
         shot = load_and_analyse(path, known.base if known else model, settings=settings, checked=checked)
         if why := shot.problem or shot.fit_problem:

@@ -35,6 +35,7 @@ MOTION_COLUMNS = (
     "acceleration_std_m_per_s2",
     "force_std_n",
 )
+_LONGEST_STEM = 200  # bytes: with an ending and a number a name has at most 255
 MODEL_COLUMNS = ("model_displacement_m", "model_velocity_m_per_s", "model_force_n", "model_gap_m")
 READINGS = (
     ("velocity_in", "m_per_s", "velocity_in_m_per_s"),
@@ -94,6 +95,7 @@ def motion_file_names(shot_names: Sequence[str]) -> list[str]:
     names = []
     for shot_name in shot_names:
         stem = re.sub(r"[^\w.-]+", "_", shot_name).strip("._") or "shot"
+        stem = stem.encode("utf-8", "replace")[:_LONGEST_STEM].decode("utf-8", "ignore")
         name, number = f"{stem}.csv", 2
         while name.lower() in taken:
             name, number = f"{stem}-{number}.csv", number + 1

@@ -53,25 +53,34 @@ def test_compiling_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     class Clock:
         """Stands for the time of the machine."""
 
-        now = 100.0
+        now, used = 100.0, 7.0
 
         def monotonic(self) -> float:
             return self.now
+
+        def process_time(self) -> float:
+            return self.used
+
+        def passes(self, seconds: float) -> None:
+            self.now += seconds
+            self.used += seconds
 
     clock = Clock()
     monkeypatch.setattr(fit_time, "time", clock)
     counting = fit_time._compiling()
     left = FitTime(5.0)
     counting.on_start(None)
-    clock.now += 60.0
+    clock.passes(60.0)
     assert not left()  # under way
     counting.on_start(None)  # what is compiled for it, and in another thread
     other = threading.Thread(target=counting.on_end, args=(None,))
     other.start()
     other.join()
-    clock.now += 60.0
+    clock.passes(60.0)
     counting.on_end(None)
-    clock.now += 4.0
+    clock.passes(4.0)
     assert not left() and not left.over
-    clock.now += 2.0
+    clock.now += 900.0  # others have the processor
+    assert not left()
+    clock.passes(2.0)
     assert left() and left.over

@@ -42,6 +42,7 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "vibration": (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
         "knock": (*_VELOCITIES, *_PULSE, *_FITTED, "contact_time_s", "deflection_max_m"),
         "samples_lost": (*_PULSE, *_BOUNCES, "contact_time_s", "deflection_max_m"),
+        "cross_talk": ("deflection_max_m", "contact_time_s"),
         "rate_contradicted": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
         "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
         "chi2_far_from_one": _FITTED,

@@ -40,3 +40,31 @@ def _reversed(displacement_m: Floats, noise_m: float) -> bool:
     inside = 0 < top < rough.size - 1 and bottom in (0, rough.size - 1)
     far = rough[top] - max(ends) > max(CLEAR_SIGMAS * noise_m, 0.05 * float(np.ptp(rough)))
     return bool(inside and far)
+
+
+def why_none(motion: Motion) -> str | None:
+    """Return why the optics' motion holds no collision where it runs backwards, in time or in sense; else None.
+
+    A plate gives back less than it took: of two flights that part at the top the slower one is the later.
+    """
+    displacement = motion.displacement_m
+    known = np.flatnonzero(np.isfinite(displacement))
+    if motion.wavelength_m is None or known.size < _BLOCKS:
+        return None
+    if not _reversed(displacement, float(np.nanmedian(motion.displacement_std_m))):
+        return None
+    top = int(known[np.argmax(displacement[known])])
+    away = _speed(displacement[known[0] : top], motion.sample_rate_hz)
+    back = _speed(displacement[top : known[-1] + 1], motion.sample_rate_hz)
+    if back > away:
+        return "the block goes away first and comes back faster than it went: time runs backwards in this recording"
+    rule = "PD1's beat has to lie above PD0's while it comes to the plate"
+    return f"the block goes away first and comes back: the sense is reversed ({rule})"
+
+
+def _speed(displacement_m: Floats, rate_hz: float) -> float:
+    """Return the speed of the flight in a stretch of which another part, the contact, is slower."""
+    known = displacement_m[np.isfinite(displacement_m)]
+    size = max(1, known.size // _BLOCKS)
+    means = known[: known.size // size * size].reshape(-1, size).mean(axis=1)
+    return float(np.percentile(np.abs(np.diff(means)), 90)) * rate_hz / size if means.size > 1 else 0.0

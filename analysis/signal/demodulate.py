@@ -10,6 +10,9 @@ from analysis.motion import BeatQuality, Motion
 from analysis.quantity import Quantity, Reading
 from analysis.recording import Recording, Role
 from analysis.shot import AnalysisError, AnalysisSettings, Progress, Stop
+from analysis.signal.cross_talk import LEFT as CROSS_TALK
+from analysis.signal.cross_talk import LEFT_ABOVE, CrossTalk, find_cross_talk, swapped, taken_off
+from analysis.signal.cross_talk import REMOVED as CROSS_TALK_REMOVED
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
 from analysis.signal.fold import folded_harmonic
 from analysis.signal.joining import joined
@@ -57,6 +60,17 @@ def demodulate(
     seen_reference = None
     if reference_column is not None:
         seen_reference = survey(recording.counts[:, reference_column], rate, bits, "reference channel")
+        moved = swapped(seen, seen_reference)
+        if moved is not None:
+            raise AnalysisError(
+                f"PD0's beat moves by {1e-3 * moved:.0f} kHz and PD1's stands still: their cables are swapped, or the "
+                "roles of the channels"
+            )
+        mixed = find_cross_talk(
+            recording.counts[:, reference_column], recording.counts[:, column], seen_reference, seen, rate
+        )
+        if mixed is not None and not {CROSS_TALK_REMOVED, CROSS_TALK}.intersection(recording.flags):
+            return demodulate(_freed(recording, mixed, reference_column, column), settings, progress, cancelled)
     best: tuple[int, Grid, list[Track]] | None = None
     for plan in plans(seen, seen_reference, recording, settings):
         grid = Grid.of(recording, plan.step)
@@ -73,7 +87,7 @@ def demodulate(
             break
     assert best is not None
     _, grid, tracks = best
-    if len(tracks) > 1 and SAMPLES_LOST not in recording.flags:
+    if len(tracks) > 1 and not {SAMPLES_LOST, CROSS_TALK}.intersection(recording.flags):
         # A beat that is cut off has harmonics, which folded on to it jump about as a loss does.
         whole = tracks[0].wanted.survey.clipped_fraction <= _CLIPPED
         kinked = [grid.stored_sample(at, tracks[0].wanted.tuning) for at in kinks(tracks[0])] if whole else []
@@ -84,6 +98,15 @@ def demodulate(
             mended = replace(recording, gaps=gaps, flags=(*recording.flags, SAMPLES_LOST))
             return demodulate(mended, settings, progress, cancelled)
     return _motion(recording, settings, wavelength_m, grid, tracks)
+
+
+def _freed(recording: Recording, found: CrossTalk, reference: int, moving: int) -> Recording:
+    """Return a recording whose PD0 is free from PD1's beat, and which says so, and where something is left of it."""
+    counts = recording.counts.copy()
+    counts[:, reference] = taken_off(counts[:, reference], counts[:, moving], found)
+    counts.flags.writeable = False
+    flags = (CROSS_TALK_REMOVED, *((CROSS_TALK,) if found.left > LEFT_ABOVE else ()))
+    return replace(recording, counts=counts, flags=(*recording.flags, *flags))
 
 
 def _check(recording: Recording, settings: AnalysisSettings) -> None:

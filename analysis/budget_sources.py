@@ -55,9 +55,8 @@ class ShotSources:
         self.ledger = Ledger()
         self._shot = shot
         self._instrument = instrument
-        self.timebase = self.ledger.number(
-            1.0, instrument.timebase_u, "timebase", "B", "1", "digitizer's clock, rectangular limit"
-        )
+        self._rate_error = shot.motion.rate_error if shot.motion is not None else 0.0
+        self.timebase = self._timebase()
         self.mass_kg, self._mass_value = self._mass()
         self.length_scale = self._length()  # of displacement; velocity also takes the timebase
         self.velocity_scale = self.length_scale / self.timebase
@@ -68,10 +67,13 @@ class ShotSources:
         """Get the block's mass over the value used."""
         return self.mass_kg / self._mass_value
 
-    def noisy(self, reading: Reading | None, name: str, unit: str, *, without_mass: bool = False) -> Number | None:
+    def noisy(
+        self, reading: Reading | None, name: str, unit: str, *, without_mass: bool = False, per_time: int = 0
+    ) -> Number | None:
         """Return a reading with its own type A uncertainty, or None where it was not seen.
 
-        ``without_mass`` takes the mass's part off a reading that carries it already.
+        ``without_mass`` takes the mass's part off a reading that carries it already; ``per_time``, the power of the
+        sample rate that it goes with, takes off what a contradicted rate put into it.
         """
         if not isinstance(reading, Quantity) or not (math.isfinite(reading.value) and math.isfinite(reading.std)):
             return None
@@ -79,6 +81,9 @@ class ShotSources:
         motion = self._shot.motion
         if without_mass and motion is not None:
             carried = reading.value * motion.moving_mass_u_kg / motion.moving_mass_kg
+            std = math.sqrt(max(0.0, std**2 - carried**2))
+        if self._rate_error:
+            carried = per_time * reading.value * self._rate_error
             std = math.sqrt(max(0.0, std**2 - carried**2))
         return self.ledger.number(reading.value, std, name, "A", unit, reading.how)
 
@@ -111,6 +116,15 @@ class ShotSources:
         theory = self._instrument.plate.beam_theory
         how = "clamp and disc bend as a plate, not as beams"
         return numbers | {"beam_theory": self.ledger.number(1.0, theory, "plate: beam theory", "B", "1", how)}
+
+    def _timebase(self) -> Number:
+        """Return the clock's time over the true one, 1 with an uncertainty."""
+        stated = self._instrument.timebase_u
+        if not self._rate_error:
+            return self.ledger.number(1.0, stated, "timebase", "B", "1", "digitizer's clock, rectangular limit")
+        std = math.hypot(stated, self._rate_error)
+        how = "PD0 or the computer's clock contradicts the sample rate by as much"
+        return self.ledger.number(1.0, std, "timebase", "B", "1", how)
 
     def _mass(self) -> tuple[Number, float]:
         setup, motion = self._shot.setup, self._shot.motion
@@ -176,7 +190,10 @@ class ShotSources:
             return 0.0
         rest = motion.rest_frequency_hz
         if motion.reference is None:
-            std, kind, how = self._instrument.rest_frequency_u_hz, "B", "given, not recorded beside the shot"
+            own = self._shot.setup.rest_frequency_u_hz if self._shot.setup is not None else None
+            moved = self._rate_error * rest.value if isinstance(rest, Quantity) else 0.0
+            std, kind = math.hypot(own or self._instrument.rest_frequency_u_hz, moved), "B"
+            how = "given, not recorded beside the shot"
         elif isinstance(rest, Quantity):
             std, kind, how = rest.std, "A", rest.how
         else:

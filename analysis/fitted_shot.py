@@ -6,13 +6,17 @@ The model is imported where it is used: a shot's readings, and the window, do no
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from numpy.linalg import LinAlgError
+
 from analysis.awaited_fit import TO_FOLLOW, can_be_fitted
 from analysis.disturbance import Shaking
 from analysis.doubts import FIT_DOUBTS, doubts_of_fit
 from analysis.fit import Fit
+from analysis.fit_time import SECONDS, FitTime
 from analysis.motion import Motion
 from analysis.quantity import NotSeen
-from analysis.shot import AnalysisError, Shot
+from analysis.rate_error import fit_with_rate_error
+from analysis.shot import AnalysisError, Cancelled, Shot
 
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
 
@@ -80,7 +84,10 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
     shot = replace(shot, settings=replace(shot.settings, effects=effects))
     assert shot.motion is not None
     try:
-        fit = fit_jointly([shot.motion], shot.settings.model, effects, cancelled, [shaking_of(shot)])
+        fit = fit_jointly(
+            [shot.motion], shot.settings.model, effects, cancelled, [shaking_of(shot)], shot.settings.fit_seconds
+        )
+        fit = fit_with_rate_error(fit, shot.motion)
         fitted = with_fit(shot, fit)
         return replace(fitted, problem=None) if driven else _read_again(replace(fitted, fit_problem=None))
     except AnalysisError as error:
@@ -112,10 +119,11 @@ def fit_jointly(
     effects: tuple[str, ...],
     cancelled: Callable[[], bool] | None = None,
     shakings: Sequence[Shaking | None] = (),
+    seconds: float = SECONDS,
 ) -> Fit:
     """Return one fit of all motions with this base model and effects.  Raises AnalysisError, Cancelled.
 
-    ``shakings`` say what shook the frame of each, where that is known.
+    ``shakings`` say what shook the frame of each, where that is known; ``seconds`` are those that each motion may cost.
     """
     if base == "driven":
         from analysis.drive.fit import fit_driven
@@ -123,7 +131,15 @@ def fit_jointly(
         return fit_driven(motions, effects)
     from analysis.model.fitting import fit_shots
 
-    return fit_shots(motions, model=base, effects=effects, cancelled=cancelled, shakings=shakings)
+    left = FitTime(seconds * len(motions), cancelled)
+    try:
+        return fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings)
+    except Cancelled:
+        if left.over:
+            raise AnalysisError(left.words) from None
+        raise
+    except LinAlgError as error:
+        raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from None
 
 
 def flags_of(fit: Fit) -> tuple[str, ...]:

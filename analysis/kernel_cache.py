@@ -26,6 +26,8 @@ from typing import Any
 
 import platformdirs
 
+from analysis.kernel_safety import import_numba, only_own
+
 _PACKAGE = __name__.rpartition(".")[0]  # "analysis", in the wheel "levimass.analysis"
 _PREFIX = _PACKAGE.removesuffix("analysis")
 _BASE = Path(__file__).resolve().parents[len(_PACKAGE.split("."))]
@@ -36,6 +38,7 @@ KEPT_VERSIONS = 4  # of one kernel file: branches and versions that are in use a
 
 def keep_true() -> None:
     """Let numba keep this program's kernels under their stamps; kernels of other programs are left alone."""
+    import_numba()
     from numba.core import caching
 
     locators = caching.CacheImpl._locator_classes
@@ -62,7 +65,7 @@ def keep_true() -> None:
 
         def ensure_cache_path(self) -> None:
             with contextlib.suppress(OSError):
-                os.makedirs(self.get_cache_path(), exist_ok=True)
+                os.makedirs(self.get_cache_path(), mode=0o700, exist_ok=True)
 
         def get_cache_path(self) -> str:
             return str(folder_of(self._module))
@@ -92,13 +95,11 @@ def keep_true() -> None:
 
 
 def root() -> Path:
-    """Return the folder of all kernels: numba's where the user chose one, else the user's cache folder.
+    """Return the folder of all kernels: the environment's where the user chose one, else the user's cache folder.
 
-    Where neither can be written to they are kept with the temporary files.
+    Where neither can be written to, or may hold what somebody else laid there, they are kept with the temporary files.
     """
-    import numba
-
-    chosen = str(numba.config.CACHE_DIR)  # type: ignore[attr-defined]
+    chosen = os.environ.get("NUMBA_CACHE_DIR", "")
     if chosen and _writable(Path(chosen) / "levimass"):
         return Path(chosen) / "levimass"
     return _root_unless_chosen()
@@ -113,14 +114,21 @@ def _root_unless_chosen() -> Path:
     folder = Path(tempfile.gettempdir()) / f"levimass-kernels-{user}"
     with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
-        if not hasattr(os, "getuid") or (not folder.is_symlink() and folder.stat().st_uid == user):
+        if not folder.is_symlink() and only_own(folder):
             return folder
-    return Path(tempfile.mkdtemp(prefix="levimass-kernels-"))  # binaries that somebody else may have laid are not run
+    return _private()
 
 
 def folder_of(module: str) -> Path:
     """Return the folder of a module's kernels, as its sources are now."""
-    return root() / f"{module.removeprefix(_PREFIX)}-{stamp(module)[:16]}"
+    folder = root() / f"{module.removeprefix(_PREFIX)}-{stamp(module)[:16]}"
+    return folder if only_own(folder) else _private() / folder.name
+
+
+@cache
+def _private() -> Path:
+    """Return a folder of this process alone: binaries that somebody else may have laid are not run."""
+    return Path(tempfile.mkdtemp(prefix="levimass-kernels-"))
 
 
 @cache
@@ -250,7 +258,7 @@ def _ready(folder: str) -> None:
     path = Path(folder)
     with contextlib.suppress(OSError):  # no room for it, or another process is clearing the same folders
         new = not path.is_dir()
-        path.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
         os.utime(path)
         if new:
             mine = path.name.rpartition("-")[0]
@@ -261,10 +269,10 @@ def _ready(folder: str) -> None:
 
 def _writable(folder: Path) -> bool:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:
         return False
-    return os.access(folder, os.W_OK)
+    return os.access(folder, os.W_OK) and only_own(folder)
 
 
 def _same_file(source: Path, other: str) -> bool:

@@ -33,8 +33,8 @@ def results(shot: Shot, sources: ShotSources) -> Iterator[Result]:
 def _restitution(impact: Impact, sources: ShotSources) -> Iterator[Result]:
     """v = lambda_air f_D / 2 / cos a (Eq. 1); the rest frequency's error adds the same velocity to both flights."""
     scale, rest = sources.velocity_scale, sources.rest_velocity_m_per_s
-    into = sources.noisy(impact.velocity_in_m_per_s, "beat noise, flight in", "m/s")
-    out = sources.noisy(impact.velocity_out_m_per_s, "beat noise, flight out", "m/s")
+    into = sources.noisy(impact.velocity_in_m_per_s, "beat noise, flight in", "m/s", per_time=1)
+    out = sources.noisy(impact.velocity_out_m_per_s, "beat noise, flight out", "m/s", per_time=1)
     if into is not None:
         into = (into + rest) * scale
         yield Result("velocity_in_m_per_s", "velocity before touch", "m/s", into, False)
@@ -71,18 +71,18 @@ def _ratio_of_times(sources: ShotSources, reading: Quantity, first_s: float, sec
 
 def _force(impact: Impact, sources: ShotSources) -> Iterator[Result]:
     """F = m_b a: the acceleration scales with the length and the inverse square of time; times scale with the clock."""
-    peak = sources.noisy(impact.force_peak_n, "beat noise, force", "N", without_mass=True)
+    peak = sources.noisy(impact.force_peak_n, "beat noise, force", "N", without_mass=True, per_time=2)
     if peak is not None:
         scale = sources.mass_scale * sources.length_scale / sources.timebase**2
         number = peak * scale * sources.band_scale(impact.contact_time_s)
         yield Result("force_peak_n", "peak force", "N", number, False)
     # Both instants of a width are read on slopes that the band limit shifts alike.
-    for key, words, unit, reading, scale in (
-        ("force_fwhm_s", "pulse width", "s", impact.force_fwhm_s, sources.timebase),
-        ("contact_time_s", "contact time", "s", impact.contact_time_s, sources.timebase),
-        ("deflection_max_m", "deflection", "m", impact.deflection_max_m, sources.length_scale),
+    for key, words, unit, reading, scale, power in (
+        ("force_fwhm_s", "pulse width", "s", impact.force_fwhm_s, sources.timebase, 1),
+        ("contact_time_s", "contact time", "s", impact.contact_time_s, sources.timebase, 1),
+        ("deflection_max_m", "deflection", "m", impact.deflection_max_m, sources.length_scale, 0),
     ):
-        seen = sources.noisy(reading, f"beat noise, {words}", unit)
+        seen = sources.noisy(reading, f"beat noise, {words}", unit, per_time=power)
         if seen is not None:
             yield Result(key, words, unit, seen * scale, False)
 
@@ -94,29 +94,31 @@ def _stiffness(shot: Shot, sources: ShotSources) -> Iterator[Result]:
     fitted = (
         None
         if fit is None
-        else sources.noisy(fit.parameters.get("plate_stiffness_n_per_m"), "beat noise, through the fit", "N/m")
+        else sources.noisy(
+            fit.parameters.get("plate_stiffness_n_per_m"), "beat noise, through the fit", "N/m", per_time=2
+        )
     )
     if fitted is not None:
         fitted = fitted * per_time * sources.length_scale / sources.length_scale
         yield Result("plate_stiffness_n_per_m", "k_p, fitted", "N/m", fitted, True)
-    for key, words, unit, scale in (
-        ("plate_mass_kg", "m_p*, fitted", "kg", sources.mass_scale),
-        ("contact_stiffness_n_per_m", "k_N, fitted", "N/m", per_time),
-        ("contact_damping_n_s_per_m", "γ_N, fitted", "N s/m", sources.mass_scale / sources.timebase),
+    for key, words, unit, scale, power in (
+        ("plate_mass_kg", "m_p*, fitted", "kg", sources.mass_scale, 0),
+        ("contact_stiffness_n_per_m", "k_N, fitted", "N/m", per_time, 2),
+        ("contact_damping_n_s_per_m", "γ_N, fitted", "N s/m", sources.mass_scale / sources.timebase, 1),
     ):
         reading = fit.parameters.get(key) if fit is not None else None
-        number = sources.noisy(reading, "beat noise, through the fit", unit)
+        number = sources.noisy(reading, "beat noise, through the fit", unit, per_time=power)
         if number is not None:
             yield Result(key, words, unit, number * scale, True)
     slope_reading: Reading | None = shot.impact.stiffness_slope_n_per_m if shot.impact is not None else None
-    slope = sources.noisy(slope_reading, "beat noise and ripple, slope", "N/m", without_mass=True)
+    slope = sources.noisy(slope_reading, "beat noise and ripple, slope", "N/m", without_mass=True, per_time=2)
     if slope is not None:
         slope = slope * per_time * sources.length_scale / sources.length_scale
         yield Result("stiffness_slope_n_per_m", "slope of F", "N/m", slope, True)
         if fit is not None and {"plate_mass_kg", "contact_stiffness_n_per_m"} <= set(fit.parameters):
             # The fit's m_p* and k_N scale with the mass as well, so their ratios to it do not know the mass.
             plate = sources.noisy(fit.parameters["plate_mass_kg"], "m_p* of the fit", "kg")
-            contact = sources.noisy(fit.parameters["contact_stiffness_n_per_m"], "k_N of the fit", "N/m")
+            contact = sources.noisy(fit.parameters["contact_stiffness_n_per_m"], "k_N of the fit", "N/m", per_time=2)
             if plate is not None and contact is not None:
                 mass = sources.mass_kg
                 number = corrected_slope(slope, plate * sources.mass_scale, contact * per_time, mass)

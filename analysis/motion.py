@@ -49,6 +49,7 @@ class Motion:
     wavelength_m: float | None  # in air; None for a motion record that did not come from the optics
     rest_frequency_hz: Reading = field(default_factory=lambda: NotSeen("no optics"))
     trigger_time_s: float | None = None
+    rate_error: float = 0.0  # by how much of itself the stated sample rate is contradicted; in no std of this
     displacement_wander_m_per_sqrt_s: float = 0.0  # random walk beside the white noise; in the std of v, a and F
     reference: BeatQuality | None = None
     measurement: BeatQuality | None = None

@@ -13,6 +13,7 @@ from analysis.awaited_fit import with_fit_to_follow
 from analysis.corrected import FLAG, corrected
 from analysis.fitted_shot import fit_again
 from analysis.motion import Motion
+from analysis.quantity import NotSeen
 from analysis.recording import Recording, Setup
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
 
@@ -120,18 +121,24 @@ def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | No
 def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) -> Shot:
     if shot.motion is None:
         return shot
+    from analysis.rate_error import with_rate_error
     from analysis.reading.read import NoImpact, read_impact
-    from analysis.reading.sense import check_collision
+    from analysis.reading.sense import check_collision, why_none
+    from analysis.signal.cross_talk import LEFT as CROSS_TALK
 
     _tell(progress, cancelled, "reading the impact", 0.5)
     started = time.perf_counter()
+    motion = shot.motion
     if shot.settings.model != "driven":  # a slider under a known force strikes nothing
         try:
-            check_collision(shot.motion)
-            impact = read_impact(shot.motion)
+            check_collision(motion)
+            impact = with_rate_error(read_impact(motion), motion)
+            if CROSS_TALK in motion.flags:
+                unsure = NotSeen("PD1's beat stands in PD0 and could not be taken off: fringes may be lost or gained")
+                impact = replace(impact, deflection_max_m=unsure)
             shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
         except (NoImpact, AnalysisError) as error:
-            shot = replace(shot, problem=str(error))
+            shot = replace(shot, problem=why_none(motion) or str(error))
         except LinAlgError:
             shot = replace(shot, problem="the motion is in too many pieces to be read")
     shot = replace(shot, seconds={**shot.seconds, "impact": time.perf_counter() - started})

@@ -64,6 +64,7 @@ class Setup:
     rest_frequency_hz: float | None = None
     plate: Plate | None = None
     digitizer_bits: int = 16
+    rest_frequency_u_hz: float | None = None  # of a stated rest frequency
     extra: Mapping[str, Any] = field(default_factory=lambda: _NOTHING)
 
 

@@ -29,6 +29,7 @@ class AnalysisSettings:
     model: str = "paper"  # "paper" | "clamped" | "no_tension" | "contact" | "driven"
     rest: str = "smoothed"  # "smoothed" | "instantaneous": how PD0 is taken off
     fit: bool = True
+    fit_seconds: float = 20.0  # the longest that the fit of one shot may take
     effects: tuple[str, ...] = ()  # of the catalogue, accepted into the model
     corrections: tuple[tuple[str, float | None], ...] = ()  # values of the rig put right afterwards: ``corrected``
 

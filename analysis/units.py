@@ -4,6 +4,7 @@ import re
 
 _SYMBOLS = {"n": "N", "s": "s", "m": "m", "kg": "kg", "hz": "Hz", "rad": "rad"}
 _POWERS = {"": "", "2": "²", "3": "³", "4": "⁴"}
+_OF_TIME = {"N": -2, "s": 1, "Hz": -1}
 _TOKEN = re.compile(rf"({'|'.join(_SYMBOLS)})([234]?)")
 
 
@@ -21,6 +22,19 @@ def parts(name: str) -> tuple[str, str]:
     if below:
         spelled += f"/({_spelled(below)})" if "_" in below else f"/{_spelled(below)}"
     return " ".join(tokens[:begin]), spelled
+
+
+def power_of_time(name: str) -> int:
+    """Return the power of the second that a name's unit holds: -2 for "stiffness_n_per_m", as N is kg m/s²."""
+    unit = parts(name.rpartition(".")[2])[1]
+    above, _, below = unit.partition("/")
+    return _seconds(above) - _seconds(below.strip("()"))
+
+
+def _seconds(spelled: str) -> int:
+    found = [re.fullmatch(r"(N|s|Hz)([²³⁴]?)", part) for part in spelled.split()]
+    powers = {"": 1, "²": 2, "³": 3, "⁴": 4}
+    return sum(_OF_TIME[match[1]] * powers[match[2]] for match in found if match)
 
 
 def _spelled(tokens: str) -> str:

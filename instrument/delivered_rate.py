@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 LEAST_S = 1.0  # of stream
 LATE_S = 0.3  # by which a device and its driver may be late or early
-OFF = 0.05  # of the rate: what a clock beside one second of stream tells
+OFF = 5e-4  # of the rate: what neither a crystal nor the computer's clock is off by
 
 
 @dataclass(slots=True)

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Channel, Gap, Recording, Role, Setup
+from analysis.signal.stated_rate import DELIVERED
+from analysis.signal.stated_rate import FLAG as RATE_CONTRADICTED
 from instrument.digitizer import CaptureSettings
-from instrument.recording_file import DELIVERED_RATE, ENDED_EARLY, RATE_DOUBTFUL
+from instrument.recording_file import ENDED_EARLY
 from instrument.trigger import middle_of_step
 
 _LEVEL_REACH_S = 50e-6  # how far beside the step the light switch's two levels are looked for
@@ -80,7 +82,7 @@ class GrowingShot:
         if self.unseen_loss_s:
             own["lmm:capture"]["unseen_loss_s"] = self.unseen_loss_s
         if self.doubtful_rate_hz is not None:
-            own[DELIVERED_RATE] = self.doubtful_rate_hz
+            own[DELIVERED] = self.doubtful_rate_hz
         if self.ended_early is not None:
             own[ENDED_EARLY] = self.ended_early
         return {"global": own}
@@ -89,7 +91,7 @@ class GrowingShot:
         """Return the shot as a recording in memory; its counts are those of the shot, read-only."""
         counts = self.counts[: self.filled]
         counts.flags.writeable = False
-        told = (("gap", self.gaps), ("cut_short", self.ended_early), (RATE_DOUBTFUL, self.doubtful_rate_hz))
+        told = (("gap", self.gaps), ("cut_short", self.ended_early), (RATE_CONTRADICTED, self.doubtful_rate_hz))
         flags = [flag for flag, so in told if so]
         return Recording(
             name=name,

@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import Recording, Role
+from analysis.signal.stated_rate import DELIVERED
+from analysis.signal.stated_rate import FLAG as RATE_CONTRADICTED
 from instrument.recording_error import FileNotReached, RecordingError
 from instrument.recording_metadata import Metadata, read_metadata
 from instrument.recording_search import find_recordings, recording_stem
@@ -38,8 +40,6 @@ __all__ = [
 ]
 
 ALTERED = "data_altered"
-DELIVERED_RATE = "lmm:delivered_rate_hz"  # global key: what came by the computer's clock, where it is not the rate
-RATE_DOUBTFUL = "rate_doubtful"
 ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all samples asked for came
 _PIECE_BYTES = 4 * 2**20
 _LOOKED_AT = 256, 256  # places in the file and samples at each: enough to see clipping, too little to wait for
@@ -90,8 +90,8 @@ def read_unhashed(path: Path | str) -> tuple[Recording, str | None]:
         flags.append("gap")
     if ENDED_EARLY in metadata.extra.get("global", {}):
         flags.append("cut_short")
-    if DELIVERED_RATE in metadata.extra.get("global", {}):
-        flags.append(RATE_DOUBTFUL)
+    if DELIVERED in metadata.extra.get("global", {}):
+        flags.append(RATE_CONTRADICTED)
     if _clipped(counts, metadata):
         flags.append("clipped")
     recording = Recording(

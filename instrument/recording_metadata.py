@@ -139,6 +139,7 @@ def setup_of(item: Checked) -> Setup:
         rest_frequency_hz=item.number("rest_frequency_hz", *RATES_HZ),
         plate=plate,
         digitizer_bits=item.whole("digitizer_bits", 1, 16) or 16,
+        rest_frequency_u_hz=item.number("rest_frequency_u_hz", 0.0, RATES_HZ[1]),
     )
     extra = {key: value for key, value in extra.items() if value} | item.unread()
     return Setup(**{name: getattr(setup, name) for name in Setup.__dataclass_fields__ if name != "extra"}, extra=extra)

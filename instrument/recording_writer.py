@@ -197,7 +197,8 @@ def write_beside(path: Path, content: Iterable[bytes | memoryview], *, sync: boo
             path.write_bytes(b"".join(content))
             return
         path = Path(os.path.realpath(path))
-        beside = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.new")  # another window may too
+        short = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:12]  # a legal name plus anything may be none
+        beside = path.with_name(f".{short}.{os.getpid()}-{threading.get_ident()}.new")  # another window may too
         try:
             with open(beside, "wb") as file:
                 file.writelines(content)
@@ -216,6 +217,8 @@ def write_beside(path: Path, content: Iterable[bytes | memoryview], *, sync: boo
 def check_writable(path: Path) -> None:
     """Raise RecordingError where ``write_beside`` would fail: better said before hours of work than after."""
     with _as_recording_error(path):
+        with contextlib.suppress(FileNotFoundError):
+            os.lstat(path)  # a name that is too long, or through a file, is no name
         if os.path.isdir(path):
             raise IsADirectoryError(0, "a folder, not a file")
         place = path if _is_device(path) else Path(os.path.realpath(path)).parent

@@ -4,6 +4,7 @@ Reading and writing the file is the caller's; these are pure functions on text.
 """
 
 import math
+import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -23,6 +24,10 @@ from analysis.shot import AnalysisError
 
 SCHEMA = "levimass.model/1"
 BASES = ("paper", "clamped", "no_tension", "contact", "driven")
+_LARGEST, _SMALLEST = 1e15, 1e-15  # in SI units, of whatever a rig has
+_POSITIVE = re.compile(r"^[^.]*(stiffness|mass)_[^.]*$")  # of the base; an effect may take stiffness away
+_NOT_NEGATIVE = re.compile(r"^contact_damping_[^.]*$")
+_ROUNDING = 1e-6  # of a correlation, as it is written and read
 _ERRORS = ("before", "after", "held_out_before", "held_out_after")
 
 
@@ -109,12 +114,16 @@ def from_text(text: str) -> SavedModel:
     effects = _strings(data, "effects")
     own = set(filter(is_law, effects))
     known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()} | {*TAKEN_ALONG, *WIDER}
+    if twice := [name for name in effects if effects.count(name) > 1]:
+        raise ModelFileError(f"effects: {twice[0][:40]!r} is named twice")
     if unknown := [name for name in effects if name not in known]:
         raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
     tried = _strings(data, "tried")
     if strange := [name for name in tried if name not in effects]:
         raise ModelFileError(f"tried: {strange[0][:40]!r} is not among the effects")
     parameters, base_parameters = _read_quantities(data, "parameters"), _read_quantities(data, "base_parameters")
+    for table, quantities in (("parameters", parameters), ("base_parameters", base_parameters)):
+        _check_values(table, quantities)
     rows = _table(data, "covariance").get("rows", [])
     try:
         covariance = np.array(rows, dtype=np.float64).reshape(len(rows), -1 if rows else 0)
@@ -122,6 +131,8 @@ def from_text(text: str) -> SavedModel:
         raise ModelFileError("covariance.rows: rows of numbers are expected") from None
     if covariance.shape not in ((0, 0), (len(parameters), len(parameters))):
         raise ModelFileError(f"covariance.rows: {len(parameters)} rows of {len(parameters)} numbers are expected")
+    if covariance.size:
+        _check_covariance(covariance, parameters)
     errors = {}
     for name, entry in _table(data, "errors").items():
         if name not in _ERRORS or not isinstance(entry, dict):
@@ -129,6 +140,38 @@ def from_text(text: str) -> SavedModel:
         keys = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
         errors[name] = Errors(*(_float(entry, key, name) for key in keys))
     return SavedModel(base, effects, parameters, covariance, _strings(data, "shots"), errors, base_parameters, tried)
+
+
+def _check_values(table: str, quantities: Mapping[str, Quantity]) -> None:
+    """Refuse values that no rig has; a standard uncertainty that is no number says that the data told none."""
+    for name, quantity in quantities.items():
+        where, value = f"{table}.{name[:60]}", quantity.value
+        if not abs(value) <= _LARGEST:
+            raise ModelFileError(f"{where}.value: {value:g} is no value that a rig can have")
+        if quantity.std < 0.0:
+            raise ModelFileError(f"{where}.std: {quantity.std:g} is below zero")
+        if _POSITIVE.search(name) and not value >= _SMALLEST:
+            raise ModelFileError(f"{where}.value: {value:g} is not above zero")
+        if _NOT_NEGATIVE.search(name) and value < 0.0:
+            raise ModelFileError(f"{where}.value: {value:g} is below zero")
+
+
+def _check_covariance(covariance: NDArray[np.float64], parameters: Mapping[str, Quantity]) -> None:
+    """Refuse what is no covariance; a row of a parameter whose uncertainty the data did not tell may be no number."""
+    told = np.array([math.isfinite(quantity.std) for quantity in parameters.values()])
+    known = covariance[np.ix_(told, told)]
+    if not np.all(np.isfinite(known)):
+        raise ModelFileError("covariance.rows: a number is not finite")
+    variances = np.diag(known)
+    if np.any(variances < 0.0):
+        raise ModelFileError("covariance.rows: a variance on the diagonal is below zero")
+    scale = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    with np.errstate(over="ignore"):
+        correlation = known / scale / scale[:, None]
+    if not np.all(np.abs(correlation) <= 1.0 + _ROUNDING) or np.abs(correlation - correlation.T).max() > _ROUNDING:
+        raise ModelFileError("covariance.rows: not symmetric, or a correlation beyond one")
+    if np.linalg.eigvalsh(0.5 * (correlation + correlation.T)).min() < -_ROUNDING * len(correlation):
+        raise ModelFileError("covariance.rows: some sum of the parameters would have a variance below zero")
 
 
 def drift(model: SavedModel, fit: Fit) -> dict[str, float]:

@@ -58,7 +58,7 @@ class Floor:
 
     def velocity_rms_m_per_s(self, bandwidth_hz: float) -> float:
         """Return the floor's rms velocity below a bandwidth."""
-        f = np.geomspace(0.5, bandwidth_hz, 400)
+        f = np.geomspace(min(0.5, 0.01 * bandwidth_hz), bandwidth_hz, 400)
         return float(np.sqrt(np.trapezoid((2 * np.pi * f) ** 2 * self._moving(f), f)))
 
     def _moving(self, frequency_hz: Floats) -> Floats:

@@ -8,6 +8,7 @@ from analysis.shot import AnalysisError
 
 Floats = NDArray[np.float64]
 CLEAR_SIGMAS = 20.0  # of the displacement's noise: a turn has to stand out by that
+SHORTEST_S, LONGEST_S = 1e-6, 600.0  # a record with a collision and its two flights: a microsecond, ten minutes
 _BLOCKS = 200  # averaged over, so that a turn is one of the motion
 
 
@@ -15,6 +16,9 @@ def check_collision(motion: Motion) -> None:
     """Raise AnalysisError, saying what to mend, where a record from elsewhere lacks a mass or runs the wrong way."""
     if motion.wavelength_m is not None:
         return
+    span = float(motion.time_s[-1] - motion.time_s[0])
+    if not SHORTEST_S <= span <= LONGEST_S:
+        raise AnalysisError(f"time_s: {motion.time_s.size} samples over {span:.3g} s: is the unit right?")
     if not np.isfinite(motion.moving_mass_kg):
         raise AnalysisError(
             "moving_mass_kg: not stated; the force of a collision is mass times acceleration (say it in the .toml)"
@@ -36,3 +40,31 @@ def _reversed(displacement_m: Floats, noise_m: float) -> bool:
     inside = 0 < top < rough.size - 1 and bottom in (0, rough.size - 1)
     far = rough[top] - max(ends) > max(CLEAR_SIGMAS * noise_m, 0.05 * float(np.ptp(rough)))
     return bool(inside and far)
+
+
+def why_none(motion: Motion) -> str | None:
+    """Return why the optics' motion holds no collision where it runs backwards, in time or in sense; else None.
+
+    A plate gives back less than it took: of two flights that part at the top the slower one is the later.
+    """
+    displacement = motion.displacement_m
+    known = np.flatnonzero(np.isfinite(displacement))
+    if motion.wavelength_m is None or known.size < _BLOCKS:
+        return None
+    if not _reversed(displacement, float(np.nanmedian(motion.displacement_std_m))):
+        return None
+    top = int(known[np.argmax(displacement[known])])
+    away = _speed(displacement[known[0] : top], motion.sample_rate_hz)
+    back = _speed(displacement[top : known[-1] + 1], motion.sample_rate_hz)
+    if back > away:
+        return "the block goes away first and comes back faster than it went: time runs backwards in this recording"
+    rule = "PD1's beat has to lie above PD0's while it comes to the plate"
+    return f"the block goes away first and comes back: the sense is reversed ({rule})"
+
+
+def _speed(displacement_m: Floats, rate_hz: float) -> float:
+    """Return the speed of the flight in a stretch of which another part, the contact, is slower."""
+    known = displacement_m[np.isfinite(displacement_m)]
+    size = max(1, known.size // _BLOCKS)
+    means = known[: known.size // size * size].reshape(-1, size).mean(axis=1)
+    return float(np.percentile(np.abs(np.diff(means)), 90)) * rate_hz / size if means.size > 1 else 0.0

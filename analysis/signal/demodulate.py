@@ -10,6 +10,9 @@ from analysis.motion import BeatQuality, Motion
 from analysis.quantity import Quantity, Reading
 from analysis.recording import Recording, Role
 from analysis.shot import AnalysisError, AnalysisSettings, Progress, Stop
+from analysis.signal.cross_talk import LEFT as CROSS_TALK
+from analysis.signal.cross_talk import LEFT_ABOVE, CrossTalk, find_cross_talk, swapped, taken_off
+from analysis.signal.cross_talk import REMOVED as CROSS_TALK_REMOVED
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
 from analysis.signal.fold import folded_harmonic
 from analysis.signal.joining import joined
@@ -18,6 +21,8 @@ from analysis.signal.losses import FLAG as SAMPLES_LOST
 from analysis.signal.losses import find_losses, kinks, suspicious
 from analysis.signal.plan import plans
 from analysis.signal.rest import Rest, smooth
+from analysis.signal.stated_rate import FLAG as RATE_CONTRADICTED
+from analysis.signal.stated_rate import rate_error
 from analysis.signal.survey import survey
 from analysis.signal.track import Grid, Track, Wanted, read_tracks
 from analysis.signal.wander import wander
@@ -25,7 +30,6 @@ from analysis.signal.wander import wander
 Floats = NDArray[np.float64]
 HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat it bends the phase by as much
 _UNSTEADY_SIGMA = 3.0
-_RATE_DOUBT = 0.01  # of a stated rest frequency, by which PD0 may differ
 _WORTH_ANOTHER = 0.8  # of the samples missed so far: a wider band must do this well to be preferred
 _CLIPPED = 1e-4  # of the samples at a rail: a beat that is cut off
 _REST_REACH = 2000
@@ -56,6 +60,17 @@ def demodulate(
     seen_reference = None
     if reference_column is not None:
         seen_reference = survey(recording.counts[:, reference_column], rate, bits, "reference channel")
+        moved = swapped(seen, seen_reference)
+        if moved is not None:
+            raise AnalysisError(
+                f"PD0's beat moves by {1e-3 * moved:.0f} kHz and PD1's stands still: their cables are swapped, or the "
+                "roles of the channels"
+            )
+        mixed = find_cross_talk(
+            recording.counts[:, reference_column], recording.counts[:, column], seen_reference, seen, rate
+        )
+        if mixed is not None and not {CROSS_TALK_REMOVED, CROSS_TALK}.intersection(recording.flags):
+            return demodulate(_freed(recording, mixed, reference_column, column), settings, progress, cancelled)
     best: tuple[int, Grid, list[Track]] | None = None
     for plan in plans(seen, seen_reference, recording, settings):
         grid = Grid.of(recording, plan.step)
@@ -72,7 +87,7 @@ def demodulate(
             break
     assert best is not None
     _, grid, tracks = best
-    if len(tracks) > 1 and SAMPLES_LOST not in recording.flags:
+    if len(tracks) > 1 and not {SAMPLES_LOST, CROSS_TALK}.intersection(recording.flags):
         # A beat that is cut off has harmonics, which folded on to it jump about as a loss does.
         whole = tracks[0].wanted.survey.clipped_fraction <= _CLIPPED
         kinked = [grid.stored_sample(at, tracks[0].wanted.tuning) for at in kinks(tracks[0])] if whole else []
@@ -83,6 +98,15 @@ def demodulate(
             mended = replace(recording, gaps=gaps, flags=(*recording.flags, SAMPLES_LOST))
             return demodulate(mended, settings, progress, cancelled)
     return _motion(recording, settings, wavelength_m, grid, tracks)
+
+
+def _freed(recording: Recording, found: CrossTalk, reference: int, moving: int) -> Recording:
+    """Return a recording whose PD0 is free from PD1's beat, and which says so, and where something is left of it."""
+    counts = recording.counts.copy()
+    counts[:, reference] = taken_off(counts[:, reference], counts[:, moving], found)
+    counts.flags.writeable = False
+    flags = (CROSS_TALK_REMOVED, *((CROSS_TALK,) if found.left > LEFT_ABOVE else ()))
+    return replace(recording, counts=counts, flags=(*recording.flags, *flags))
 
 
 def _check(recording: Recording, settings: AnalysisSettings) -> None:
@@ -143,6 +167,9 @@ def _motion(
             moving = moving - leak_phase(leak, moving, rest_cycles, track, grid)
             flags.append("leak_removed")
     displacement = -0.5 * wavelength_m * (moving - rest_cycles)
+    off = rate_error(recording, rest if len(tracks) > 1 and isinstance(rest, Quantity) else None)
+    if off:
+        flags.append(RATE_CONTRADICTED)
     std = 0.5 * wavelength_m * np.hypot(track.std_cycles[:count], rest_std)
 
     hole = track.hole[:count].copy()
@@ -199,6 +226,7 @@ def _motion(
         wavelength_m=wavelength_m,
         rest_frequency_hz=rest,
         trigger_time_s=recording.trigger_time_s,
+        rate_error=off,
         displacement_wander_m_per_sqrt_s=walk,
         reference=_quality(recording, Role.REFERENCE, tracks[1], grid) if len(tracks) > 1 else None,
         measurement=_quality(recording, Role.MEASUREMENT, track, grid),
@@ -231,11 +259,6 @@ def _rest(
     rest: Rest = smooth(own_time, np.where(track.hole, np.nan, phase), std, track.oscillator_hz)
     if rest.degree > 1:
         flags.append("rest_drift")
-    stated = recording.setup.rest_frequency_hz
-    if stated and abs(rest.frequency_hz.value / stated - 1.0) > _RATE_DOUBT:
-        flags.append(
-            "rate_doubtful"
-        )  # a laser's rest beat is known better: the sample rate is not what it is said to be
     if rest.unsteady_cycles > _UNSTEADY_SIGMA * std:
         flags.append("rest_unsteady")
     delayed = track.oscillator_hz * (time_s - _delay_s(track))

@@ -111,6 +111,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             export_to=options.export,
             model=options.model,
             checked=not options.unchecked,
+            fit_seconds=options.fit_seconds,
         )
     if options.replay is not None:
         from app.command_line.outputs import Outputs
@@ -127,6 +128,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             checked=not options.unchecked,
             plan=options.plan,
             reach=reach_of(options) if options.plan is not None else None,
+            fit_seconds=options.fit_seconds,
         )
     if options.acquire is not None:
         from app.command_line.acquire import acquire
@@ -229,6 +231,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     group.add_argument("--unchecked", action="store_true", help="leave out the comparison of data and SHA-512 (faster)")
     group.add_argument(
+        "--fit-seconds", type=_positive, metavar="S", help="longest that the fit of one shot may take (20)"
+    )
+    group.add_argument(
         "--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)"
     )
     group.add_argument(
@@ -283,7 +288,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     """Refuse options that would otherwise be passed over in silence."""
-    names = ("json", "export", "report", "model", "law", "save_model", "jobs", "scheduler")
+    names = ("json", "export", "report", "model", "law", "save_model", "jobs", "scheduler", "fit_seconds")
     given = {name for name in names if getattr(options, name) is not None}
     given |= {"no-diagnose"} if options.no_diagnose else set()
     given |= {"plan"} if options.plan is not None else set()
@@ -298,7 +303,7 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
             parser.error("--resolve goes with --acquire")
     check_reach(parser, options)
     if given and options.replay is None:
-        parser.error(f"--{sorted(given)[0]} goes with --replay")
+        parser.error(f"--{sorted(given)[0].replace('_', '-')} goes with --replay")
     if options.hdf5 and options.export is None:
         parser.error("--hdf5 goes with --export")
     mapping = ("channel", "volts", "mass", "rest", "wavelength", "bits")

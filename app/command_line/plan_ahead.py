@@ -49,6 +49,10 @@ def plan_ahead(
     except AnalysisError as error:
         print(f"levimass: nothing planned: {error}", file=sys.stderr)
         return None
+    except Exception as error:  # a fault of the program's own must not cost the shots their numbers
+        cause = " ".join(str(error).split())
+        print(f"levimass: nothing planned: a fault of the program: {type(error).__name__}: {cause}", file=sys.stderr)
+        return None
     if further is None:
         return Ahead(NOTHING_OPEN, None)
     return Ahead(told(further), with_words(further))

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from analysis.combined import combined_of, stated
@@ -12,6 +12,7 @@ from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
 from analysis.fit import Fit
+from analysis.fit_time import SECONDS
 from analysis.fitted_shot import fit_again, read_together, shaking_of
 from analysis.one_rig import why_not_together
 from analysis.planning.next_shot import Reach
@@ -50,6 +51,7 @@ def replay(
     checked: bool = True,
     plan: str | None = None,
     reach: Reach | None = None,
+    fit_seconds: float | None = None,
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
@@ -57,7 +59,7 @@ def replay(
     ``foretell`` puts the file's model to the test, as it is.
     ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue; ``checked`` compares the
     data with their hash.  ``plan`` asks for the next shots: those that decide (""), or that make a parameter surer;
-    ``reach`` is what the rig can do.
+    ``reach`` is what the rig can do.  ``fit_seconds`` is the longest that the fit of one shot may take.
     """
     shots: list[Shot] = []
     try:
@@ -67,7 +69,7 @@ def replay(
     except (AnalysisError, RecordingError, OSError) as error:
         print(f"levimass: {in_a_line(error, model)}", file=sys.stderr)
         return 1
-    settings = AnalysisSettings(effects=known.effects) if known else None
+    settings = AnalysisSettings(effects=known.effects if known else (), fit_seconds=fit_seconds or SECONDS)
     for path in find_recordings(paths):
         shot = load_and_analyse(path, known.base if known else model, settings=settings, checked=checked)
         if why := shot.problem or shot.fit_problem:
@@ -109,8 +111,7 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[str]) -> Diagnosis | None:
     except AnalysisError as error:
         print(f"levimass: no diagnosis: {error}", file=sys.stderr)
     except Exception as error:  # a fault of the program's own must not cost the shots their numbers
-        cause = " ".join(str(error).split())
-        print(f"levimass: no diagnosis: a fault of the program: {type(error).__name__}: {cause}", file=sys.stderr)
+        print(f"levimass: no diagnosis: {_fault(error)}", file=sys.stderr)
     return None
 
 
@@ -122,6 +123,9 @@ def _foretold(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
         told = foretell_motions(motions, [shot.path or shot.name for shot in seen], known)
     except AnalysisError as error:
         print(f"levimass: no prediction: {error}", file=sys.stderr)
+        return None
+    except Exception as error:  # the shots keep their numbers
+        print(f"levimass: no prediction: {_fault(error)}", file=sys.stderr)
         return None
     for shot in told.shots:
         if shot.took_part:
@@ -159,41 +163,61 @@ def _write(
     tried: Sequence[str],
     ahead: Ahead | None,
 ) -> bool:
-    ok, text = True, ""
-    if outputs.json:
+    """Write each output for itself, so that one that fails, with a line, costs none of the others."""
+    texts: list[str] = []
+
+    def make_text() -> None:
         whole = result(shots, diagnosis, told) | ({"next_shots": ahead.result} if ahead is not None else {})
-        text = json.dumps(whole, indent=1, allow_nan=False) + "\n"
-    try:
-        if outputs.export is not None:
-            export(shots, outputs.export)
-            if diagnosis is not None:
-                export_laws(diagnosis, outputs.export)
-            if told is not None:
-                export_foretold(told, outputs.export)
-            if outputs.hdf5:
-                export_hdf5(shots, outputs.export)
-        if outputs.report is not None:
-            planned = ahead.words if ahead is not None else ""
-            page = report_of(shots, diagnosis, foretold=told, tried=tried, next_shots=planned)
-            write_text_beside(outputs.report, page, sync=True)
-        if outputs.json and outputs.json != "-":
-            write_text_beside(Path(outputs.json), text, sync=True)
-    except (RecordingError, OSError) as error:
-        print(f"levimass: {in_a_line(error, outputs.export)}", file=sys.stderr)
-        ok = False
-    if outputs.json == "-":
-        print(text, end="")
-    else:
-        for shot in shots:
-            if not shot.problem or shot.impact is not None:  # else all there is to say stands on standard error
-                print(summary(shot))
+        texts.append(json.dumps(whole, indent=1, allow_nan=False) + "\n")
+
+    def write_report(path: Path) -> None:
+        planned = ahead.words if ahead is not None else ""
+        page = report_of(shots, diagnosis, foretold=told, tried=tried, next_shots=planned)
+        write_text_beside(path, page, sync=True)
+
+    ok = _done(make_text, "the result") if outputs.json else True
+    if (folder := outputs.export) is not None:
+        ok &= _done(lambda: export(shots, folder), folder)
         if diagnosis is not None:
-            print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
+            ok &= _done(lambda: export_laws(diagnosis, folder), folder)
         if told is not None:
-            print(told.sentence)
-        if ahead is not None:
-            print(f"next: {ahead.words}")
+            ok &= _done(lambda: export_foretold(told, folder), folder)
+        if outputs.hdf5:
+            ok &= _done(lambda: export_hdf5(shots, folder), folder)
+    if (report := outputs.report) is not None:
+        ok &= _done(lambda: write_report(report), report)
+    if outputs.json == "-":
+        print("".join(texts), end="")
+        return ok
+    if (name := outputs.json) and texts:
+        ok &= _done(lambda: write_text_beside(Path(name), texts[0], sync=True), name)
+    for shot in shots:
+        if not shot.problem or shot.impact is not None:  # else all there is to say stands on standard error
+            print(summary(shot))
+    if diagnosis is not None:
+        print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
+    if told is not None:
+        print(told.sentence)
+    if ahead is not None:
+        print(f"next: {ahead.words}")
     return ok
+
+
+def _done(write: Callable[[], object], where: object) -> bool:
+    """Return whether something was written; where not, why is one line on standard error."""
+    try:
+        write()
+    except (RecordingError, OSError) as error:
+        print(f"levimass: {in_a_line(error, where)}", file=sys.stderr)
+    except Exception as error:  # a fault of the program's own must not cost the other outputs
+        print(f"levimass: {in_a_line(_fault(error), where)}", file=sys.stderr)
+    else:
+        return True
+    return False
+
+
+def _fault(error: Exception) -> Exception:
+    return AnalysisError(f"a fault of the program: {type(error).__name__}: {' '.join(str(error).split())}")
 
 
 def summary(shot: Shot) -> str:

@@ -35,6 +35,7 @@ MOTION_COLUMNS = (
     "acceleration_std_m_per_s2",
     "force_std_n",
 )
+_LONGEST_STEM = 200  # bytes: with an ending and a number a name has at most 255
 MODEL_COLUMNS = ("model_displacement_m", "model_velocity_m_per_s", "model_force_n", "model_gap_m")
 READINGS = (
     ("velocity_in", "m_per_s", "velocity_in_m_per_s"),
@@ -49,6 +50,20 @@ READINGS = (
 )
 KINETIC = ("force_peaks", "onsets", "flights", "contact")
 FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
+
+
+def _pair(name: str, unit: str) -> list[str]:
+    suffix = "" if unit == "1" else f"_{unit}"
+    return [f"{name}{suffix}", f"{name}_std{suffix}"]
+
+
+SHOT_COLUMNS = (
+    *("name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"),
+    *itertools.chain.from_iterable(_pair(name, unit) for name, unit, _ in READINGS),
+    *itertools.chain.from_iterable(_pair(f"cor_kinetic_{kind}", "1") for kind in KINETIC),
+    *(f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")),
+    "reduced_chi2",
+)
 
 
 def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
@@ -80,6 +95,7 @@ def motion_file_names(shot_names: Sequence[str]) -> list[str]:
     names = []
     for shot_name in shot_names:
         stem = re.sub(r"[^\w.-]+", "_", shot_name).strip("._") or "shot"
+        stem = stem.encode("utf-8", "replace")[:_LONGEST_STEM].decode("utf-8", "ignore")
         name, number = f"{stem}.csv", 2
         while name.lower() in taken:
             name, number = f"{stem}-{number}.csv", number + 1
@@ -127,13 +143,7 @@ def write_motion(shot: Shot, path: Path) -> None:
 
 def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
     """Write ``shots.csv`` from rows of ``shot_row``; each reading stands beside its standard uncertainty."""
-    header = ["name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"]
-    for name, unit, _ in READINGS:
-        header += _pair(name, unit)
-    for kind in KINETIC:
-        header += _pair(f"cor_kinetic_{kind}", "1")
-    header += [f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")] + ["reduced_chi2"]
-    write_table(header, rows, path)
+    write_table(SHOT_COLUMNS, rows, path)
 
 
 def write_table(header: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
@@ -153,11 +163,6 @@ def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:
         if shot.impact is not None:
             rows += to_rows(budget(shot, others=[other for other in shots if other is not shot]))
     return rows
-
-
-def _pair(name: str, unit: str) -> list[str]:
-    suffix = "" if unit == "1" else f"_{unit}"
-    return [f"{name}{suffix}", f"{name}_std{suffix}"]
 
 
 def shot_row(shot: Shot, motion_file: str) -> list[str]:

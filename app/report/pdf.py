@@ -36,7 +36,7 @@ def write_pdf(html: str, path: Path) -> None:
     if application is None:  # in a process without a screen; fonts need one all the same
         os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
         application = QGuiApplication([])
-    beside = path.with_name(f".{path.name}.{os.getpid()}.new")
+    beside = path.with_name(f".levimass-report.{os.getpid()}.new")
     try:
         writer = QPdfWriter(str(beside))
         margins = QMarginsF(_MARGIN_MM, _MARGIN_MM, _MARGIN_MM, _MARGIN_MM)

@@ -1,7 +1,7 @@
 """Results that are kept: shots and diagnoses come back at the next start as they were, marked with their version.
 
-A cache beside the session: what is missing, spoilt, of an altered recording or written by a program whose results look
-otherwise is analysed again, as if nothing had been kept.
+A cache beside the session: what is missing, spoilt, of an altered recording or written by another program, be it of the
+same version, is analysed again, as if nothing had been kept.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.shot import AnalysisSettings, Shot
-from analysis.version import program_version
+from analysis.version import program, program_version
 from app.session.frozen_file import NotKept, head_of, packed, unpacked
 from instrument.foreign.remembered import is_foreign
 from instrument.recording_error import RecordingError
@@ -20,7 +20,7 @@ from instrument.recording_metadata import read_metadata
 from instrument.recording_search import recording_stem
 from instrument.recording_writer import write_beside
 
-SCHEMA = "levimass.kept/1"
+SCHEMA = "levimass.kept/2"
 MOST_BYTES = 2_000_000_000  # in all; the oldest go first
 MOST_A_FILE = 200_000_000
 BESIDE = (".csv", ".tsv", ".toml")  # the files of a motion record
@@ -80,11 +80,7 @@ class Results:
         file = self._folder / f"shot-{_short(key.text)}.npz"
         try:
             head = head_of(file)
-            if (
-                head.get("schema") != SCHEMA
-                or head.get("key") != key.text
-                or head.get("stamp") != _stamp(Path(key.path))
-            ):
+            if not _own(head) or head.get("key") != key.text or head.get("stamp") != _stamp(Path(key.path)):
                 return None
             shot = unpacked(file)
         except NotKept:
@@ -105,7 +101,7 @@ class Results:
             try:
                 head = head_of(file)
                 keys = head.get("of")
-                if head.get("schema") != SCHEMA or not isinstance(keys, list) or not set(keys) <= set(stamps):
+                if not _own(head) or not isinstance(keys, list) or not set(keys) <= set(stamps):
                     continue
                 if head.get("stamps") != [stamps[key] for key in keys]:
                     continue
@@ -124,7 +120,7 @@ class Results:
 
     def _write(self, name: str, head: Mapping[str, object], value: object) -> None:
         try:
-            whole = packed({"schema": SCHEMA, "version": program_version(), **head}, value)
+            whole = packed({"schema": SCHEMA, "version": program_version(), "program": program(), **head}, value)
             if len(whole) > MOST_A_FILE:
                 return
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -142,6 +138,11 @@ class Results:
                 return
             file.unlink(missing_ok=True)
             too_much -= sizes.get(file, 0)
+
+
+def _own(head: Mapping[str, object]) -> bool:
+    """Return whether this very program wrote it: another may give other numbers, though its version be the same."""
+    return head.get("schema") == SCHEMA and head.get("program") == program()
 
 
 def _short(text: str) -> str:

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 from numba.core import caching
 
-from analysis import kernel_cache
+from analysis import kernel_cache, kernel_safety
 
 HOUSE = Path(__file__).resolve().parents[2]
 
@@ -38,7 +38,8 @@ ASK = (
 def test_a_changed_helper_or_constant_is_seen_and_nothing_else_compiles(tmp_path: Path) -> None:
     package = tmp_path / "house" / "analysis"
     package.mkdir(parents=True)
-    shutil.copy(kernel_cache.__file__, package)
+    for module in (kernel_cache, kernel_safety):
+        shutil.copy(module.__file__, package)
     for name, text in SOURCES.items():
         (package / f"{name}.py").write_text(text)
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "mine"), "PYTHONDONTWRITEBYTECODE": "1"}
@@ -139,3 +140,69 @@ def test_binaries_that_somebody_else_may_have_laid_are_not_run(tmp_path: Path) -
     (tmp_path / f"levimass-kernels-{os.getuid()}").symlink_to(theirs)
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(wall), "XDG_CACHE_HOME": str(wall), "TMPDIR": str(tmp_path)}
     assert Path(_root(environment)).resolve() != theirs
+
+
+PLANTED = """
+import os, sys
+from pathlib import Path
+{first}
+import analysis
+import numba
+from analysis import kernel_cache
+from numba import njit
+
+@njit
+def doubled(x):
+    return 2 * x
+
+assert doubled(2) == 4  # numba looks for its configuration at every compilation
+print(numba.config.CACHE_DIR, numba.config.DISABLE_JIT, kernel_cache.root(), doubled.signatures)
+"""
+
+
+@pytest.mark.parametrize("first", ["", "import numba", "import yaml"])
+def test_a_configuration_in_the_working_folder_is_not_read(first: str, tmp_path: Path) -> None:
+    pytest.importorskip("yaml", reason="PyYAML comes with the extra 'cluster'")
+    planted = tmp_path / "beside the recordings"
+    planted.mkdir()
+    (planted / ".numba_config.yaml").write_text("cache_dir: crafted\ndisable_jit: 1\n")
+    environment = {name: text for name, text in os.environ.items() if not name.startswith("NUMBA_")}
+    environment |= {"PYTHONPATH": str(HOUSE), "XDG_CACHE_HOME": str(tmp_path / "own")}
+    environment["NUMBA_CACHE_DIR"] = str(tmp_path / "chosen")
+    command = [sys.executable, "-c", PLANTED.format(first=first)]
+    done = subprocess.run(command, cwd=planted, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    chosen = tmp_path / "chosen"
+    assert done.stdout == f"{chosen} 0 {chosen / 'levimass'} [(int64,)]\n" and done.stderr == ""
+    del environment["NUMBA_CACHE_DIR"]
+    done = subprocess.run(command, cwd=planted, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout == f" 0 {tmp_path / 'own' / 'levimass' / 'kernels'} [(int64,)]\n", done.stderr
+    assert not (planted / "crafted").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners here")
+def test_a_folder_that_others_may_write_to_is_not_loaded_from(tmp_path: Path) -> None:
+    open_to_all = tmp_path / "open"
+    (open_to_all / "levimass").mkdir(parents=True)
+    (open_to_all / "levimass").chmod(0o777)
+    environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "own")}
+    environment["NUMBA_CACHE_DIR"] = str(open_to_all)
+    assert _root(environment) == str(tmp_path / "own" / "levimass" / "kernels")
+    (open_to_all / "levimass").chmod(0o755)
+    assert _root(environment) == str(open_to_all / "levimass")
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners here")
+def test_nor_is_one_kernel_folder_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    module = "analysis.model.gear"
+    folder = kernel_cache.folder_of(module)
+    assert folder.is_relative_to(tmp_path)
+    folder.mkdir(parents=True)
+    folder.chmod(0o777)
+    assert not kernel_cache.folder_of(module).is_relative_to(tmp_path)
+    folder.chmod(0o700)
+    assert kernel_cache.folder_of(module) == folder
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(folder).st_uid + 1)  # somebody else's, though closed
+    owned_by_root = os.stat(folder).st_uid == 0  # who may do everything anyway
+    assert (kernel_cache.folder_of(module) == folder) is owned_by_root

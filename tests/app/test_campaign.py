@@ -1,6 +1,8 @@
 """A campaign gives what one process gives, is taken up where it stopped, and survives bad shots."""
 
+import contextlib
 import csv
+import hashlib
 import json
 import signal
 from pathlib import Path
@@ -8,11 +10,13 @@ from typing import Any
 
 import pytest
 
+from analysis.version import program, program_version
 from app.command_line.campaign.crew import Processes, most_processes
-from app.command_line.campaign.journal import JOURNAL
-from app.command_line.campaign.place import program, unfit
+from app.command_line.campaign.journal import JOURNAL, Journal
+from app.command_line.campaign.place import unfit
 from app.command_line.campaign.task import NotReached, analyse_one, tasks_of
 from app.command_line.cli import main
+from app.report.export import SHOT_COLUMNS
 from tests.app.deadly import DEADLY, unless_deadly
 
 
@@ -129,3 +133,78 @@ def test_a_campaign_that_did_not_look_at_the_hash_is_no_answer_to_one_that_does(
     for task, said in ((left, False), (looked, True)):
         entry = analyse_one(task)
         assert not isinstance(entry, NotReached) and ("data_altered" in entry["shot"]["flags"]) is said
+
+
+ENTRY = {
+    "stamp": "s", "shot": {"status": "ok", "problem": None, "flags": [], "x": 1.5}, "row": [""] * len(SHOT_COLUMNS),
+}  # fmt: skip
+
+
+def _journal_of(path: Path, *entries: dict[str, Any]) -> None:
+    with contextlib.closing(Journal(path, ())) as journal:
+        for entry in entries:
+            journal.add(entry)
+
+
+def _forged(entry: dict[str, Any], **change: Any) -> bytes:
+    """Return a line with the checksum of what it says, as somebody writes it who has read how."""
+    text = json.dumps({**entry, **change}).encode()
+    return b'{"sha256": "' + hashlib.sha256(text).hexdigest().encode() + b'", "entry": ' + text + b"}\n"
+
+
+def test_a_line_of_a_journal_is_served_as_it_was_written_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / JOURNAL
+    _journal_of(path, ENTRY)
+    whole = path.read_bytes()
+    with contextlib.closing(Journal(path, {"s"})) as journal:
+        assert journal.entry("s") == ENTRY and journal.spoilt == 0
+    assert _forged(ENTRY) == whole
+    shot = ENTRY["shot"]
+    for line in (
+        json.dumps(ENTRY).encode() + b"\n",  # as earlier versions wrote them
+        whole.replace(b"1.5", b"2.5"),
+        whole.replace(b'"s"', b'"t"', 1).replace(b"1.5", b"1.50"),
+        whole[:-3] + b"\n",
+        _forged(ENTRY, row=[]),
+        _forged(ENTRY, row=[1.0] * len(SHOT_COLUMNS)),
+        _forged(ENTRY, row="x" * len(SHOT_COLUMNS)),
+        _forged(ENTRY, shot=[]),
+        _forged(ENTRY, shot={**shot, "x": float("nan")}),
+        _forged(ENTRY, shot={**shot, "x": 1e999}),
+        _forged(ENTRY, shot={**shot, "flags": None}),
+        b"null\n",
+        b"[" * 100_000 + b"\n",
+        b"\xff\xfe\n",
+    ):
+        path.write_bytes(line)
+        with contextlib.closing(Journal(path, {"s", "t"})) as journal:
+            assert len(journal) == 0 and journal.spoilt == 1, line[:200]
+
+
+def test_a_spoilt_line_costs_its_shot_and_a_sentence(
+    shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["--replay", str(shots / "a"), "--jobs", "1", "--json", str(tmp_path / "all.json")]
+    assert main(command) == 0
+    whole = json.loads((tmp_path / "all.json").read_text())
+    journal = tmp_path / "all.json.journal"
+    first, second = journal.read_bytes().splitlines(keepends=True)
+    velocity = whole["shots"][0]["velocity_in_m_per_s"]["value"]
+    journal.write_bytes(first.replace(repr(velocity).encode(), b"-0.5") + second)
+    capsys.readouterr()
+    assert main(command) == 0
+    heard = capsys.readouterr().err
+    assert "all.json.journal: a line is not as this program writes them" in heard and "Traceback" not in heard
+    again = json.loads((tmp_path / "all.json").read_text())
+    assert [_without_times(s) for s in again["shots"]] == [_without_times(s) for s in whole["shots"]]
+
+
+def test_a_changed_program_of_the_same_version_does_not_serve_old_numbers(
+    shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = sorted((shots / "a").glob("*.sigmf-meta"))
+    before = [task.stamp for task in tasks_of(found, None, (), None)]
+    assert before == [task.stamp for task in tasks_of(found, None, (), None)]
+    monkeypatch.setattr("app.command_line.campaign.task.program", lambda: f"{program_version()} (another)")
+    assert not set(before) & {task.stamp for task in tasks_of(found, None, (), None)}
+    assert program().startswith(program_version()) and len(program()) > len(program_version())

@@ -84,6 +84,16 @@ def test_what_was_altered_is_not_taken_for_the_same(tmp_path, saved, monkeypatch
     assert list((tmp_path / "kept").iterdir()) == []
 
 
+def test_a_changed_program_of_the_same_version_analyses_again(tmp_path, saved, monkeypatch):
+    kept = Results(tmp_path / "kept")
+    key = Key(saved.path, saved.settings)
+    kept.keep_shot(saved)
+    kept.keep_diagnosis(synthetic.diagnosis(saved), [key])
+    assert kept.shot(key) is not None and len(kept.diagnoses([key])) == 1
+    monkeypatch.setattr(results, "program", lambda: f"{program_version()} (another)")
+    assert kept.shot(key) is None and kept.diagnoses([key]) == []
+
+
 def test_a_result_whose_class_has_changed_is_analysed_again(tmp_path, saved, monkeypatch):
     kept = Results(tmp_path / "kept")
     kept.keep_shot(saved)

@@ -219,3 +219,65 @@ def test_a_missing_path_is_told_once_and_on_standard_error(tmp_path: Path, capsy
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.count("none.sigmf-meta") == 1
+
+
+BAD_MODEL = """schema = "levimass.model/1"
+base = "paper"
+effects = []
+[parameters]
+plate_stiffness_n_per_m = {{ value = {stiffness}, std = 0.1 }}
+plate_mass_kg = {{ value = 1.984e-4, std = 1e-8 }}
+contact_stiffness_n_per_m = {{ value = 1e4, std = 1.0 }}
+contact_damping_n_s_per_m = {{ value = 0.4, std = 1e-3 }}
+"""
+
+
+@pytest.mark.parametrize("stiffness", ["0.0", "-205.0", "1e300", "1e15", "1e-15"])
+def test_a_model_that_no_plate_has_costs_no_output(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], stiffness: str
+) -> None:
+    (tmp_path / "m.toml").write_text(BAD_MODEL.format(stiffness=stiffness))
+    command = ["--replay", str(_meta(good)), "--no-diagnose", "--model", str(tmp_path / "m.toml"), "--foretell"]
+    status = main([*command, "--json", str(tmp_path / "out.json")])
+    said = capsys.readouterr().err
+    refused = "m.toml: parameters.plate_stiffness_n_per_m.value" in said
+    assert refused is (stiffness in ("0.0", "-205.0", "1e300"))
+    assert "Traceback" not in said and said.count("\n") <= 2 and (status in (0, 1))
+    assert refused or json.loads((tmp_path / "out.json").read_text())["shots"][0]["status"] == "ok"
+
+
+def test_a_fault_in_one_output_costs_no_other(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fault(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    for name in ("export", "foretell_motions"):
+        monkeypatch.setattr(f"app.command_line.replay.{name}", fault)
+    (tmp_path / "m.toml").write_text(BAD_MODEL.format(stiffness="221.4"))
+    wanted = ["--json", str(tmp_path / "o.json"), "--report", str(tmp_path / "o.html"), "--export", str(tmp_path / "x")]
+    command = ["--replay", str(_meta(good)), "--no-diagnose", "--model", str(tmp_path / "m.toml"), "--foretell"]
+    assert main([*command, *wanted]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 2 and "Traceback" not in said
+    assert "no prediction: a fault of the program: ZeroDivisionError" in said and f"{tmp_path / 'x'}: a fault" in said
+    assert json.loads((tmp_path / "o.json").read_text())["foretold"] is None and (tmp_path / "o.html").exists()
+
+
+def test_names_as_long_as_they_may_be(good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    long, wide = tmp_path / ("n" * 240), tmp_path / ("ä" * 115)
+    for stem in (long, wide):
+        _meta(stem).write_bytes(_meta(good).read_bytes())
+        _data(stem).write_bytes(_data(good).read_bytes())
+    out, report = tmp_path / ("j" * 225 + ".json"), tmp_path / ("r" * 250 + ".html")
+    wanted = ["--json", str(out), "--report", str(report), "--export", str(tmp_path / "csv"), "--hdf5"]
+    assert main(["--replay", str(_meta(long)), str(_meta(wide)), "--no-diagnose", *wanted]) == 0
+    whole = json.loads(out.read_text())
+    assert [shot["status"] for shot in whole["shots"]] == ["ok", "ok"] and report.stat().st_size > 1000
+    rows = list(csv.DictReader((tmp_path / "csv" / "shots.csv").open()))
+    assert all((tmp_path / "csv" / row["motion_file"]).exists() for row in rows)
+    capsys.readouterr()
+    too_long = str(tmp_path / ("j" * 256))
+    assert main(["--replay", str(_meta(long)), "--no-diagnose", "--json", too_long]) == 1
+    heard = capsys.readouterr()
+    assert "File name too long" in heard.err and heard.err.count("\n") == 1 and heard.out == ""  # before the work

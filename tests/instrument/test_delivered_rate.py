@@ -30,6 +30,11 @@ def test_a_device_at_another_rate_is_told(share: float) -> None:
     assert after(4.0, share) == pytest.approx(share * 1e6, rel=0.01)
 
 
+def test_a_percent_is_told_once_it_is_more_than_a_driver_may_be_late() -> None:
+    assert after(60.0, 0.99) == pytest.approx(0.99e6, rel=1e-3)
+    assert after(60.0, 1.01) == pytest.approx(1.01e6, rel=1e-3)
+
+
 def test_a_device_at_its_rate_is_not() -> None:
     assert after(4.0, 1.0) is None
     assert after(600.0, 1.0001) is None  # a crystal is right to parts in ten thousand
@@ -59,5 +64,5 @@ def test_the_recording_of_a_half_delivering_device_says_so(tmp_path: Path) -> No
         until(rig.capture, lambda s: s.state is State.IDLE)
     assert shot.path is not None
     recording = read_recording(shot.path)
-    assert "rate_doubtful" in recording.flags and "rate_doubtful" in MEANINGS
+    assert "rate_contradicted" in recording.flags and "rate_contradicted" in MEANINGS
     assert 0.0 < recording.extra["global"]["lmm:delivered_rate_hz"] < 0.6 * RATE_HZ  # a busy one is later still

@@ -9,8 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from analysis.version import program
 from app.command_line.campaign.crew import LOOK_S, CrewLost
-from app.command_line.campaign.place import program, unfit
+from app.command_line.campaign.place import unfit
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one
 
 SCHEDULER_ANSWERS_S = 10.0

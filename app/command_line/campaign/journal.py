@@ -1,5 +1,6 @@
 """What is done, a line a shot, on disk before the next is waited for; memory holds only where each line begins."""
 
+import hashlib
 import json
 import os
 import tempfile
@@ -8,19 +9,27 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from app.command_line.campaign.task import Entry
+from app.report.export import SHOT_COLUMNS
+from instrument.recording_error import RecordingError
 from instrument.text_file import open_regular
 
 JOURNAL = "campaign.jsonl"
+_HEAD = b'{"sha256": "'
+_BETWEEN = b'", "entry": '
+_BEGIN = len(_HEAD) + 64 + len(_BETWEEN)
 
 
 class Journal:
     """The entries of a campaign by their stamps.  Without a path they are kept for this call alone.
 
-    Two calls may append to one file: a line is one write.  Raises OSError, and RecordingError where no file can be.
+    Two calls may append to one file: a line is one write.  A line is taken only as it was written, which its checksum
+    tells; ``spoilt`` is how many are not.  Raises OSError, and RecordingError where no file can be.
     """
 
     def __init__(self, path: Path | None, wanted: Collection[str]) -> None:
         self._places: dict[str, int] = {}
+        self.path = path
+        self.spoilt = 0
         self._file: IO[bytes]
         if path is None:
             self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - held until close
@@ -38,16 +47,20 @@ class Journal:
 
     def add(self, entry: Entry) -> None:
         """Append an entry."""
-        line = json.dumps(entry, allow_nan=False).encode() + b"\n"
+        text = json.dumps(entry, allow_nan=False).encode()
+        line = _HEAD + hashlib.sha256(text).hexdigest().encode() + _BETWEEN + text + b"}\n"
         self._file.seek(0, os.SEEK_END)
         self._file.write(line)
         self._places[entry["stamp"]] = self._file.tell() - len(line)
 
     def entry(self, stamp: str) -> Entry:
-        """Return the entry that was last added under ``stamp``."""
+        """Return the entry that was last added under ``stamp``; RecordingError where its line is another by now."""
         self._file.seek(self._places[stamp])
         with os.fdopen(os.dup(self._file.fileno()), "rb") as lines:
-            return cast(Entry, json.loads(lines.readline()))
+            entry = _entry_of(lines.readline())
+        if entry is None or entry["stamp"] != stamp:
+            raise RecordingError(self.path or Path(JOURNAL), "was changed while it was read; give the command again")
+        return entry
 
     def close(self) -> None:
         """Let go of the file."""
@@ -60,21 +73,33 @@ class Journal:
         last = b"\n"
         with os.fdopen(os.dup(self._file.fileno()), "rb") as lines:
             for line in lines:
-                if (stamp := _stamp_of(line)) in wanted:
-                    self._places[stamp] = place
+                entry = _entry_of(line)
+                if entry is None:
+                    self.spoilt += bool(line.strip())
+                elif entry["stamp"] in wanted:
+                    self._places[entry["stamp"]] = place
                 place += len(line)
                 last = line
         if not last.endswith(b"\n"):
             self._file.write(b"\n")  # whatever a crash left of the last line stays a line of its own
 
 
-def _stamp_of(line: bytes) -> str | None:
-    """Return the stamp of a whole entry, None for anything else."""
+def _entry_of(line: bytes) -> Entry | None:
+    """Return the entry of a line that is as it was written, None of any other."""
+    text = line[_BEGIN:].removesuffix(b"\n").removesuffix(b"}")
+    if line != _HEAD + hashlib.sha256(text).hexdigest().encode() + _BETWEEN + text + b"}\n":
+        return None
     try:
-        entry: Any = json.loads(line)
+        entry: Any = json.loads(text, parse_constant=_refuse)
         shot, row = entry["shot"], entry["row"]
         whole = shot["status"] in ("ok", "failed") and isinstance(shot["problem"], str | None)
-        whole &= isinstance(entry["stamp"], str) and all(isinstance(cell, str) for cell in row)
+        whole &= isinstance(shot["flags"], list) and isinstance(entry["stamp"], str)
+        whole &= isinstance(row, list) and len(row) == len(SHOT_COLUMNS) and all(isinstance(c, str) for c in row)
+        json.dumps(entry, allow_nan=False)  # 1e999 is an infinity
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
-    return entry["stamp"] if whole else None
+    return cast(Entry, entry) if whole else None
+
+
+def _refuse(word: str) -> float:
+    raise ValueError(f"{word} is no number")

@@ -1,23 +1,11 @@
 """Whether a worker can do a campaign's work where it stands."""
 
-import hashlib
 import os
 import uuid
 from collections.abc import Iterable
 from pathlib import Path
 
-from analysis.version import program_version
-
-_HOUSE = Path(__file__).resolve().parents[3]
-
-
-def program() -> str:
-    """Return the version with a digest of the source: two machines that tell the same give the same numbers."""
-    digest = hashlib.sha256()
-    for part in ("analysis", "instrument", "app"):
-        for source in sorted((_HOUSE / part).rglob("*.py")):
-            digest.update(source.relative_to(_HOUSE).as_posix().encode() + source.read_bytes())
-    return f"{program_version()} ({digest.hexdigest()[:12]})"
+from analysis.version import program
 
 
 def unfit(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:

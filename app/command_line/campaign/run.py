@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from analysis.fit_time import SECONDS
 from analysis.report import SCHEMA
 from analysis.shot import AnalysisError
 from analysis.version import program_version
@@ -33,20 +34,31 @@ def campaign(
     export_to: Path | None,
     model: str | None,
     checked: bool = True,
+    fit_seconds: float | None = None,
 ) -> int:
     """Analyse every shot under ``paths``; return the exit status.
 
     What is done stands in a journal in ``export_to`` (or beside ``json_to``) and is not done again by the next call;
     a shot that was not reached stands in none.  The shots are not joined into one diagnosis.
-    ``checked`` compares the data with their hash, which costs a campaign a third of its time.
+    ``checked`` compares the data with their hash, which costs a campaign a third of its time; ``fit_seconds`` is the
+    longest that the fit of one shot may take.
     """
     found = find_recordings(paths)
     try:
         known = known_model(model)
         check_outputs(json_to, export_to)
         effects = known.effects if known else ()
-        tasks = tasks_of(found, known.base if known else model, effects, export_to, checked=checked)
+        tasks = tasks_of(
+            found,
+            known.base if known else model,
+            effects,
+            export_to,
+            checked=checked,
+            fit_seconds=fit_seconds or SECONDS,
+        )
         with contextlib.closing(_journal(json_to, export_to, tasks)) as journal:
+            if journal.spoilt:
+                print(f"levimass: {_spoilt(journal.path, journal.spoilt)}", file=sys.stderr)
             todo = [task for task in tasks if task.stamp not in journal]
             _say_again(tasks, journal)
             not_reached: dict[str, str] = {}
@@ -70,6 +82,11 @@ def _crew(jobs: int | None, scheduler: str | None, todo: Sequence[Task]) -> Crew
     from app.command_line.campaign.cluster import Cluster  # dask.distributed is an extra
 
     return Cluster(scheduler, todo)
+
+
+def _spoilt(path: Path | None, lines: int) -> str:
+    which = "a line is" if lines == 1 else f"{lines} lines are"
+    return f"{path}: {which} not as this program writes them: passed over, what they were of is analysed again"
 
 
 def _say_again(tasks: Sequence[Task], journal: Journal) -> None:

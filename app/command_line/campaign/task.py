@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from analysis.fit_time import SECONDS
 from analysis.report import shot_result
 from analysis.shot import AnalysisSettings
-from analysis.version import program_version
+from analysis.version import program
 from app.report.export import motion_file_names, shot_row, write_motion
 from app.session.load import analysed, cause_of, unanalysed
 from instrument.foreign.remembered import remembered_mapping
@@ -30,6 +31,7 @@ class Task:
     effects: tuple[str, ...]
     motion_csv: str | None
     checked: bool
+    fit_seconds: float
     stamp: str
     sizes: tuple[int, ...]
 
@@ -54,6 +56,7 @@ def tasks_of(
     export_to: Path | None,
     *,
     checked: bool = True,
+    fit_seconds: float = SECONDS,
 ) -> list[Task]:
     """Return a task for each shot that was found; motion is written to ``export_to`` where that is given."""
     names = motion_file_names([recording_stem(path).stem for path in found])
@@ -61,8 +64,9 @@ def tasks_of(
     for path, name in zip(found, names, strict=True):
         csv = str(export_to.absolute() / name) if export_to is not None else None
         sizes, dates = _state(path)
-        stamp = (program_version(), base, effects, csv, checked, str(path.resolve()), sizes, dates)
-        tasks.append(Task(str(path.absolute()), base, effects, csv, checked, "|".join(map(str, stamp)), sizes))
+        stamp = (program(), base, effects, csv, checked, fit_seconds, str(path.resolve()), sizes, dates)
+        text = "|".join(map(str, stamp))
+        tasks.append(Task(str(path.absolute()), base, effects, csv, checked, fit_seconds, text, sizes))
     return tasks
 
 
@@ -71,7 +75,7 @@ def analyse_one(task: Task) -> Outcome:
     path = Path(task.path)
     if _state(path)[0] != task.sizes:
         return NotReached(f"{path}: not here as it was handed out (another folder, or still being copied)")
-    settings = AnalysisSettings(effects=task.effects)
+    settings = AnalysisSettings(effects=task.effects, fit_seconds=task.fit_seconds)
     motion_csv = ""
     try:
         shot = analysed(path, task.base, settings=settings, checked=task.checked)

@@ -1,6 +1,8 @@
 """The model file: what is written comes back, and what is wrong is named."""
 
 import dataclasses
+import math
+import re
 
 import numpy as np
 import pytest
@@ -72,3 +74,46 @@ def test_numbers_of_hundreds_of_digits_are_refused_by_name() -> None:
 def test_a_covariance_may_be_missing() -> None:
     model = from_text('schema = "levimass.model/1"\nbase = "paper"\n[parameters]\nx = {value = 1, std = 1}')
     assert model.covariance.shape == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("value = 221.3977", "value = 0.0", "parameters.plate_stiffness_n_per_m.value: 0 is not above zero"),
+        ("value = 221.3977", "value = -205.0", "-205 is not above zero"),
+        ("value = 221.3977", "value = 1e300", "no value that a rig can have"),
+        ("value = 221.3977", "value = 1e-300", "not above zero"),
+        ("value = 221.3977", "value = nan", "no value that a rig can have"),
+        ("value = 9e-05", "value = inf", "coulomb_friction.force_n.value"),
+        ("std = 0.0003", "std = -0.0003", "std: -0.0003 is below zero"),
+        ('["coulomb_friction"]', '["coulomb_friction", "coulomb_friction"]', "named twice"),
+        ("[9e-08, 1e-13]", "[9e-08, 2e-13]", "not symmetric"),
+        ("[9e-08, 1e-13]", "[-9e-08, 1e-13]", "below zero"),
+        ("[9e-08, 1e-13]", "[nan, 1e-13]", "not finite"),
+        ("1e-13", "1e-9", "a correlation beyond one"),
+    ],
+)
+def test_values_that_no_rig_has_are_refused_as_the_file_is_read(old: str, new: str, named: str) -> None:
+    text = to_text(MODEL)
+    assert old in text
+    with pytest.raises(ModelFileError, match=re.escape(named)):
+        from_text(text.replace(old, new))
+
+
+def test_a_covariance_that_is_none_is_refused_though_each_pair_could_be() -> None:
+    parameters = {name: Quantity(1.0, 1.0) for name in ("x", "y", "z")}
+    rows = np.array([[1.0, 0.9, -0.9], [0.9, 1.0, 0.9], [-0.9, 0.9, 1.0]])
+    wrong = dataclasses.replace(MODEL, effects=(), parameters=parameters, covariance=rows)
+    with pytest.raises(ModelFileError, match="below zero"):
+        from_text(to_text(wrong))
+    np.testing.assert_array_equal(
+        from_text(to_text(dataclasses.replace(wrong, covariance=abs(rows)))).covariance, abs(rows)
+    )
+
+
+def test_what_the_data_did_not_tell_may_be_no_number() -> None:
+    parameters = {**MODEL.parameters, "plate_mass_kg": Quantity(2e-4, math.nan)}
+    covariance = np.full((3, 3), math.nan)
+    covariance[:2, :2] = MODEL.covariance
+    back = from_text(to_text(dataclasses.replace(MODEL, parameters=parameters, covariance=covariance)))
+    np.testing.assert_array_equal(back.covariance, covariance)

@@ -1,17 +1,110 @@
-"""A rest frequency that was stated, against the one PD0 shows."""
+"""A sample rate against what contradicts it: PD0 where the rest frequency is stated, and the computer's clock."""
 
 from dataclasses import replace
 
 import pytest
 
-from analysis.shot import AnalysisSettings
+from analysis.budget import budget
+from analysis.pipeline import analyse
+from analysis.quantity import Quantity
+from analysis.rate_error import fit_with_rate_error
+from analysis.recording import Recording, Role
+from analysis.shot import AnalysisSettings, Shot
 from analysis.signal.demodulate import demodulate
-from tests.analysis.collision import Synthetic
+from analysis.signal.stated_rate import DELIVERED, FLAG
+from tests.analysis.collision import CONTACT_N_PER_M, DASHPOT, MASS_KG, PLATE_KG, PLATE_N_PER_M, Synthetic
 from tests.beats import REST_HZ, recording_of
 
+RIG = Synthetic()
 
-@pytest.mark.parametrize(("stated", "doubted"), [(REST_HZ, False), (1.011 * REST_HZ, True), (0.5 * REST_HZ, True)])
-def test_a_stated_rest_frequency_that_pd0_contradicts_doubts_the_rate(stated: float, doubted: bool) -> None:
-    recording = recording_of(Synthetic(duration_s=0.02))
-    recording = replace(recording, setup=replace(recording.setup, rest_frequency_hz=stated))
-    assert ("rate_doubtful" in demodulate(recording, AnalysisSettings()).flags) is doubted
+
+def stating(rest_hz: float | None, rate: float = 1.0, u_hz: float | None = None) -> Recording:
+    """Return a recording whose rest frequency and sample rate are stated so, the latter relative to the true one."""
+    recording = recording_of(RIG)
+    setup = replace(recording.setup, rest_frequency_hz=rest_hz, rest_frequency_u_hz=u_hz)
+    return replace(recording, setup=setup, sample_rate_hz=rate * recording.sample_rate_hz)
+
+
+@pytest.mark.parametrize(
+    ("stated", "u_hz", "contradicted"),
+    [
+        (1.0, None, False),
+        (1.0004, None, False),
+        (1.0006, None, True),
+        (1.011, None, True),
+        (0.5, None, True),
+        (1.001, 0.001 * REST_HZ, False),
+        (1.0003, 0.0001 * REST_HZ, True),
+    ],
+)
+def test_a_stated_rest_frequency_that_pd0_contradicts_doubts_the_rate(
+    stated: float, u_hz: float | None, contradicted: bool
+) -> None:
+    recording = stating(stated * REST_HZ, u_hz=u_hz)
+    assert (FLAG in demodulate(recording, AnalysisSettings()).flags) is contradicted
+
+
+def held(reading: object, truth: float) -> bool:
+    """Return whether a reading holds the truth within twice its uncertainty, which is not endless either."""
+    assert isinstance(reading, Quantity)
+    return abs(reading.value - truth) <= 2.0 * reading.std < 0.2 * abs(truth)
+
+
+def check(shot: Shot) -> None:
+    """Check that what the rate scales says how wrong it may be, and what it does not stays as sharp as it was."""
+    right = analyse(stating(REST_HZ), AnalysisSettings(fit=False)).impact
+    impact = shot.impact
+    assert right is not None and impact is not None and FLAG in shot.flags
+    assert held(impact.velocity_in_m_per_s, -RIG.speed_m_per_s)
+    for name in ("velocity_out_m_per_s", "force_peak_n", "contact_time_s", "force_fwhm_s", "stiffness_slope_n_per_m"):
+        truth = getattr(right, name)
+        assert isinstance(truth, Quantity) and held(getattr(impact, name), truth.value), name
+
+
+def test_a_rate_stated_a_percent_high_stands_in_the_uncertainties() -> None:
+    shot = analyse(stating(REST_HZ, rate=1.01), AnalysisSettings(fit=False))
+    check(shot)
+    impact = shot.impact
+    assert impact is not None and isinstance(impact.cor_quasi_static, Quantity)
+    assert impact.cor_quasi_static.std < 1e-3  # a ratio knows no rate
+    assert isinstance(impact.deflection_max_m, Quantity) and impact.deflection_max_m.std < 1e-6  # nor does a length
+    found = budget(shot).of("velocity_in_m_per_s")
+    assert found is not None and found.std == pytest.approx(0.01 * abs(found.value), rel=0.05)
+    assert found.rows[0].source == "timebase" and found.std_a < 1e-3 * abs(found.value)
+
+
+@pytest.mark.parametrize("rate", [0.99, 1.03])
+def test_the_clock_contradicts_as_pd0_does(rate: float) -> None:
+    recording = stating(None, rate=rate)
+    truth_hz = recording.sample_rate_hz / rate
+    check(analyse(replace(recording, extra={"global": {DELIVERED: truth_hz}}), AnalysisSettings(fit=False)))
+
+
+def test_without_pd0_a_wrong_rate_adds_to_every_velocity() -> None:
+    recording = stating(REST_HZ, rate=1.002)
+    columns = [k for k, channel in enumerate(recording.channels) if channel.role is not Role.REFERENCE]
+    counts = recording.counts[:, columns].copy()
+    counts.flags.writeable = False
+    alone = replace(recording, counts=counts, channels=tuple(recording.channels[k] for k in columns))
+    alone = replace(alone, extra={"global": {DELIVERED: recording.sample_rate_hz / 1.002}})
+    impact = analyse(alone, AnalysisSettings(fit=False)).impact
+    right = analyse(stating(REST_HZ), AnalysisSettings(fit=False)).impact
+    assert impact is not None and right is not None
+    for name in ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static", "deflection_max_m"):
+        truth, read = getattr(right, name), getattr(impact, name)
+        assert abs(read.value - truth.value) <= 2.0 * read.std < 0.2 * abs(truth.value), name
+
+
+def test_the_fitted_parameters_go_with_the_powers_of_time_in_their_units() -> None:
+    shot = analyse(stating(REST_HZ, rate=1.01))
+    assert shot.fit is not None and shot.fit.converged
+    truth = (PLATE_N_PER_M, PLATE_KG, CONTACT_N_PER_M, DASHPOT)
+    names = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
+    for name, true, power in zip(names, truth, (2, 0, 2, 1), strict=True):
+        found = shot.fit.parameters[name]
+        assert found.std >= 0.99 * 0.01 * power * found.value
+        assert abs(found.value - true) < 3.0 * found.std, name
+    contact = shot.impact.cor_kinetic.contact if shot.impact else None
+    assert isinstance(contact, Quantity) and contact.std < 1e-3
+    assert shot.motion is not None and shot.motion.moving_mass_kg == MASS_KG
+    assert fit_with_rate_error(shot.fit, replace(shot.motion, rate_error=0.0)) is shot.fit

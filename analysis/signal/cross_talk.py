@@ -1,0 +1,120 @@
+"""Cross-talk of PD1 in PD0: a line at the moving beat's frequency in the rest beat, estimated and taken off.
+
+It wobbles PD0's phase at the Doppler frequency, and where that passes through zero it looks like the jump of a lost
+sample.  What couples (cables, amplifiers, a board) does it linearly and within a sample or two: a few taps on PD1.
+PD0's own beat in PD1 is a leak like that of light, and is taken off as one (``leak``).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signal.survey import Survey
+
+Floats = NDArray[np.float64]
+REMOVED, LEFT = "cross_talk_removed", "cross_talk"  # flags
+BLOCK, MOST_BLOCKS = 1024, 256  # samples, and stretches of so many that are looked at
+REMOVED_ABOVE = 0.01  # of PD0's amplitude
+LEFT_ABOVE = 0.02  # of PD0's amplitude, after the taps: then it is not of the kind that they take off
+_REACH = 1  # samples: taps at -1, 0 and 1
+_APART = 6.0  # bins of a block by which PD1's beat must differ from PD0's to be told from it
+_FEWEST = 8  # blocks
+_FAULTY = 4.0  # times the usual remainder: a block with a lost sample, a knock of light
+_SLOW_HZ = 20e3  # by which a rest beat may drift in a shot, as far as a stretch tells
+_STILL = 0.1  # of the other's span
+
+
+@dataclass(frozen=True, slots=True)
+class CrossTalk:
+    """What of PD1 stands in PD0: ``taps`` (3,) at -1, 0, 1 samples, and amplitudes relative to PD0's beat."""
+
+    taps: Floats
+    ratio: float
+    left: float  # that the taps do not take off
+
+
+def swapped(measurement: Survey, reference: Survey) -> float | None:
+    """Return by how many Hz PD0's beat moves where it does and PD1's stands still, else None."""
+    spans = []
+    for seen in (measurement, reference):
+        low, high = np.percentile(seen.frequency_hz[seen.seen], (5, 95))
+        spans.append(float(high - low))
+    moved = spans[1]
+    return moved if moved > _SLOW_HZ and spans[0] < _STILL * moved else None
+
+
+def find_cross_talk(
+    reference: NDArray[np.int16], moving: NDArray[np.int16], rest: Survey, beat: Survey, sample_rate_hz: float
+) -> CrossTalk | None:
+    """Return the cross-talk of ``moving`` in ``reference``, both (n,), None where there is too little to matter.
+
+    Stretches where the block moves are freed from PD0's own tone, and what is left of PD0 is put down to PD1.
+    """
+    turns = float(np.median(rest.frequency_hz[rest.seen])) / sample_rate_hz
+    at = np.interp(beat.sample, rest.sample[rest.seen], rest.frequency_hz[rest.seen])
+    away = np.abs(beat.frequency_hz - at) > _APART * sample_rate_hz / BLOCK
+    clear = beat.sample[beat.seen & away]
+    clear = clear[(clear >= _REACH) & (clear + BLOCK + _REACH <= reference.size)]
+    if clear.size < _FEWEST:
+        return None
+    starts = clear[np.linspace(0, clear.size - 1, min(clear.size, MOST_BLOCKS)).astype(np.int64)]
+    free = _without_tone(turns)
+    rows = starts[:, None] + np.arange(BLOCK)
+    left = free(reference[rows].astype(np.float64))
+    columns = np.stack([free(moving[rows - lag].astype(np.float64)) for lag in range(-_REACH, _REACH + 1)], axis=-1)
+    taps = _solved(columns, left)
+    remainder = np.sqrt(np.mean((left - columns @ taps) ** 2, axis=1))
+    sound = remainder <= _FAULTY * np.median(remainder)
+    if sound.sum() < _FEWEST:
+        return None
+    columns, left = columns[sound], left[sound]
+    taps = _solved(columns, left)
+    amplitude = rest.amplitude_counts
+    ratio = float(np.sqrt(2.0 * np.mean((columns @ taps) ** 2))) / amplitude
+    if ratio < REMOVED_ABOVE:
+        return None
+    return CrossTalk(taps, ratio, _left_over(columns, left - columns @ taps, amplitude))
+
+
+def taken_off(reference: NDArray[np.int16], moving: NDArray[np.int16], found: CrossTalk) -> NDArray[np.int16]:
+    """Return ``reference``, (n,), without what the taps put into it of ``moving``."""
+    mean = float(moving[:: max(1, moving.size // 4096)].mean())
+    beat = np.pad(moving.astype(np.float32) - np.float32(mean), _REACH, mode="edge")
+    out = reference.astype(np.float32)
+    for tap, lag in zip(found.taps, range(-_REACH, _REACH + 1), strict=True):
+        out -= np.float32(tap) * beat[_REACH - lag : beat.size - _REACH - lag]
+    return np.clip(np.rint(out), -32768, 32767).astype(np.int16)
+
+
+def _without_tone(turns: float) -> Callable[[Floats], Floats]:
+    """Return what takes a tone of nearly ``turns`` cycles a sample, and a level, off blocks of shape (m, BLOCK)."""
+    n = np.arange(BLOCK) - 0.5 * (BLOCK - 1)
+    wave = np.exp(2j * np.pi * turns * n)
+    bent = n / BLOCK  # a frequency a little off, an amplitude that drifts
+    columns = [wave.real, wave.imag, bent * wave.real, bent * wave.imag, np.ones(BLOCK)]
+    basis = np.linalg.qr(np.stack(columns, axis=1))[0]
+    return lambda blocks: np.asarray(blocks - (blocks @ basis) @ basis.T)
+
+
+def _solved(columns: Floats, left: Floats) -> Floats:
+    """Return the taps by least squares; columns of shape (m, BLOCK, taps), left (m, BLOCK)."""
+    flat = columns.reshape(-1, columns.shape[-1])
+    return np.asarray(np.linalg.lstsq(flat, left.reshape(-1), rcond=1e-6)[0])
+
+
+def _left_over(columns: Floats, remainder: Floats, amplitude: float) -> float:
+    """Return what of PD1 still stands in the remainder, at any phase, as the greatest block shows it clearly.
+
+    Each block is asked for itself: a coupling that changes in the shot leaves nothing on the average.
+    """
+    beat = columns[..., _REACH]
+    turned = np.fft.fft(beat, axis=1)
+    turned[:, BLOCK // 2 :] = 0.0
+    analytic = 2.0 * np.fft.ifft(turned, axis=1)
+    power = np.sum(np.abs(analytic) ** 2, axis=1)
+    gain = 2.0 * np.abs(np.sum(remainder * np.conj(analytic), axis=1)) / power
+    size = gain * np.sqrt(power / BLOCK) / amplitude
+    noise = 3.0 * np.std(remainder) * np.sqrt(2.0 / BLOCK) / amplitude
+    return float(np.percentile(np.maximum(size - noise, 0.0), 90))

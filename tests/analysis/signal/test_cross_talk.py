@@ -1,0 +1,118 @@
+"""What is in the wrong channel: PD1's beat in PD0, swapped cables, a recording that runs backwards."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import hilbert
+
+from analysis.impact import Impact
+from analysis.pipeline import analyse
+from analysis.quantity import NotSeen, Quantity
+from analysis.recording import Recording
+from analysis.shot import AnalysisSettings, Shot
+from tests.analysis.collision import Synthetic
+from tests.beats import recording_of
+
+RIG = Synthetic(speed_m_per_s=0.17)
+READ = AnalysisSettings(fit=False)
+
+
+@lru_cache(maxsize=1)
+def sound() -> Recording:
+    return recording_of(RIG)
+
+
+@lru_cache(maxsize=1)
+def truth() -> Impact:
+    impact = analyse(sound(), READ).impact
+    assert impact is not None
+    return impact
+
+
+def with_columns(columns: list[NDArray[np.float64]]) -> Recording:
+    """Return the sound recording with these channels in their places."""
+    counts = np.clip(np.rint(np.stack(columns, axis=1)), -2048, 2047).astype("<i2")
+    counts.flags.writeable = False
+    return replace(sound(), counts=counts)
+
+
+def coupled(share: float, turned_deg: float = 0.0, back: float = 0.0, varies: float = 0.0) -> Recording:
+    """Return a recording with a share of PD1 in PD0, its phase turned, and of PD0 ``back`` in PD1."""
+    rest, beat, switch = sound().counts.T.astype(np.float64)
+    turned = (hilbert(beat - beat.mean()) * np.exp(1j * np.deg2rad(turned_deg))).real
+    share_now = share * (1.0 + varies * np.sin(np.linspace(0.0, 40.0, rest.size)))
+    return with_columns([rest + share_now * turned, beat + back * rest, switch])
+
+
+def check(shot: Shot) -> None:
+    impact = shot.impact
+    assert impact is not None and shot.problem is None
+    for name in ("velocity_in_m_per_s", "cor_quasi_static", "deflection_max_m", "contact_time_s", "force_peak_n"):
+        read, right = getattr(impact, name), getattr(truth(), name)
+        assert isinstance(read, Quantity) and isinstance(right, Quantity), name
+        assert abs(read.value - right.value) < 3.0 * right.std + 1e-6 * abs(right.value), name
+
+
+@pytest.mark.parametrize(("share", "turned_deg"), [(0.03, 0.0), (0.05, 0.0), (0.05, 60.0), (0.1, 180.0), (0.4, 0.0)])
+def test_cross_talk_is_taken_off_and_named(share: float, turned_deg: float) -> None:
+    shot = analyse(coupled(share, turned_deg), READ)
+    assert shot.flags == ("cross_talk_removed",)
+    check(shot)
+
+
+def test_both_ways_at_once() -> None:
+    shot = analyse(coupled(0.05, back=0.05), READ)
+    assert set(shot.flags) == {"cross_talk_removed", "leak_removed"}
+    impact = shot.impact
+    assert impact is not None and isinstance(impact.deflection_max_m, Quantity)
+    assert isinstance(truth().deflection_max_m, Quantity)
+    assert impact.deflection_max_m.value == pytest.approx(truth().deflection_max_m.value, rel=1e-4)
+
+
+def test_a_clean_recording_and_one_with_little_stay_as_they_are() -> None:
+    assert analyse(sound(), READ).flags == () == analyse(coupled(0.004), READ).flags
+
+
+def test_what_changes_in_the_shot_is_named_and_the_deflection_withheld() -> None:
+    shot = analyse(coupled(0.1, varies=1.0), READ)
+    assert "cross_talk" in shot.flags and "samples_lost" not in shot.flags
+    assert shot.impact is not None and isinstance(shot.impact.deflection_max_m, NotSeen)
+    assert "PD1's beat stands in PD0" in shot.impact.deflection_max_m.reason
+
+
+def test_samples_lost_under_cross_talk_are_found_all_the_same() -> None:
+    whole = coupled(0.05)
+    at = 260_000  # in the contact
+    counts = np.delete(whole.counts, slice(at, at + 5), axis=0)
+    counts.flags.writeable = False
+    shot = analyse(replace(whole, counts=counts), READ)
+    assert {"cross_talk_removed", "samples_lost"} <= set(shot.flags)
+    impact = shot.impact
+    assert impact is not None and isinstance(impact.deflection_max_m, Quantity)
+    assert isinstance(truth().deflection_max_m, Quantity)
+    assert impact.deflection_max_m.value == pytest.approx(truth().deflection_max_m.value, rel=1e-3)
+
+
+def test_swapped_cables_are_named() -> None:
+    rest, beat, switch = sound().counts.T.astype(np.float64)
+    problem = analyse(with_columns([beat, rest, switch]), READ).problem
+    assert problem is not None and "swapped" in problem and "PD0's beat moves by" in problem
+
+
+def test_a_recording_that_runs_backwards_is_named() -> None:
+    counts = sound().counts[::-1].copy()
+    counts.flags.writeable = False
+    problem = analyse(replace(sound(), counts=counts), READ).problem
+    assert problem is not None and "time runs backwards" in problem
+
+
+def test_a_sense_that_is_reversed_is_named() -> None:
+    rate, rest_hz = sound().sample_rate_hz, 2.73e6
+    time = np.arange(sound().samples) / rate
+    rest, beat, switch = sound().counts.T.astype(np.float64)
+    mirrored = (hilbert(beat).conj() * np.exp(4j * np.pi * rest_hz * time)).real  # above the rest becomes below
+    problem = analyse(with_columns([rest, mirrored, switch]), READ).problem
+    assert problem is not None and "the sense is reversed" in problem

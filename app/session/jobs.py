@@ -96,9 +96,9 @@ class Jobs:
                 job = self._waiting.popleft()
                 self._current = job
             self._run(job)
+            self._finished.append(job)  # first: who sees no open job finds its result
             with self._wake:
                 self._current = None
-            self._finished.append(job)
             job.done.set()
 
     def _run(self, job: Job) -> None:

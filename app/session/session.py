@@ -40,6 +40,7 @@ class _State:
     entries: tuple[Entry, ...]
     what: str
     effects: ModelEffects
+    without: frozenset[int] = frozenset()  # entries that going to this state takes off the list
 
 
 class Session:
@@ -53,6 +54,7 @@ class Session:
         self._entries: tuple[Entry, ...] = ()
         self._effects = ModelEffects()
         self._undo: list[_State] = []
+        self._redo: list[_State] = []
         self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
         self.revision = 0
@@ -140,23 +142,32 @@ class Session:
 
     def undo(self) -> str | None:
         """Take back the last note, removal or change of the model; return what it was, or None."""
-        if not self._undo:
+        return self._step(self._undo, self._redo)
+
+    def redo(self) -> str | None:
+        """Do again what was undone last; return what it is, or None."""
+        return self._step(self._redo, self._undo)
+
+    def _step(self, back: list[_State], forth: list[_State]) -> str | None:
+        """Go to the newest state of ``back`` and leave on ``forth`` how to return; shots taken meanwhile stay."""
+        if not back:
             return None
-        state = self._undo.pop()
+        state = back.pop()
+        there = {entry.number: entry for entry in self._entries}
+        notes = {old.number: old.note for old in state.entries}
+        returned = [old for old in state.entries if old.number not in there and old.number not in state.without]
+        kept = [entry for entry in self._entries if entry.number not in state.without]
+        kept = [replace(entry, note=notes.get(entry.number, entry.note)) for entry in kept]
+        without = frozenset(entry.number for entry in returned)
+        forth.append(_State(self._entries, state.what, self._effects, without))
         self._effects = state.effects
-        shots = {entry.number: entry for entry in self._entries}
-        restored = []
-        for old in state.entries:
-            new = shots.get(old.number)
-            restored.append(old if new is None else replace(new, note=old.note))
-        known = {entry.number for entry in restored}
-        restored += [entry for entry in self._entries if entry.number not in known]
-        self._set(tuple(sorted(restored, key=lambda entry: entry.number)))
+        self._set(tuple(sorted([*kept, *returned], key=lambda entry: entry.number)))
         return state.what
 
     def _remember(self, what: str) -> None:
         self._undo.append(_State(self._entries, what, self._effects))
         del self._undo[:-UNDO_DEPTH]
+        self._redo.clear()
 
     def _change(self, number: int, change: Callable[[Entry], Entry]) -> None:
         self._set(tuple(change(entry) if entry.number == number else entry for entry in self._entries))
@@ -196,7 +207,7 @@ class Session:
         self.give_free()
         self._path, self._entries, self._effects = other._path, other._entries, other._effects
         self.give_free, self.problem = other.give_free, other.problem
-        self._undo, self._next = [], 0
+        self._undo, self._redo, self._next = [], [], 0
         self.revision += 1
 
     def move_to(self, path: Path, give_free: Callable[[], None]) -> None:

@@ -20,7 +20,7 @@ from analysis.shot import AnalysisSettings, Shot
 from app.session.cut_off import cut_off
 from app.session.diagnoses import Diagnoses
 from app.session.elsewhere import Elsewhere
-from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Reopened, SavedElsewhere
+from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Refitted, Reopened, SavedElsewhere
 from app.session.jobs import Asked, Job, Report
 from app.session.kept_work import KeptWork
 from app.session.load import unanalysed
@@ -115,6 +115,7 @@ class Workbench:
 
     def _go_on(self, other: Session) -> None:
         self._work.another_session()
+        self.model.forget()
         self.diagnoses.clear()
         self.session.become(other)
         self.read_unread()
@@ -196,7 +197,7 @@ class Workbench:
         if awaiting is None:
             return None
         if shot.fit_problem == STOPPED:  # Abort frees the rig: the fit that was under way is made beside it
-            self.model.refit([awaiting])
+            self.model.catch_up(also=[awaiting])
             return awaiting
         self.session.fill(awaiting.number, replace(shot, path=awaiting.path))
         entry = self.session.entry(awaiting.number)
@@ -208,8 +209,8 @@ class Workbench:
         """Keep the result of a captured shot, once the model as it is now is fitted to it."""
         shot = entry.shot
         assert shot is not None
-        if shot.settings.effects != self.model.effects_of(shot.settings.model):
-            self.model.refit([entry])
+        if self.model.is_behind(entry):
+            self.model.catch_up()
         else:
             self._keep([shot])
 
@@ -257,12 +258,15 @@ class Workbench:
 
     def undo(self) -> str | None:
         """Take back the last note, removal or change of the model; return what it was, or None."""
-        before = self.session.effects
-        what = self.session.undo()
-        if self.session.effects != before:
-            self.model.refit(self.session.entries)
+        return self._stepped(self.session.undo())
+
+    def redo(self) -> str | None:
+        """Do again what was undone last; return what it is, or None."""
+        return self._stepped(self.session.redo())
+
+    def _stepped(self, what: str | None) -> str | None:
         # shots that come back to the list: the fit that they awaited may have come while they were off it
-        self.model.refit([e for e in self.session.entries if e.shot is not None and awaits_fit(e.shot)])
+        self.model.catch_up(also=self.session.entries)
         return what
 
     # what ended -------------------------------------------------------------------------------------------------
@@ -295,18 +299,33 @@ class Workbench:
         elif isinstance(result, Opened):
             entry = self.session.add(result.shot, copy_of=result.copy_of)
             self._keep([result.shot])
+            self.model.catch_up()
             self._waiting.append(Event(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
         elif isinstance(result, Filled):
-            for number, shot in result.shots:
-                self.session.fill(number, shot)
-            self._keep([shot for _, shot in result.shots])
-            self._waiting.append(Event(Kind.CHANGED, "", tuple(number for number, _ in result.shots)))
+            self._take_filled(result)
+        elif isinstance(result, Refitted):
+            shot = self.model.take_fit(result)
+            if shot is not None:
+                self._keep([shot])
+                self._waiting.append(Event(Kind.CHANGED, "", (result.number,)))
         elif isinstance(result, Reopened):
             self._take_reopened(result)
 
+    def _take_filled(self, result: Filled) -> None:
+        entry = self.session.entry(result.number)
+        if entry is None or (entry.shot is not None and entry.shot.motion is not None):
+            return  # taken off the list, or there already
+        self.session.fill(result.number, result.shot)
+        self._keep([result.shot])
+        self.model.catch_up()
+        self._waiting.append(Event(Kind.CHANGED, "", (result.number,)))
+
     def _take_reopened(self, result: Reopened) -> None:
         for number, shot, version in result.shots:
-            self.session.fill(number, shot, version)
+            there = self.session.entry(number)
+            if there is not None and there.shot is None:
+                self.session.fill(number, shot, version)
+        self.model.catch_up()
         for number in result.missing:
             entry = self.session.entry(number)
             if entry is not None and entry.shot is None:
@@ -337,6 +356,6 @@ class Workbench:
         opening = partial(open_shot, Path(entry.path or ""), entry.settings, effects)
 
         def work(report: Report, cancelled: Asked) -> Filled:
-            return Filled(((number, self._work.do(opening, report, cancelled)),))
+            return Filled(number, self._work.do(opening, report, cancelled))
 
         self._work.submit(self.jobs, entry.name, work, "open")

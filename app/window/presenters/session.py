@@ -238,6 +238,13 @@ class SessionPresenter(QObject):
         self._show_table()
         self.said.emit(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
 
+    @Slot()
+    def redo(self) -> None:
+        """Do again what was undone last."""
+        what = self._workbench.redo()
+        self._show_table()
+        self.said.emit(f"Done again: {what}" if what else "Nothing to redo", Tone.NEUTRAL)
+
     @Slot(int, str)
     def _note_edited(self, number: int, note: str) -> None:
         self._workbench.set_note(number, note)

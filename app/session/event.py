@@ -18,7 +18,7 @@ class Kind(StrEnum):
     PRINT = "print"  # the text of a report, to be printed
     DIAGNOSED = "diagnosed"
     MODEL = "model"  # a model file was loaded
-    CUT_OFF = "cut off"  # recordings that the end of the program cut off were found
+    UNLISTED = "unlisted"  # recordings were found that no session lists
     PROBLEM = "problem"
 
 

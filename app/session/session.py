@@ -18,6 +18,7 @@ from instrument.text_file import read_json
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
+MOST_LEFT_OUT = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +56,7 @@ class Session:
         self._effects = ModelEffects()
         self._undo: list[_State] = []
         self._redo: list[_State] = []
+        self._left_out: tuple[str, ...] = ()  # recordings that a person does not want listed, newest last
         self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
         self.revision = 0
@@ -67,6 +69,11 @@ class Session:
     def entries(self) -> tuple[Entry, ...]:
         """Get the entries, oldest first."""
         return self._entries
+
+    @property
+    def read(self) -> tuple[Entry, ...]:
+        """Get the entries whose shot is there, analysed or with the reason why it is not."""
+        return tuple(entry for entry in self._entries if entry.shot is not None)
 
     @property
     def effects(self) -> ModelEffects:
@@ -102,6 +109,13 @@ class Session:
         self._set((*self._entries, entry))
         return entry
 
+    def add_captured(self, name: str, path: str | None, settings: AnalysisSettings) -> Entry:
+        """Add a shot that was captured and whose analysis is to come; return its entry."""
+        number = self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
+        entry = Entry(number, name, path, settings)
+        self._set((*self._entries, entry))
+        return entry
+
     def awaiting(self, shot: Shot) -> Entry | None:
         """Return the newest entry whose shot awaits the fit that this one has come with."""
 
@@ -117,6 +131,21 @@ class Session:
             return replace(entry, shot=shot, name=shot.name, settings=shot.settings, version=version)
 
         self._change(number, filled)
+
+    def complete(self, number: int, shot: Shot) -> Entry:
+        """Give an entry that was listed at its capture the analysed shot, and return the entry."""
+
+        def whole(entry: Entry) -> Entry:
+            path = shot.path or entry.path  # it may have been saved elsewhere meanwhile
+            placed = replace(shot, path=path)
+            return replace(
+                entry, shot=placed, path=path, settings=shot.settings, note=entry.note or shot.note, name=shot.name
+            )
+
+        self._change(number, whole)
+        entry = self.entry(number)
+        assert entry is not None
+        return entry
 
     def set_path(self, name: str, path: str) -> bool:
         """Say where a shot that was only in memory was saved, the newest of that name; return whether one is."""
@@ -138,7 +167,19 @@ class Session:
     def remove(self, numbers: list[int]) -> None:
         """Take entries off the list; their recordings stay on disk, and it can be undone."""
         self._remember("the removal")
+        self.leave_out([entry.path for entry in self._entries if entry.number in numbers and entry.path])
         self._set(tuple(entry for entry in self._entries if entry.number not in numbers))
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Get the recordings that are not to be offered at the next start: taken off the list, or declined."""
+        return self._left_out
+
+    def leave_out(self, paths: Sequence[str]) -> None:
+        """Do not offer these recordings at the next start."""
+        kept = [path for path in self._left_out if path not in set(paths)]
+        self._left_out = (*kept, *dict.fromkeys(paths))[-MOST_LEFT_OUT:]
+        self._save()
 
     def undo(self) -> str | None:
         """Take back the last note, removal or change of the model; return what it was, or None."""
@@ -178,18 +219,20 @@ class Session:
         self._save()
 
     def _save(self) -> None:
-        path, entries, effects = self._path, self._entries, self._effects
+        path, entries, effects, left_out = self._path, self._entries, self._effects, self._left_out
         if path is not None:
-            self.save_by(lambda: self._write(path, entries, effects))
+            self.save_by(lambda: self._write(path, entries, effects, left_out))
 
-    def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects) -> None:
+    def _write(
+        self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects, left_out: tuple[str, ...]
+    ) -> None:
         shots = [_to_json(entry) for entry in entries if entry.path]
         accepted = {
             "effects": list(effects.collision),
             "drive_effects": list(effects.drive),
             "tried": list(effects.tried),
         }
-        document = {"schema": SCHEMA, **accepted, "shots": shots}
+        document = {"schema": SCHEMA, **accepted, "shots": shots, "left_out": list(left_out)}
         problem = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -203,9 +246,10 @@ class Session:
     def become(self, other: "Session") -> None:
         """Go on as another session, in its own file; what stood here is on disk first."""
         if self._path is not None:
-            self._write(self._path, self._entries, self._effects)
+            self._write(self._path, self._entries, self._effects, self._left_out)
         self.give_free()
         self._path, self._entries, self._effects = other._path, other._entries, other._effects
+        self._left_out = other._left_out
         self.give_free, self.problem = other.give_free, other.problem
         self._undo, self._redo, self._next = [], [], 0
         self.revision += 1
@@ -213,7 +257,7 @@ class Session:
     def move_to(self, path: Path, give_free: Callable[[], None]) -> None:
         """Keep the session in another file from now on; the one before stays as it is."""
         if self._path is not None:
-            self._write(self._path, self._entries, self._effects)
+            self._write(self._path, self._entries, self._effects, self._left_out)
         self.give_free()
         self._path, self.give_free = path, give_free
         self._set(self._entries)
@@ -231,6 +275,7 @@ class Session:
             session._entries = tuple(_from_json(item) for item in document.objects("shots") or ())
             accepted = (known_effects(_names(document, key)) for key in ("effects", "drive_effects", "tried"))
             session._effects = ModelEffects(*accepted)
+            session._left_out = _names(document, "left_out")[-MOST_LEFT_OUT:]
         except RecordingError as error:
             aside = path.with_name(path.name + ".unreadable")
             session.problem = f"the last session could not be read ({error}); it was kept as {aside.name}"

@@ -104,6 +104,7 @@ class MainWindow(QMainWindow):
             self.laws_presenter,
         ):
             presenter.said.connect(self.say)
+        self.rig_presenter.shot_captured.connect(self.session_presenter.take_captured)
         self.rig_presenter.shot_finished.connect(self._shot_finished)
         self.session_presenter.arrived.connect(self._arrived)
         self.rig_presenter.save_elsewhere_wanted.connect(self._save_elsewhere)
@@ -128,7 +129,7 @@ class MainWindow(QMainWindow):
             self.say(words, Tone.WARNING)
         workbench.jobs.submit("first start", kernels.work, "warm")
         workbench.read_unread()
-        workbench.look_for_cut_off(choices.settings.data_folder)
+        workbench.look_for_unlisted(choices.settings.data_folder, choices.sessions)
         self.session_presenter.refresh()
         if workbench.session.entries:  # a session reopens where it was: at its last shot
             self.panels.table.select([workbench.session.entries[-1].number])

@@ -58,7 +58,7 @@ def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tm
 
     def taken():
         words.add(panels.banner.word)
-        return len(window.workbench.session.entries) == 1
+        return len(window.workbench.session.read) == 1
 
     qtbot.waitUntil(taken, timeout=WAIT_MS)
     assert "ANALYSING" in words
@@ -169,7 +169,7 @@ def test_recordings_are_opened_by_dropping_them_and_a_broken_one_says_why(opened
         QPointF(5, 5), Qt.DropAction.CopyAction, data, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
     )
     window.dropEvent(event)
-    qtbot.waitUntil(lambda: len(window.workbench.session.entries) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
     good, bad = window.workbench.session.entries
     assert good.shot.impact is not None
     assert "broken" in bad.shot.problem
@@ -215,7 +215,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     paths = simulate(tmp_path / "drag", 2, 5, effect)
     window = opened(rigs.still_bench)
     window.session_presenter.open_paths([Path(path) for path in paths])
-    qtbot.waitUntil(lambda: len(window.workbench.session.entries) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
     window.panels.table.select([1, 2])
     qtbot.keyClick(window, Qt.Key.Key_D)
     assert window.panels.tabs.currentIndex() == Layout.DIAGNOSIS
@@ -249,9 +249,9 @@ def test_the_trigger_is_heard_and_seen_only_if_asked_for(opened, qtbot, monkeypa
     for chosen in (False, True):
         window.rig_presenter._choices.change({"sound": chosen, "flash": chosen})
         _ready(qtbot, window)
-        count = len(window.workbench.session.entries)
+        count = len(window.workbench.session.read)
         qtbot.keyClick(window, Qt.Key.Key_Space)
-        qtbot.waitUntil(lambda count=count: len(window.workbench.session.entries) == count + 1, timeout=WAIT_MS)
+        qtbot.waitUntil(lambda count=count: len(window.workbench.session.read) == count + 1, timeout=WAIT_MS)
         assert (heard, flashed) == (([1], [1]) if chosen else ([], []))
     qtbot.waitUntil(lambda: not window.panels.banner.flashing, timeout=WAIT_MS)
 
@@ -272,7 +272,7 @@ def test_live_is_held_still_by_a_key_until_the_next_arming(opened, qtbot):
 def test_a_session_reopens_at_its_last_shot(opened, qtbot, recordings):
     window = opened(rigs.still_bench)
     window.session_presenter.open_paths(sorted((recordings / "plain").glob("*.sigmf-meta"))[:2])
-    qtbot.waitUntil(lambda: len(window.workbench.session.entries) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
     name = window.workbench.session.entries[-1].name
     window.close()
     again = opened(rigs.still_bench)

@@ -206,7 +206,7 @@ class SessionModel(QAbstractTableModel):
             return entry.name
         if column == VERDICT:
             if shot is None:
-                return "reading …"
+                return "waiting for analysis"
             return shot.problem or entry.verdict or DASH
         if column == FLAGS:
             return ", ".join(by_weight(shot.flags)) if shot is not None else ""

@@ -11,6 +11,7 @@ from analysis.corrected import NAMES
 from analysis.diagnosis.model_file import BASES
 from analysis.shot import AnalysisSettings, Shot
 from app.session.model_effects import ModelEffects, known_effects
+from app.session.verdict_of import VerdictOf
 from instrument.checked import Checked
 from instrument.recording_error import RecordingError, shown
 from instrument.recording_writer import write_json_beside
@@ -32,6 +33,7 @@ class Entry:
     shot: Shot | None = None
     note: str = ""
     verdict: str = ""
+    verdict_of: VerdictOf | None = None  # what the verdict was passed on; None where it was kept without
     copy_of: int | None = None  # the entry whose recording this one analyses with other settings
     version: str = ""  # of the program that analysed it, where its result was kept from before
 
@@ -155,9 +157,16 @@ class Session:
             self._change(entry.number, lambda old: replace(old, path=path, shot=shot))
         return entry is not None
 
-    def set_verdict(self, number: int, verdict: str) -> None:
-        """Set what the diagnosis said of an entry."""
-        self._change(number, lambda entry: replace(entry, verdict=verdict))
+    def set_verdict(self, number: int, verdict: str, of: VerdictOf | None = None) -> None:
+        """Set what the diagnosis said of an entry, and which model and shots that holds for."""
+        self._change(number, lambda entry: replace(entry, verdict=verdict, verdict_of=of))
+
+    def verdict_holds(self, entry: Entry) -> bool:
+        """Return whether an entry's verdict is of the model as it is now, and all its shots are on the list."""
+        of = entry.verdict_of
+        if not entry.verdict or of is None:
+            return True
+        return of.holds(self._effects.of(entry.settings.model), {other.number for other in self._entries})
 
     def set_note(self, number: int, note: str) -> None:
         """Set the operator's note; can be undone."""
@@ -297,6 +306,7 @@ def _to_json(entry: Entry) -> dict[str, Any]:
         "path": entry.path,
         "note": entry.note,
         "verdict": entry.verdict,
+        "verdict_of": None if entry.verdict_of is None else asdict(entry.verdict_of),
         "copy_of": entry.copy_of,
         "settings": asdict(entry.settings) | {"corrections": dict(entry.settings.corrections)},
     }
@@ -326,8 +336,19 @@ def _from_json(item: Checked) -> Entry:
         settings=settings,
         note=item.text("note") or "",
         verdict=item.text("verdict") or "",
+        verdict_of=_verdict_of(item),
         copy_of=item.whole("copy_of", 1, 2**31),
     )
+
+
+def _verdict_of(item: Checked) -> VerdictOf | None:
+    given = item.object("verdict_of")
+    if given is None:
+        return None
+    shots = given.get("shots") or []
+    if not isinstance(shots, list) or not all(type(number) is int for number in shots):
+        raise given.refuse("shots", "not a list of numbers")
+    return VerdictOf(_names(given, "effects"), _names(given, "found"), tuple(shots))
 
 
 def _corrections(chosen: Checked) -> tuple[tuple[str, float | None], ...]:

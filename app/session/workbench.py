@@ -33,6 +33,7 @@ from app.session.session import Entry, Session
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_motions, open_shot
 from app.session.unlisted import Unlisted, listed_by, unlisted
+from app.session.verdict_of import verdict_of
 from app.session.work import Work
 from app.words.verdict import verdict_words
 from instrument.analyst import STOPPED
@@ -307,8 +308,9 @@ class Workbench:
             if self._kept is not None:
                 entries = filter(None, map(self.session.entry, result.numbers))
                 self._kept.keep_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
+            of = verdict_of(result.diagnosis, result.numbers)
             for number in result.numbers:
-                self.session.set_verdict(number, verdict_words(result.diagnosis))
+                self.session.set_verdict(number, verdict_words(result.diagnosis), of)
             self._waiting.append(Event(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
         elif isinstance(result, SavedElsewhere):
             self._waiting.append(self.elsewhere.take(result))

@@ -6,6 +6,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLay
 from analysis.awaited_fit import awaits_fit
 from analysis.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
+from app.words.verdict import OUTDATED
 from app.words.wording import model_effect_words, number, with_prefix
 
 LACKING_CHI2 = 1.5  # above, what is left over is more than noise by far
@@ -85,6 +86,7 @@ class ModelPanel(QFrame):
         """Show what the diagnosis of this shot said."""
         self._said = (sentence, tone)
         self._verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
+        self._verdict.setToolTip(OUTDATED if sentence.startswith("<s>") else "")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
 
     def show_known(self, words: str, tone: Tone) -> None:

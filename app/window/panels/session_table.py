@@ -227,7 +227,8 @@ class SessionTable(QFrame):
 
     def show_session(self, session: Session) -> None:
         """Show the session's entries."""
-        self._keeping_selection(lambda: self.model.show_entries(session.entries))
+        struck = {entry.number for entry in session.entries if not session.verdict_holds(entry)}
+        self._keeping_selection(lambda: self.model.show_entries(session.entries, struck))
         self._numbers = self._selected_numbers()
         self._can_undo = session.can_undo
         count = len(session.entries)

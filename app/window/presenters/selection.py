@@ -76,6 +76,14 @@ class SelectionPresenter(QObject):
         """Show what became of the selected shots."""
         self._selected(self._panels.table.numbers)
 
+    def show_verdict(self) -> None:
+        """Show what the diagnosis of the shot in front said, struck through where the model is another by now."""
+        entry = self.front()
+        fit = entry.shot.fit if entry is not None and entry.shot is not None else None
+        holds = entry is None or self._workbench.session.verdict_holds(entry)
+        verdict = entry.verdict if entry is not None else ""
+        self._panels.model.show_verdict(*told(verdict, fit.effects if fit is not None else (), holds))
+
     def _recording(self, entry: Entry) -> Recording | None:
         if self._raw is None or self._raw[0] != entry.number:
             self._raw = (entry.number, raw_of(entry))
@@ -96,9 +104,7 @@ class SelectionPresenter(QObject):
             )
             p.large.show_shot(shot, _called(entry) if entry is not None else "")
             p.model.show_shot(shot, self._workbench.session.effects.tried)
-        verdict = entry.verdict if entry is not None else ""
-        fit = shot.fit if shot is not None else None
-        p.model.show_verdict(*told(verdict, fit.effects if fit is not None else ()))
+        self.show_verdict()
         self._undrawn.add(Layout.COMPARE)
         self._page_changed(p.tabs.currentIndex())
 

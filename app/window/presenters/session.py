@@ -76,6 +76,7 @@ class SessionPresenter(QObject):
         if session.revision != self._seen:
             self._seen = session.revision
             self._panels.table.show_session(session)
+            self._selection.show_verdict()
             if session.problem:
                 self.said.emit(session.problem, Tone.BAD)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.budget import COLUMNS as BUDGET_COLUMNS
 from analysis.budget import budget, to_rows
+from analysis.combined import combined_of
 from analysis.disturbance import Shaking
 from analysis.fitted_shot import shaking_of
 from analysis.motion import Motion
@@ -126,13 +127,16 @@ def write_motion(shot: Shot, path: Path) -> None:
 
 
 def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
-    """Write ``shots.csv`` from rows of ``shot_row``; each reading stands beside its standard uncertainty."""
+    """Write ``shots.csv`` from rows of ``shot_row``.
+
+    Beside each reading stand its combined standard uncertainty (``_std``) and that from noise alone (``_std_noise``).
+    """
     header = ["name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"]
     for name, unit, _ in READINGS:
-        header += _pair(name, unit)
+        header += _columns_of(name, unit)
     for kind in KINETIC:
-        header += _pair(f"cor_kinetic_{kind}", "1")
-    header += [f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")] + ["reduced_chi2"]
+        header += _columns_of(f"cor_kinetic_{kind}", "1")
+    header += [f"{name}{suffix}" for name in FITTED for suffix in ("", "_std", "_std_noise")] + ["reduced_chi2"]
     write_table(header, rows, path)
 
 
@@ -155,9 +159,9 @@ def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:
     return rows
 
 
-def _pair(name: str, unit: str) -> list[str]:
+def _columns_of(name: str, unit: str) -> list[str]:
     suffix = "" if unit == "1" else f"_{unit}"
-    return [f"{name}{suffix}", f"{name}_std{suffix}"]
+    return [f"{name}{suffix}", f"{name}_std{suffix}", f"{name}_std_noise{suffix}"]
 
 
 def shot_row(shot: Shot, motion_file: str) -> list[str]:
@@ -165,17 +169,21 @@ def shot_row(shot: Shot, motion_file: str) -> list[str]:
     status = "failed" if shot.problem else "ok"
     row = [shot.name, shot.path or "", shot.started_at or "", status, shot.problem or "", " ".join(shot.flags)]
     row += [shot.note, motion_file, shot.fit.model if shot.fit else ""]
+    combined = combined_of(shot)
     for _, _, attribute in READINGS:
-        row += _cells(getattr(shot.impact, attribute) if shot.impact else None)
+        row += _cells(getattr(shot.impact, attribute) if shot.impact else None, combined.get(attribute))
     for kind in KINETIC:
-        row += _cells(getattr(shot.impact.cor_kinetic, kind) if shot.impact else None)
+        reading = getattr(shot.impact.cor_kinetic, kind) if shot.impact else None
+        row += _cells(reading, combined.get(f"cor_kinetic.{kind}"))
     fit = shot.fit if shot.fit is not None and shot.fit.converged else None
     for name in FITTED:
-        row += _cells(fit.parameters.get(name) if fit else None)
+        row += _cells(fit.parameters.get(name) if fit else None, combined.get(name))
     return [*row, repr(float(fit.reduced_chi2)) if fit else ""]
 
 
-def _cells(reading: Reading | None) -> list[str]:
+def _cells(reading: Reading | None, combined: float | None) -> list[str]:
+    """Return value, combined standard uncertainty (the noise's where it has no budget) and that from noise alone."""
     if not isinstance(reading, Quantity):
-        return ["", ""]
-    return [repr(float(reading.value)), repr(float(reading.std))]
+        return ["", "", ""]
+    std = reading.std if combined is None else combined
+    return [repr(float(reading.value)), repr(float(std)), repr(float(reading.std))]

@@ -55,7 +55,7 @@ def _overview(shots: Sequence[Shot]) -> Markup:
                 (impact.cor_kinetic.force_peaks, "cor_kinetic.force_peaks", "1"),
                 (impact.force_peak_n, "force_peak_n", "N"),
             )
-            cells = [scaled(stated(reading, key, combined), unit)[0] for reading, key, unit in columns]
+            cells = [scaled(stated(reading, key, combined) or reading, unit)[0] for reading, key, unit in columns]
         failed = f"failed: {shot.problem}" if shot.problem else ""
         said = "; ".join(part for part in (failed, ", ".join(map(flag_name, by_weight(shot.flags))), shot.note) if part)
         rows.append([tag("a", shot.name, href=f"#shot-{number}"), shot.started_at or "", *cells, said])

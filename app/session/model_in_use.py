@@ -14,7 +14,7 @@ from analysis.model.effects import findings
 from analysis.one_rig import why_not_together
 from analysis.shot import AnalysisError, Shot
 from app.session.model_effects import ModelEffects
-from app.words.wording import effect_words, local, model_effect_words, parameter_parts
+from app.words.wording import effect_words, local, model_in_words, parameter_parts
 from instrument.recording_error import RecordingError
 from instrument.recording_writer import write_text_beside
 from instrument.text_file import read_toml_text
@@ -47,7 +47,7 @@ def save_model(
         motions = [shot.motion for shot in fitted if shot.motion is not None]
         fit = fit_jointly(motions, base, effects, cancelled, [shaking_of(shot) for shot in fitted])
     if not fit.converged:
-        raise AnalysisError("the joint fit did not converge: diagnose the shots first, the model lacks something")
+        raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
     named = {effect.name for effect in diagnosis.findings} if diagnosis is not None else set()
     model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis, set(accepted.tried) - named)
     write_text_beside(path, _with_combined(to_text(model), fit, fitted), sync=True)
@@ -81,10 +81,9 @@ def load_model(path: Path) -> SavedModel:
 
 
 def model_words(model: SavedModel) -> str:
-    """Return "paper + quadratic drag on the block, from 5 shots"; an effect no diagnosis named has "(tried)"."""
-    effects = " + ".join(model_effect_words(name, model.tried) for name in model.effects) or "nothing"
+    """Return "paper model + quadratic drag on the block, from 5 shots"; an effect no diagnosis named has "(tried)"."""
     count = len(model.shots)
-    return f"{model.base} + {effects}, from {count} shot{'' if count == 1 else 's'}"
+    return f"{model_in_words(model.base, model.effects, model.tried)}, from {count} shot{'' if count == 1 else 's'}"
 
 
 def drift_words(known: SavedModel, fit: Fit) -> str:

@@ -19,6 +19,7 @@ from app.window.panels.candidates import CandidateBars
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.large import LargePanel
+from app.window.panels.model import ModelPanel
 from app.window.panels.notice import NoticeLine
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_model import FLAGS
@@ -474,3 +475,41 @@ def test_an_empty_drive_says_why_on_a_page_of_any_height(qtbot, height):
     assert panel.drive.say.isVisible() == (height > 400)
     panel.show_shot(replace(driven, fit=None, fit_problem="the record is too short"))
     assert panel.drive.say.isVisible() and "the record is too short" in panel.drive.say.text()
+
+
+def test_the_shot_opens_on_the_residual_that_shows_most_and_then_on_what_was_chosen(qtbot, shot):
+    panel = ShotPanel(LIGHT)
+    qtbot.addWidget(panel)
+    fit, motion = shot.fit, shot.motion
+    wave = 1e-7 * np.sin(2 * np.pi * 20 * motion.time_s)
+    strayed = replace(fit, shots=(replace(fit.shots[0], residual_m=fit.shots[0].residual_m + wave),))
+    panel.show_shot(shot)
+    assert panel.motion.kind.currentText() == "Residual of force"
+    panel.show_shot(replace(shot, fit=strayed))
+    assert panel.motion.kind.currentText() == "Residual of displacement"
+    panel.motion.kind.setCurrentIndex(1)
+    panel.motion.kind.activated.emit(1)
+    panel.show_shot(shot)
+    assert panel.motion.kind.currentText() == "Residual of velocity"
+
+
+def test_the_band_is_what_the_verdict_was_judged_by(qtbot, shot):
+    panel = ShotPanel(LIGHT)
+    qtbot.addWidget(panel)
+    found = synthetic.diagnosis(shot)
+    wandering = replace(found, fit_after=replace(found.fit_after, noise_std_m=7e-9))
+    panel.show_shot(shot)
+    assert "noise, wander and building, ±2 σ" in [words for words, _ in panel._legend.entries]
+    panel.show_shot(shot, judged_by=wandering)
+    assert "noise as all shots show it, ±2 σ" in [words for words, _ in panel._legend.entries]
+
+
+def test_two_numbers_of_one_kind_have_two_names(qtbot, shot):
+    """The panel said 599.8 and the diagnosis 5688, both of "χ²/ν"."""
+    panel, page = ModelPanel(LIGHT), DiagnosisPanel(LIGHT)
+    for widget in (panel, page):
+        qtbot.addWidget(widget)
+    panel.show_shot(shot)
+    page.show_diagnosis(synthetic.diagnosis(shot), [shot])
+    assert "χ²/ν of this shot's fit" in panel._fit.text()
+    assert "joint χ²/ν" in page.residuals._errors.text()

@@ -513,3 +513,32 @@ def test_two_numbers_of_one_kind_have_two_names(qtbot, shot):
     page.show_diagnosis(synthetic.diagnosis(shot), [shot])
     assert "χ²/ν of this shot's fit" in panel._fit.text()
     assert "joint χ²/ν" in page.residuals._errors.text()
+
+
+def test_the_papers_kinetic_cor_is_marked_and_the_others_are_folded_under_it(qtbot, shot):
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.resize(500, 800)
+    panel.show()
+    panel.show_shot(shot)
+    others = ("kinetic, onsets", "kinetic, flights", "fitted contact")
+    words = [label.text() for label in panel.findChildren(QLabel) if label.isVisible()]
+    assert any("the paper's" in text and value_text(Quantity(0.5667, 0.0))[:3] in text for text in words)
+    assert all(not panel._values[name].isVisible() for name in others)
+    panel.others.click()
+    assert all(panel._values[name].isVisible() for name in others)
+    shown = [label.text() for label in panel.findChildren(QLabel) if label.isVisible()]
+    assert sum(text.endswith(".") for text in shown) == 3
+    panel.show_shot(synthetic.driven_shot())
+    assert not panel.others.isVisible() and not panel._values["kinetic, onsets"].isVisible()
+
+
+def test_a_number_of_which_little_is_known_is_marked(qtbot, shot):
+    """Flights 0.68 with 0.34 stood there like any other number."""
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    kinetic = replace(shot.impact.cor_kinetic, flights=Quantity(0.68, 0.34, "two flights"))
+    panel.show_shot(replace(shot, impact=replace(shot.impact, cor_kinetic=kinetic)))
+    assert MARKS[Tone.WARNING] in panel._names["kinetic, flights"].text()
+    assert "50 % of the value" in panel.hover("kinetic, flights")
+    assert MARKS[Tone.WARNING] not in panel._names["kinetic, peaks"].text()

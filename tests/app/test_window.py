@@ -14,6 +14,7 @@ from PySide6.QtGui import QDropEvent
 
 from app.window.layout import Layout
 from app.window.main_window import open_window
+from app.window.panels.side_sheet import SideSheet
 from instrument.acquisition import State
 from instrument.bench.simulate import simulate
 from tests.app import rigs
@@ -39,7 +40,8 @@ def opened(qtbot, tmp_path, warm_kernels):
 
     yield make
     for window in windows:
-        window.close()
+        if not window.close():  # armed, or at work: it asks once
+            window.close()
     left = [thread.name for thread in threading.enumerate() if thread.name.startswith("levimass")]
     assert left == []
 
@@ -278,3 +280,56 @@ def test_a_session_reopens_at_its_last_shot(opened, qtbot, recordings):
     again = opened(rigs.still_bench)
     assert name in again.panels.numbers.title.text()
     qtbot.waitUntil(lambda: again.panels.numbers.text("quasi-static") != "–", timeout=WAIT_MS)
+
+
+def test_esc_closes_every_sheet_before_it_aborts(opened, qtbot):
+    window = opened(rigs.still_bench)
+    _ready(qtbot, window)
+    panels = window.panels
+    sheets = {name: part for name, part in vars(panels).items() if isinstance(part, SideSheet)}
+    assert {"settings", "setup", "mapping", "law", "about"} <= set(sheets)
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    qtbot.waitUntil(lambda: panels.banner.word == "ARMED", timeout=WAIT_MS)
+    for name, sheet in sheets.items():
+        sheet.open_at(None)
+        assert sheet.isVisible()
+        qtbot.keyClick(window, Qt.Key.Key_Escape)
+        assert not sheet.isVisible(), name
+    qtbot.wait(200)
+    assert panels.banner.word == "ARMED"
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: panels.banner.word == "READY", timeout=WAIT_MS)
+
+
+def test_closing_while_armed_or_with_recordings_queued_is_asked_once(opened, qtbot, tmp_path):
+    window = opened(rigs.still_bench)
+    _ready(qtbot, window)
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    ended = threading.Event()
+    window.workbench.jobs.submit("warm", lambda _, __: ended.wait(WAIT_MS / 1e3), "warm")
+    for number in range(3):
+        window.workbench.jobs.submit(f"shot-{number}", lambda _, __: None, "open")
+    assert not window.close() and window.isVisible()
+    words = window.panels.work.notices.words
+    assert "armed" in words and "3 recordings still to be opened" in words and "again to quit" in words
+    ended.set()
+    assert window.close()
+
+
+def test_a_filter_that_hides_the_shot_in_front_says_so_and_gives_it_back(opened, qtbot, tmp_path):
+    for number in (1, 2):
+        simulate(tmp_path / f"run-{number}", 1, number)
+    window = opened(rigs.still_bench)
+    _ready(qtbot, window)
+    table = window.panels.table
+    window.session_presenter.open_paths([tmp_path / "run-1", tmp_path / "run-2"])
+    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
+    window.workbench.set_note(1, "cold")
+    table.select([2])
+    window.view_presenter.show_shot_page()
+    window.pull()
+    table.filter.setText("cold")
+    assert "filter hides the selected shot 2" in window.panels.shot._empty.text()
+    table.filter.setText("")
+    assert table.numbers == [2] and window.panels.shot._pages.currentWidget() is window.panels.shot.stack

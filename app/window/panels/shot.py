@@ -186,7 +186,7 @@ class ShotPanel(QWidget):
         words: str = "",
         judged_by: Diagnosis | None = None,
     ) -> None:
-        """Show this shot, called so in ``words``; None shows what to do to get one.
+        """Show this shot, called so in ``words``; None shows these, or what to do to get one.
 
         ``judged_by`` is the diagnosis whose verdict on the shot holds: the band is the one that it judged by.
         """
@@ -198,7 +198,7 @@ class ShotPanel(QWidget):
         self._name_views()
         self.raw.show_recording(recording, 0.0 if shot is None else time_zero(shot)[0])
         if shot is None or shot.motion is None:
-            self._empty.setText(NO_SHOT if shot is None else _why_not(shot))
+            self._empty.setText((words or NO_SHOT) if shot is None else _why_not(shot))
             self._undrawn = set()
         else:
             for stack in self.stacks:

@@ -14,6 +14,7 @@ from app.session.settings import FIELDS
 from app.window import state_words
 from app.window.file_question import Want, ask
 from app.window.layout import Layout
+from app.window.panels.side_sheet import SideSheet
 from app.window.theme import Tone
 from app.words.wording import duration
 from instrument.acquisition import State
@@ -107,7 +108,7 @@ class RigPresenter(QObject):
     def abort(self) -> None:
         """Close an open sheet; else abort."""
         p = self._panels
-        sheets = [sheet for sheet in (p.tour, p.keys, p.about, p.settings, p.setup, p.mapping) if sheet.isVisible()]
+        sheets = [sheet for sheet in (p.tour, p.keys, *p.findChildren(SideSheet)) if sheet.isVisible()]
         if sheets:
             for sheet in sheets:
                 sheet.close()

@@ -77,6 +77,15 @@ class SelectionPresenter(QObject):
         """Show what became of the selected shots."""
         self._selected(self._panels.table.numbers)
 
+    def _why_none(self) -> str:
+        """Return why no shot is in front, "" where there is none at all."""
+        if hidden := self._panels.table.hidden:
+            names = ", ".join(map(str, hidden))
+            return f"The filter hides the selected shot{'s' if len(hidden) > 1 else ''} {names}."
+        if self._workbench.session.entries:
+            return "No shot is selected: click one in the list below."
+        return ""
+
     def _judged_by(self, entry: Entry | None) -> Diagnosis | None:
         """Return the diagnosis that the verdict on an entry comes from, as long as that holds."""
         if entry is None or not entry.verdict or not self._workbench.session.verdict_holds(entry):
@@ -127,7 +136,7 @@ class SelectionPresenter(QObject):
                 self._drive.forget()
                 entry = self.front()
                 if entry is None:
-                    self._panels.shot.show_shot(None)
+                    self._panels.shot.show_shot(None, words=self._why_none())
                 else:
                     self._panels.shot.show_shot(
                         entry.shot, self._recording(entry), _called(entry), self._judged_by(entry)

@@ -1,6 +1,6 @@
 """What noise and a path that moves by itself leave of a motion once the true model is taken off, sample by sample."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +27,27 @@ class NoiseBand:
 
 
 def band_of(shot: Shot) -> NoiseBand:
-    """Return what stays of a shot's motion where its model lacks nothing; the shot must have a motion."""
-    assert shot.motion is not None
-    left_m = shot.fit.shots[0].sway_std_m if shot.fit is not None and shot.fit.shots else None
-    return noise_band(shot.motion, shaking_of(shot), left_m)
+    """Return what stays of a shot's motion where its model lacks nothing; the shot must have a motion.
+
+    A path that wanders without a building that moves it (air, laser) leaves in the displacement what the fit weighed.
+    """
+    motion, fit = shot.motion, shot.fit
+    assert motion is not None
+    left_m = fit.shots[0].sway_std_m if fit is not None and fit.shots else None
+    band = noise_band(motion, shaking_of(shot), left_m)
+    white_m = float(np.nanmedian(motion.displacement_std_m))
+    if fit is None or shaking_of(shot) is not None or not fit.noise_std_m > WANDERS * white_m:
+        return band
+    return replace(band, displacement_m=np.full_like(motion.displacement_m, fit.noise_std_m))
+
+
+def judged_band(shot: Shot, diagnosis: Diagnosis | None) -> tuple[NoiseBand, str]:
+    """Return the band that the verdict on a shot was judged by, and what it is in words; None: of the shot alone."""
+    band = band_of(shot)
+    if diagnosis is None:
+        return band, "noise, wander and building"
+    displacement_m, words = diagnosed_band(diagnosis, shot)
+    return replace(band, displacement_m=displacement_m), words
 
 
 def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = None) -> NoiseBand:

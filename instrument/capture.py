@@ -138,6 +138,7 @@ class Capture:
             doing=doing,
             progress=progress,
             analysing=self._finished.analysing,
+            waiting=self._finished.waiting,
             shots=self._finished.taken,
             finished=self._finished.newest,
             unsaved=self._finished.unsaved,

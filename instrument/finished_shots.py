@@ -11,7 +11,7 @@ from instrument.analyst import Analyse, Analyst, Fit
 from instrument.digitizer import CaptureSettings
 from instrument.recorder import Recorded, save_elsewhere
 from instrument.recording_error import PartlySaved, RecordingError
-from instrument.snapshot import FinishedShot
+from instrument.snapshot import FinishedShot, WaitingShot
 
 KEPT = 16  # newest shots that a snapshot carries; whoever wants more keeps them
 ABORTED = "aborted"
@@ -42,6 +42,11 @@ class FinishedShots:
     def analysing(self) -> int:
         """Get the number of shots captured and not analysed yet."""
         return len(self._waiting)
+
+    @property
+    def waiting(self) -> tuple[WaitingShot, ...]:
+        """Get the shots captured and not analysed yet, oldest first."""
+        return tuple(WaitingShot(number, name, path) for number, (name, path, _, _) in list(self._waiting.items()))
 
     @property
     def unsaved(self) -> tuple[str, ...]:

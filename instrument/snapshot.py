@@ -93,6 +93,15 @@ class FinishedShot:
 
 
 @dataclass(frozen=True, slots=True)
+class WaitingShot:
+    """A shot that was captured and is not analysed yet; ``number`` rises by one a capture, from 1."""
+
+    number: int
+    name: str
+    path: Path | None  # of the .sigmf-meta; None where it is only in memory
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """The instrument at one moment.  Times are those of the monotonic clock, in s."""
 
@@ -108,6 +117,7 @@ class Snapshot:
     doing: str | None = None  # what is in progress
     progress: float | None = None  # of it, 0 to 1
     analysing: int = 0  # shots captured and not analysed yet
+    waiting: tuple[WaitingShot, ...] = ()  # those shots, oldest first
     shots: int = 0  # captured since the start
     finished: tuple[FinishedShot, ...] = ()  # the newest ones, by rising index
     unsaved: tuple[str, ...] = field(default=())  # names of shots that are only in memory: save_pending

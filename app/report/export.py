@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.budget import COLUMNS as BUDGET_COLUMNS
 from analysis.budget import budget, to_rows
+from analysis.combined import combined_of
 from analysis.disturbance import Shaking
 from analysis.fitted_shot import shaking_of
 from analysis.motion import Motion
@@ -52,16 +53,16 @@ KINETIC = ("force_peaks", "onsets", "flights", "contact")
 FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 
 
-def _pair(name: str, unit: str) -> list[str]:
+def _columns_of(name: str, unit: str) -> list[str]:
     suffix = "" if unit == "1" else f"_{unit}"
-    return [f"{name}{suffix}", f"{name}_std{suffix}"]
+    return [f"{name}{suffix}", f"{name}_std{suffix}", f"{name}_std_noise{suffix}"]
 
 
 SHOT_COLUMNS = (
     *("name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"),
-    *itertools.chain.from_iterable(_pair(name, unit) for name, unit, _ in READINGS),
-    *itertools.chain.from_iterable(_pair(f"cor_kinetic_{kind}", "1") for kind in KINETIC),
-    *(f"{name}{suffix}" for name in FITTED for suffix in ("", "_std")),
+    *itertools.chain.from_iterable(_columns_of(name, unit) for name, unit, _ in READINGS),
+    *itertools.chain.from_iterable(_columns_of(f"cor_kinetic_{kind}", "1") for kind in KINETIC),
+    *(f"{name}{suffix}" for name in FITTED for suffix in ("", "_std", "_std_noise")),
     "reduced_chi2",
 )
 
@@ -142,7 +143,10 @@ def write_motion(shot: Shot, path: Path) -> None:
 
 
 def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
-    """Write ``shots.csv`` from rows of ``shot_row``; each reading stands beside its standard uncertainty."""
+    """Write ``shots.csv`` from rows of ``shot_row``.
+
+    Beside each reading stand its combined standard uncertainty (``_std``) and that from noise alone (``_std_noise``).
+    """
     write_table(SHOT_COLUMNS, rows, path)
 
 
@@ -170,17 +174,21 @@ def shot_row(shot: Shot, motion_file: str) -> list[str]:
     status = "failed" if shot.problem else "ok"
     row = [shot.name, shot.path or "", shot.started_at or "", status, shot.problem or "", " ".join(shot.flags)]
     row += [shot.note, motion_file, shot.fit.model if shot.fit else ""]
+    combined = combined_of(shot)
     for _, _, attribute in READINGS:
-        row += _cells(getattr(shot.impact, attribute) if shot.impact else None)
+        row += _cells(getattr(shot.impact, attribute) if shot.impact else None, combined.get(attribute))
     for kind in KINETIC:
-        row += _cells(getattr(shot.impact.cor_kinetic, kind) if shot.impact else None)
+        reading = getattr(shot.impact.cor_kinetic, kind) if shot.impact else None
+        row += _cells(reading, combined.get(f"cor_kinetic.{kind}"))
     fit = shot.fit if shot.fit is not None and shot.fit.converged else None
     for name in FITTED:
-        row += _cells(fit.parameters.get(name) if fit else None)
+        row += _cells(fit.parameters.get(name) if fit else None, combined.get(name))
     return [*row, repr(float(fit.reduced_chi2)) if fit else ""]
 
 
-def _cells(reading: Reading | None) -> list[str]:
+def _cells(reading: Reading | None, combined: float | None) -> list[str]:
+    """Return value, combined standard uncertainty (the noise's where it has no budget) and that from noise alone."""
     if not isinstance(reading, Quantity):
-        return ["", ""]
-    return [repr(float(reading.value)), repr(float(reading.std))]
+        return ["", "", ""]
+    std = reading.std if combined is None else combined
+    return [repr(float(reading.value)), repr(float(std)), repr(float(reading.std))]

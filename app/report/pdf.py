@@ -1,4 +1,4 @@
-"""The report as pages: its HTML laid out by Qt, its figures drawn from their SVG."""
+"""The report as pages: its HTML laid out by Qt, its figures and the keys of their legends drawn from SVG."""
 
 import os
 import re
@@ -8,10 +8,14 @@ from PySide6.QtCore import QByteArray, QMarginsF, QSizeF, QUrl
 from PySide6.QtGui import QGuiApplication, QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
 from PySide6.QtSvg import QSvgRenderer
 
+from app.report.svg_plot import WIDTH
+from app.report.svg_style import with_own_style
 from instrument.recording_writer import write_beside
 
 _FIGURE = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
-_WIDTH = 680  # of a figure on the page, in the document's pixels
+_KEY = re.compile(r'<span class="key ([\w-]+)">')
+_WIDTH = 680  # of a figure over the page's width, in the document's pixels
+_KEY_SIZE = (26, 10)
 _FINER = 3.0  # than that a figure is drawn
 _MARGIN_MM = 15.0
 
@@ -20,13 +24,23 @@ def document_of(html: str) -> QTextDocument:
     """Return the report as a document that prints; every inline figure becomes a picture of it."""
     document = QTextDocument()
 
-    def pictured(found: re.Match[str]) -> str:
-        name = f"figure:{found.start()}"
-        image = _drawn(found[0])
+    def added(name: str, svg: str, width: float) -> str:
+        image = _drawn(svg, width)
         document.addResource(QTextDocument.ResourceType.ImageResource.value, QUrl(name), image)
-        return f'<img src="{name}" width="{_WIDTH}" height="{round(_WIDTH * image.height() / max(1, image.width()))}">'
+        size = (round(image.width() / _FINER), round(image.height() / _FINER))
+        return f'<img src="{name}" width="{size[0]}" height="{size[1]}">'
 
-    document.setHtml(_FIGURE.sub(pictured, html))
+    def pictured(found: re.Match[str]) -> str:
+        return added(f"figure:{found.start()}", found[0], _WIDTH)
+
+    def with_key(found: re.Match[str]) -> str:
+        """Draw a legend's key: the sheet makes it of a border before the words, which Qt's text does not know."""
+        width, height = _KEY_SIZE
+        shape = f"M0 {height / 2}H{width - 4}" if found[1] != "band" else f"M0 0H{width - 4}V{height}H0Z"
+        svg = f'<svg viewBox="0 0 {width} {height}"><path class="{found[1]}" d="{shape}"/></svg>'
+        return "&nbsp; " + added(f"key:{found[1]}", svg, width) + found[0]
+
+    document.setHtml(_FIGURE.sub(pictured, _KEY.sub(with_key, html)))
     return document
 
 
@@ -58,11 +72,14 @@ def write_pdf(html: str, path: Path) -> None:
         beside.unlink(missing_ok=True)
 
 
-def _drawn(svg: str) -> QImage:
-    renderer = QSvgRenderer(QByteArray(svg.encode("utf-8")))
+def _drawn(svg: str, width: float) -> QImage:
+    """Return a figure; one that is narrower than the page stays narrower by as much."""
+    renderer = QSvgRenderer(QByteArray(with_own_style(svg).encode("utf-8")))
     size = renderer.defaultSize()
-    height = round(_WIDTH * size.height() / max(1, size.width()))
-    image = QImage(round(_FINER * _WIDTH), round(_FINER * height), QImage.Format.Format_RGB32)
+    narrower = width == _WIDTH and size.width() < WIDTH  # two of them stand side by side
+    wide = 0.96 * width * size.width() / WIDTH if narrower else width
+    height = wide * size.height() / max(1, size.width())
+    image = QImage(round(_FINER * wide), round(_FINER * height), QImage.Format.Format_RGB32)
     image.fill(0xFFFFFFFF)
     painter = QPainter(image)
     renderer.render(painter)

@@ -2,9 +2,12 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from analysis.budget import budget
+from analysis.combined import combined_of, stated
 from analysis.quantity import Quantity
 from analysis.series import Series, Summary, Trend, series
 from analysis.shot import Shot
@@ -27,12 +30,12 @@ def session_section(shots: Sequence[Shot]) -> Markup:
     if len(seen) > 1:
         parts.append(_overlay(seen))
     if found.summaries and len(found.shots) > 1:
-        parts += [tag("h3", "Across the shots"), _summaries(found)]
+        parts += [tag("h3", "Across the shots"), _summaries(found, shots)]
         plots = [_trend(summary) for summary in found.summaries if len(summary.shots) > 1]
         if plots:
             said = (
-                "Against impact velocity. Bars are standard uncertainties; the line is weighted, "
-                "drawn where the shots differ in speed."
+                "Against impact velocity. Bars are each shot's standard uncertainty from noise alone: what all "
+                "share scatters nothing between them. The line is weighted, drawn where the shots differ in speed."
             )
             caption = tag("figcaption", tag("b", "Trends. "), said)
             parts.append(tag("figure", tag("div", plots, class_="grid2"), caption))
@@ -45,17 +48,19 @@ def _overview(shots: Sequence[Shot]) -> Markup:
         impact = shot.impact
         cells = ["\u2013"] * 4
         if impact is not None:
-            cells = [
-                scaled(impact.velocity_in_m_per_s, "m/s")[0],
-                scaled(impact.cor_quasi_static, "1")[0],
-                scaled(impact.cor_kinetic.force_peaks, "1")[0],
-                scaled(impact.force_peak_n, "N")[0],
-            ]
+            combined = combined_of(shot)
+            columns = (
+                (impact.velocity_in_m_per_s, "velocity_in_m_per_s", "m/s"),
+                (impact.cor_quasi_static, "cor_quasi_static", "1"),
+                (impact.cor_kinetic.force_peaks, "cor_kinetic.force_peaks", "1"),
+                (impact.force_peak_n, "force_peak_n", "N"),
+            )
+            cells = [scaled(stated(reading, key, combined) or reading, unit)[0] for reading, key, unit in columns]
         failed = f"failed: {shot.problem}" if shot.problem else ""
         said = "; ".join(part for part in (failed, ", ".join(map(flag_name, by_weight(shot.flags))), shot.note) if part)
         rows.append([tag("a", shot.name, href=f"#shot-{number}"), shot.started_at or "", *cells, said])
     header = ["shot", "started", "v in (m/s)", "COR quasi-static", "COR kinetic", "peak force (N)", "remarks"]
-    note = "± is here what each shot's own samples leave (type A), by which shots compare; the whole is in each shot."
+    note = "± is the combined standard uncertainty; its sources are in each shot's budget."
     return joined(table(header, rows, "overview"), tag("p", note, class_="faint"))
 
 
@@ -82,7 +87,8 @@ def _overlay(shots: Sequence[Shot]) -> Markup:
     return figure("Overlay.", "All shots from first touch on; below, the first contact.", plots, legend, 190)
 
 
-def _summaries(found: Series) -> Markup:
+def _summaries(found: Series, shots: Sequence[Shot]) -> Markup:
+    shared = shared_stds(shots)
     rows = []
     for s in found.summaries:
         factor, unit = SCALES.get(s.unit, (1.0, s.unit))
@@ -92,16 +98,29 @@ def _summaries(found: Series) -> Markup:
             beyond = f"{s.trend.significance:.1f}"
         else:
             slope, beyond = f"\u2013 ({s.trend.reason})", ""
-        mean = scaled(s.mean, s.unit)[0]
-        rows.append(
-            [name, str(len(s.shots)), mean, _size(factor * s.scatter), _size(factor * s.repeatability), slope, beyond]
-        )
-    header = ["", "shots", "mean ± its uncertainty", "scatter", "repeatability", "slope per m/s", "slope / u"]
+        noise = f"{factor * s.mean.std:.2g}" if isinstance(s.mean, Quantity) else ""
+        both = s.mean
+        if isinstance(s.mean, Quantity):
+            both = replace(s.mean, std=math.hypot(s.mean.std, shared.get(s.key, 0.0)))
+        sizes = [_size(factor * s.scatter), _size(factor * s.repeatability)]
+        rows.append([name, str(len(s.shots)), scaled(both, s.unit)[0], noise, *sizes, slope, beyond])
+    header = ["", "shots", "mean", "± from noise and scatter", "scatter", "repeatability", "slope per m/s", "slope / u"]
     note = (
+        "The mean's ± is the combined standard uncertainty, with mass, wavelength, air and clock that all shots share. "
         "Scatter: standard deviation between the shots. Repeatability: the part of it that the shots' own "
         "uncertainties do not account for."
     )
     return joined(table(header, rows, "numbers"), tag("p", note, class_="faint"))
+
+
+def shared_stds(shots: Sequence[Shot]) -> dict[str, float]:
+    """Return the part of each number's uncertainty that all shots share (type B), by its key; the median of theirs."""
+    found: dict[str, list[float]] = {}
+    for shot in shots:
+        if shot.impact is not None:
+            for quantity in budget(shot).quantities:
+                found.setdefault(quantity.key, []).append(quantity.std_b)
+    return {key: float(np.median(stds)) for key, stds in found.items()}
 
 
 def _trend(summary: Summary) -> Markup:

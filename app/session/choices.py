@@ -54,6 +54,12 @@ class Choices:
         """Get what was opened lately, newest first."""
         return [Path(line) for line in self.settings.recent.splitlines() if line]
 
+    @property
+    def sessions(self) -> list[Path]:
+        """Get the files of the sessions that are known: those without a name, and what was opened lately."""
+        without_name = sorted(self._path.parent.glob("session*.json"))
+        return [*without_name, *(path for path in self.recent if path.suffix == ".json")]
+
     def remember_recent(self, paths: Sequence[Path]) -> None:
         """Offer these to be opened again."""
         newest = [str(path.absolute()) for path in paths[:MOST_RECENT]]

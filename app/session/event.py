@@ -18,7 +18,7 @@ class Kind(StrEnum):
     PRINT = "print"  # the text of a report, to be printed
     DIAGNOSED = "diagnosed"
     MODEL = "model"  # a model file was loaded
-    CUT_OFF = "cut off"  # recordings that the end of the program cut off were found
+    UNLISTED = "unlisted"  # recordings were found that no session lists
     PROBLEM = "problem"
 
 
@@ -85,6 +85,17 @@ class Reopened:
 
 @dataclass(frozen=True, slots=True)
 class Filled:
-    """Entries of the session that have their shot, or another fit."""
+    """An entry of the session that was read and analysed."""
 
-    shots: tuple[tuple[int, Shot], ...]
+    number: int
+    shot: Shot
+
+
+@dataclass(frozen=True, slots=True)
+class Refitted:
+    """The shot of an entry, fitted with these effects; ``of`` is the shot as it was when the fit was asked for."""
+
+    number: int
+    of: Shot
+    effects: tuple[str, ...]
+    shot: Shot

@@ -63,6 +63,12 @@ class Jobs:
         with self._wake:
             return len(self._waiting) + (self._current is not None)
 
+    def waiting(self, *kinds: str) -> int:
+        """Return how many jobs of these kinds are waiting or under way and not cancelled."""
+        with self._wake:
+            jobs = [*self._waiting, *([self._current] if self._current is not None else [])]
+        return sum(job.kind in kinds and not job.cancelled for job in jobs)
+
     def finished(self) -> list[Job]:
         """Return the jobs that ended since the last call, cancelled ones included."""
         ended = []
@@ -96,9 +102,9 @@ class Jobs:
                 job = self._waiting.popleft()
                 self._current = job
             self._run(job)
+            self._finished.append(job)  # first: who sees no open job finds its result
             with self._wake:
                 self._current = None
-            self._finished.append(job)
             job.done.set()
 
     def _run(self, job: Job) -> None:

@@ -1,8 +1,11 @@
 """The model that the shots of a session are fitted with, away from the screen: saving, loading, what has drifted."""
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from statistics import median
 
+from analysis.budget import budget
 from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.diagnosis.result import Diagnosis
 from analysis.fit import Fit
@@ -11,11 +14,13 @@ from analysis.model.effects import findings
 from analysis.one_rig import why_not_together
 from analysis.shot import AnalysisError, Shot
 from app.session.model_effects import ModelEffects
-from app.words.wording import effect_words, local, model_effect_words, parameter_parts
+from app.words.wording import effect_words, local, model_in_words, parameter_parts
 from instrument.recording_error import RecordingError
 from instrument.recording_writer import write_text_beside
 from instrument.text_file import read_toml_text
 
+NOISE_ALONE = "value, and standard uncertainty from noise alone, SI units"
+COMBINED = "combined standard uncertainties: noise, and mass, wavelength, air and clock"
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
 Asked = Callable[[], bool]
 
@@ -42,11 +47,29 @@ def save_model(
         motions = [shot.motion for shot in fitted if shot.motion is not None]
         fit = fit_jointly(motions, base, effects, cancelled, [shaking_of(shot) for shot in fitted])
     if not fit.converged:
-        raise AnalysisError("the joint fit did not converge: diagnose the shots first, the model lacks something")
+        raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
     named = {effect.name for effect in diagnosis.findings} if diagnosis is not None else set()
     model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis, set(accepted.tried) - named)
-    write_text_beside(path, to_text(model), sync=True)
+    write_text_beside(path, _with_combined(to_text(model), fit, fitted), sync=True)
     return f"Model {model_words(model)} saved as {path}"
+
+
+def _with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:
+    """Return a model file's text that says which uncertainty is which, with the combined ones of what has a budget."""
+    shared: dict[str, list[float]] = {}
+    for shot in shots:
+        for q in budget(shot).quantities if shot.impact is not None else ():
+            shared.setdefault(q.key, []).append(q.std_b)
+    combined = {
+        name: math.hypot(quantity.std, float(median(shared[name])))
+        for name, quantity in fit.parameters.items()
+        if name in shared
+    }
+    text = text.replace("# value and standard uncertainty, SI units", f"# {NOISE_ALONE}")
+    if not combined:
+        return text
+    lines = [f"{name} = {std!r}" for name, std in combined.items()]
+    return "\n".join([text.rstrip("\n"), "", f"[combined_std]  # {COMBINED}", *lines, ""])
 
 
 def load_model(path: Path) -> SavedModel:
@@ -58,10 +81,9 @@ def load_model(path: Path) -> SavedModel:
 
 
 def model_words(model: SavedModel) -> str:
-    """Return "paper + quadratic drag on the block, from 5 shots"; an effect no diagnosis named has "(tried)"."""
-    effects = " + ".join(model_effect_words(name, model.tried) for name in model.effects) or "nothing"
+    """Return "paper model + quadratic drag on the block, from 5 shots"; an effect no diagnosis named has "(tried)"."""
     count = len(model.shots)
-    return f"{model.base} + {effects}, from {count} shot{'' if count == 1 else 's'}"
+    return f"{model_in_words(model.base, model.effects, model.tried)}, from {count} shot{'' if count == 1 else 's'}"
 
 
 def drift_words(known: SavedModel, fit: Fit) -> str:

@@ -21,7 +21,7 @@ from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.found_devices import FoundDevice, found_devices
 from instrument.network_scope import network_name
-from instrument.snapshot import FinishedShot, SignalLine, Snapshot, empty_view
+from instrument.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot, empty_view
 
 if TYPE_CHECKING:
     from instrument.capture import Capture
@@ -75,6 +75,7 @@ class Rig:
         self._fault: tuple[str, str] | None = None
         self._since_s = clock()
         self._seen: set[tuple[int, int, bool]] = set()
+        self._captured: set[tuple[int, int]] = set()
         self._serial = 0
         self._asked: tuple[float, float] | None = None  # (when ARM was pressed, since when the state stood)
         self._problems: deque[str] = deque()
@@ -218,6 +219,12 @@ class Rig:
     def can_abort(self, snapshot: Snapshot) -> bool:
         """Return whether Abort means something now."""
         return snapshot.state is not State.IDLE or self.arming(snapshot)
+
+    def take_captured(self, snapshot: Snapshot) -> list[WaitingShot]:
+        """Return each shot once as soon as it is captured and waits for its analysis."""
+        new = [shot for shot in snapshot.waiting if (self._serial, shot.number) not in self._captured]
+        self._captured.update((self._serial, shot.number) for shot in new)
+        return new
 
     def take_finished(self, snapshot: Snapshot) -> list[FinishedShot]:
         """Return each finished shot once: when it is analysed, or when it is clear that it will not be.

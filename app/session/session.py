@@ -11,6 +11,7 @@ from analysis.corrected import NAMES
 from analysis.diagnosis.model_file import BASES
 from analysis.shot import AnalysisSettings, Shot
 from app.session.model_effects import ModelEffects, known_effects
+from app.session.verdict_of import VerdictOf
 from instrument.checked import Checked
 from instrument.recording_error import RecordingError, shown
 from instrument.recording_writer import write_json_beside
@@ -18,6 +19,7 @@ from instrument.text_file import read_json
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
+MOST_LEFT_OUT = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +33,7 @@ class Entry:
     shot: Shot | None = None
     note: str = ""
     verdict: str = ""
+    verdict_of: VerdictOf | None = None  # what the verdict was passed on; None where it was kept without
     copy_of: int | None = None  # the entry whose recording this one analyses with other settings
     version: str = ""  # of the program that analysed it, where its result was kept from before
 
@@ -40,6 +43,7 @@ class _State:
     entries: tuple[Entry, ...]
     what: str
     effects: ModelEffects
+    without: frozenset[int] = frozenset()  # entries that going to this state takes off the list
 
 
 class Session:
@@ -53,6 +57,8 @@ class Session:
         self._entries: tuple[Entry, ...] = ()
         self._effects = ModelEffects()
         self._undo: list[_State] = []
+        self._redo: list[_State] = []
+        self._left_out: tuple[str, ...] = ()  # recordings that a person does not want listed, newest last
         self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
         self.revision = 0
@@ -65,6 +71,11 @@ class Session:
     def entries(self) -> tuple[Entry, ...]:
         """Get the entries, oldest first."""
         return self._entries
+
+    @property
+    def read(self) -> tuple[Entry, ...]:
+        """Get the entries whose shot is there, analysed or with the reason why it is not."""
+        return tuple(entry for entry in self._entries if entry.shot is not None)
 
     @property
     def effects(self) -> ModelEffects:
@@ -100,6 +111,13 @@ class Session:
         self._set((*self._entries, entry))
         return entry
 
+    def add_captured(self, name: str, path: str | None, settings: AnalysisSettings) -> Entry:
+        """Add a shot that was captured and whose analysis is to come; return its entry."""
+        number = self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
+        entry = Entry(number, name, path, settings)
+        self._set((*self._entries, entry))
+        return entry
+
     def awaiting(self, shot: Shot) -> Entry | None:
         """Return the newest entry whose shot awaits the fit that this one has come with."""
 
@@ -116,6 +134,21 @@ class Session:
 
         self._change(number, filled)
 
+    def complete(self, number: int, shot: Shot) -> Entry:
+        """Give an entry that was listed at its capture the analysed shot, and return the entry."""
+
+        def whole(entry: Entry) -> Entry:
+            path = shot.path or entry.path  # it may have been saved elsewhere meanwhile
+            placed = replace(shot, path=path)
+            return replace(
+                entry, shot=placed, path=path, settings=shot.settings, note=entry.note or shot.note, name=shot.name
+            )
+
+        self._change(number, whole)
+        entry = self.entry(number)
+        assert entry is not None
+        return entry
+
     def set_path(self, name: str, path: str) -> bool:
         """Say where a shot that was only in memory was saved, the newest of that name; return whether one is."""
         entry = next((e for e in reversed(self._entries) if e.name == name and e.path is None), None)
@@ -124,9 +157,16 @@ class Session:
             self._change(entry.number, lambda old: replace(old, path=path, shot=shot))
         return entry is not None
 
-    def set_verdict(self, number: int, verdict: str) -> None:
-        """Set what the diagnosis said of an entry."""
-        self._change(number, lambda entry: replace(entry, verdict=verdict))
+    def set_verdict(self, number: int, verdict: str, of: VerdictOf | None = None) -> None:
+        """Set what the diagnosis said of an entry, and which model and shots that holds for."""
+        self._change(number, lambda entry: replace(entry, verdict=verdict, verdict_of=of))
+
+    def verdict_holds(self, entry: Entry) -> bool:
+        """Return whether an entry's verdict is of the model as it is now, and all its shots are on the list."""
+        of = entry.verdict_of
+        if not entry.verdict or of is None:
+            return True
+        return of.holds(self._effects.of(entry.settings.model), {other.number for other in self._entries})
 
     def set_note(self, number: int, note: str) -> None:
         """Set the operator's note; can be undone."""
@@ -136,27 +176,48 @@ class Session:
     def remove(self, numbers: list[int]) -> None:
         """Take entries off the list; their recordings stay on disk, and it can be undone."""
         self._remember("the removal")
+        self.leave_out([entry.path for entry in self._entries if entry.number in numbers and entry.path])
         self._set(tuple(entry for entry in self._entries if entry.number not in numbers))
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Get the recordings that are not to be offered at the next start: taken off the list, or declined."""
+        return self._left_out
+
+    def leave_out(self, paths: Sequence[str]) -> None:
+        """Do not offer these recordings at the next start."""
+        kept = [path for path in self._left_out if path not in set(paths)]
+        self._left_out = (*kept, *dict.fromkeys(paths))[-MOST_LEFT_OUT:]
+        self._save()
 
     def undo(self) -> str | None:
         """Take back the last note, removal or change of the model; return what it was, or None."""
-        if not self._undo:
+        return self._step(self._undo, self._redo)
+
+    def redo(self) -> str | None:
+        """Do again what was undone last; return what it is, or None."""
+        return self._step(self._redo, self._undo)
+
+    def _step(self, back: list[_State], forth: list[_State]) -> str | None:
+        """Go to the newest state of ``back`` and leave on ``forth`` how to return; shots taken meanwhile stay."""
+        if not back:
             return None
-        state = self._undo.pop()
+        state = back.pop()
+        there = {entry.number: entry for entry in self._entries}
+        notes = {old.number: old.note for old in state.entries}
+        returned = [old for old in state.entries if old.number not in there and old.number not in state.without]
+        kept = [entry for entry in self._entries if entry.number not in state.without]
+        kept = [replace(entry, note=notes.get(entry.number, entry.note)) for entry in kept]
+        without = frozenset(entry.number for entry in returned)
+        forth.append(_State(self._entries, state.what, self._effects, without))
         self._effects = state.effects
-        shots = {entry.number: entry for entry in self._entries}
-        restored = []
-        for old in state.entries:
-            new = shots.get(old.number)
-            restored.append(old if new is None else replace(new, note=old.note))
-        known = {entry.number for entry in restored}
-        restored += [entry for entry in self._entries if entry.number not in known]
-        self._set(tuple(sorted(restored, key=lambda entry: entry.number)))
+        self._set(tuple(sorted([*kept, *returned], key=lambda entry: entry.number)))
         return state.what
 
     def _remember(self, what: str) -> None:
         self._undo.append(_State(self._entries, what, self._effects))
         del self._undo[:-UNDO_DEPTH]
+        self._redo.clear()
 
     def _change(self, number: int, change: Callable[[Entry], Entry]) -> None:
         self._set(tuple(change(entry) if entry.number == number else entry for entry in self._entries))
@@ -167,18 +228,20 @@ class Session:
         self._save()
 
     def _save(self) -> None:
-        path, entries, effects = self._path, self._entries, self._effects
+        path, entries, effects, left_out = self._path, self._entries, self._effects, self._left_out
         if path is not None:
-            self.save_by(lambda: self._write(path, entries, effects))
+            self.save_by(lambda: self._write(path, entries, effects, left_out))
 
-    def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects) -> None:
+    def _write(
+        self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects, left_out: tuple[str, ...]
+    ) -> None:
         shots = [_to_json(entry) for entry in entries if entry.path]
         accepted = {
             "effects": list(effects.collision),
             "drive_effects": list(effects.drive),
             "tried": list(effects.tried),
         }
-        document = {"schema": SCHEMA, **accepted, "shots": shots}
+        document = {"schema": SCHEMA, **accepted, "shots": shots, "left_out": list(left_out)}
         problem = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -192,17 +255,18 @@ class Session:
     def become(self, other: "Session") -> None:
         """Go on as another session, in its own file; what stood here is on disk first."""
         if self._path is not None:
-            self._write(self._path, self._entries, self._effects)
+            self._write(self._path, self._entries, self._effects, self._left_out)
         self.give_free()
         self._path, self._entries, self._effects = other._path, other._entries, other._effects
+        self._left_out = other._left_out
         self.give_free, self.problem = other.give_free, other.problem
-        self._undo, self._next = [], 0
+        self._undo, self._redo, self._next = [], [], 0
         self.revision += 1
 
     def move_to(self, path: Path, give_free: Callable[[], None]) -> None:
         """Keep the session in another file from now on; the one before stays as it is."""
         if self._path is not None:
-            self._write(self._path, self._entries, self._effects)
+            self._write(self._path, self._entries, self._effects, self._left_out)
         self.give_free()
         self._path, self.give_free = path, give_free
         self._set(self._entries)
@@ -220,6 +284,7 @@ class Session:
             session._entries = tuple(_from_json(item) for item in document.objects("shots") or ())
             accepted = (known_effects(_names(document, key)) for key in ("effects", "drive_effects", "tried"))
             session._effects = ModelEffects(*accepted)
+            session._left_out = _names(document, "left_out")[-MOST_LEFT_OUT:]
         except RecordingError as error:
             aside = path.with_name(path.name + ".unreadable")
             session.problem = f"the last session could not be read ({error}); it was kept as {aside.name}"
@@ -241,6 +306,7 @@ def _to_json(entry: Entry) -> dict[str, Any]:
         "path": entry.path,
         "note": entry.note,
         "verdict": entry.verdict,
+        "verdict_of": None if entry.verdict_of is None else asdict(entry.verdict_of),
         "copy_of": entry.copy_of,
         "settings": asdict(entry.settings) | {"corrections": dict(entry.settings.corrections)},
     }
@@ -270,8 +336,19 @@ def _from_json(item: Checked) -> Entry:
         settings=settings,
         note=item.text("note") or "",
         verdict=item.text("verdict") or "",
+        verdict_of=_verdict_of(item),
         copy_of=item.whole("copy_of", 1, 2**31),
     )
+
+
+def _verdict_of(item: Checked) -> VerdictOf | None:
+    given = item.object("verdict_of")
+    if given is None:
+        return None
+    shots = given.get("shots") or []
+    if not isinstance(shots, list) or not all(type(number) is int for number in shots):
+        raise given.refuse("shots", "not a list of numbers")
+    return VerdictOf(_names(given, "effects"), _names(given, "found"), tuple(shots))
 
 
 def _corrections(chosen: Checked) -> tuple[tuple[str, float | None], ...]:

@@ -24,10 +24,10 @@ class Work:
             return self._apart.run(work, report, cancelled)
         return work(progress=report, cancelled=cancelled)
 
-    def submit(self, jobs: Jobs, name: str, work: Callable[[Report, Asked], object], kind: str) -> None:
+    def submit(self, jobs: Jobs, name: str, work: Callable[[Report, Asked], object], kind: str) -> Job:
         """Queue work on the shots of the session now open: once another is, its result concerns nobody."""
         turn = self._turn
-        jobs.submit(name, lambda report, cancelled: InSession(turn, work(report, cancelled)), kind)
+        return jobs.submit(name, lambda report, cancelled: InSession(turn, work(report, cancelled)), kind)
 
     def another_session(self) -> None:
         """Give up what is under way for the shots of this session."""

@@ -17,10 +17,9 @@ from analysis.awaited_fit import awaits_fit
 from analysis.fitted_shot import shaking_of
 from analysis.one_rig import why_not_together
 from analysis.shot import AnalysisSettings, Shot
-from app.session.cut_off import cut_off
 from app.session.diagnoses import Diagnoses
 from app.session.elsewhere import Elsewhere
-from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Reopened, SavedElsewhere
+from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Refitted, Reopened, SavedElsewhere
 from app.session.jobs import Asked, Job, Report
 from app.session.kept_work import KeptWork
 from app.session.load import unanalysed
@@ -33,6 +32,8 @@ from app.session.saver import Saver
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_motions, open_shot
+from app.session.unlisted import Unlisted, listed_by, unlisted
+from app.session.verdict_of import verdict_of
 from app.session.work import Work
 from app.words.verdict import verdict_words
 from instrument.analyst import STOPPED
@@ -75,6 +76,7 @@ class Workbench:
         self.elsewhere = Elsewhere(session, self.errands)
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
+        self._captured: dict[tuple[str, str | None], int] = {}  # numbers of shots that wait for the rig's analysis
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
@@ -115,7 +117,9 @@ class Workbench:
 
     def _go_on(self, other: Session) -> None:
         self._work.another_session()
+        self.model.forget()
         self.diagnoses.clear()
+        self._captured.clear()  # what the rig still analyses joins the session that is open then
         self.session.become(other)
         self.read_unread()
 
@@ -146,21 +150,15 @@ class Workbench:
         if self._kept is not None:
             self._kept.keep(shots)
 
-    def look_for_cut_off(self, folder: Path) -> None:
-        """Queue a look for recordings in ``folder`` that a kill cut off and the session does not list."""
-        listed = {entry.path for entry in self.session.entries if entry.path is not None}
+    def look_for_unlisted(self, folder: Path, sessions: Sequence[Path] = ()) -> None:
+        """Queue a look for recordings in ``folder`` that neither this session nor one of these files lists."""
+        own = {entry.path for entry in self.session.entries if entry.path is not None} | {*self.session.left_out}
         now_s = time.time()
 
-        def work(_: Report, __: Asked) -> Event | None:
-            found = tuple(cut_off(folder, listed, now_s))
-            if not found:
-                return None
-            names = ", ".join(path.name.removesuffix(".sigmf-meta") for path in found[:3])
-            more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-            words = f"The program ended while it recorded {names}{more}: as far as it got it is saved, not listed"
-            return Event(Kind.CUT_OFF, words, paths=found)
+        def work(_: Report, __: Asked) -> Unlisted:
+            return unlisted(folder, own | listed_by(sessions), now_s)
 
-        self.errands.submit("cut-off recordings", work, "look")
+        self.errands.submit("recordings that no session lists", work, "look")
 
     def reanalyse(self, numbers: Sequence[int]) -> int:
         """Queue copies of these entries with the present settings; return how many.
@@ -182,10 +180,28 @@ class Workbench:
         """Return in words which values of the rig an analysis repeated now puts right; "" where none is."""
         return ", ".join(correction_words(self._again().corrections))
 
-    def add_shot(self, shot: Shot) -> Entry:
-        """Take a shot that the rig captured and analysed; the model may have changed meanwhile."""
-        path = self.elsewhere.path_of(shot.name) if shot.path is None else None
-        entry = self.session.add(shot if path is None else replace(shot, path=path))
+    def add_captured(self, name: str, path: Path | None) -> Entry:
+        """List a shot as soon as the rig captured it: whatever becomes of its analysis, it is in the session."""
+        where = None if path is None else str(path)
+        entry = self.session.add_captured(name, where, self._settings())
+        self._captured[name, where] = entry.number
+        return entry
+
+    def add_shot(self, shot: Shot) -> Entry | None:
+        """Take a shot that the rig captured and analysed, in its place where it is listed; the model may have changed.
+
+        None where it was taken off the list meanwhile.
+        """
+        where = None if shot.path is None else str(Path(shot.path))
+        number = self._captured.pop((shot.name, where), None)
+        if number is None:
+            path = self.elsewhere.path_of(shot.name) if shot.path is None else None
+            entry = self.session.add(shot if path is None else replace(shot, path=path))
+        elif self.session.entry(number) is None:
+            self._keep([shot])
+            return None
+        else:
+            entry = self.session.complete(number, shot)
         if not awaits_fit(shot):
             self._whole(entry)
         return entry
@@ -196,7 +212,7 @@ class Workbench:
         if awaiting is None:
             return None
         if shot.fit_problem == STOPPED:  # Abort frees the rig: the fit that was under way is made beside it
-            self.model.refit([awaiting])
+            self.model.catch_up(also=[awaiting])
             return awaiting
         self.session.fill(awaiting.number, replace(shot, path=awaiting.path))
         entry = self.session.entry(awaiting.number)
@@ -208,16 +224,15 @@ class Workbench:
         """Keep the result of a captured shot, once the model as it is now is fitted to it."""
         shot = entry.shot
         assert shot is not None
-        if shot.settings.effects != self.model.effects_of(shot.settings.model):
-            self.model.refit([entry])
+        if self.model.is_behind(entry):
+            self.model.catch_up()
         else:
             self._keep([shot])
 
-    def add_unanalysed(self, path: Path | None, problem: str, name: str) -> Entry:
-        """List a shot that the rig captured and nobody analysed: ``reanalyse`` does."""
-        ahead = self.elsewhere.path_of(name) if path is None else None
+    def add_unanalysed(self, path: Path | None, problem: str, name: str) -> Entry | None:
+        """Take a shot that the rig captured and nobody analysed: ``reanalyse`` does."""
         words = f"{problem}: analyse it again (Ctrl+R)"
-        return self.session.add(unanalysed(Path(ahead) if ahead else path, self._settings(), words, name))
+        return self.add_shot(unanalysed(path, self._settings(), words, name))
 
     def diagnose(self, numbers: Sequence[int]) -> str | None:
         """Queue the diagnosis of these entries; return why not, or None."""
@@ -257,12 +272,20 @@ class Workbench:
 
     def undo(self) -> str | None:
         """Take back the last note, removal or change of the model; return what it was, or None."""
-        before = self.session.effects
-        what = self.session.undo()
-        if self.session.effects != before:
-            self.model.refit(self.session.entries)
+        return self._stepped(self.session.undo)
+
+    def redo(self) -> str | None:
+        """Do again what was undone last; return what it is, or None."""
+        return self._stepped(self.session.redo)
+
+    def _stepped(self, step: Callable[[], str | None]) -> str | None:
+        there = {entry.number for entry in self.session.entries} | set(self._captured.values())
+        what = step()
+        for entry in self.session.entries:  # its analysis may have come while it was off the list
+            if entry.shot is None and entry.path is not None and entry.number not in there:
+                self._submit_fill(entry)
         # shots that come back to the list: the fit that they awaited may have come while they were off it
-        self.model.refit([e for e in self.session.entries if e.shot is not None and awaits_fit(e.shot)])
+        self.model.catch_up(also=self.session.entries)
         return what
 
     # what ended -------------------------------------------------------------------------------------------------
@@ -285,8 +308,9 @@ class Workbench:
             if self._kept is not None:
                 entries = filter(None, map(self.session.entry, result.numbers))
                 self._kept.keep_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
+            of = verdict_of(result.diagnosis, result.numbers)
             for number in result.numbers:
-                self.session.set_verdict(number, verdict_words(result.diagnosis))
+                self.session.set_verdict(number, verdict_words(result.diagnosis), of)
             self._waiting.append(Event(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
         elif isinstance(result, SavedElsewhere):
             self._waiting.append(self.elsewhere.take(result))
@@ -295,18 +319,45 @@ class Workbench:
         elif isinstance(result, Opened):
             entry = self.session.add(result.shot, copy_of=result.copy_of)
             self._keep([result.shot])
+            self.model.catch_up()
             self._waiting.append(Event(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
         elif isinstance(result, Filled):
-            for number, shot in result.shots:
-                self.session.fill(number, shot)
-            self._keep([shot for _, shot in result.shots])
-            self._waiting.append(Event(Kind.CHANGED, "", tuple(number for number, _ in result.shots)))
+            self._take_filled(result)
+        elif isinstance(result, Refitted):
+            shot = self.model.take_fit(result)
+            if shot is not None:
+                self._keep([shot])
+                self._waiting.append(Event(Kind.CHANGED, "", (result.number,)))
         elif isinstance(result, Reopened):
             self._take_reopened(result)
+        elif isinstance(result, Unlisted):
+            self._take_unlisted(result)
+
+    def _take_filled(self, result: Filled) -> None:
+        entry = self.session.entry(result.number)
+        if entry is None or (entry.shot is not None and entry.shot.motion is not None):
+            return  # taken off the list, or there already
+        self.session.fill(result.number, result.shot)
+        self._keep([result.shot])
+        self.model.catch_up()
+        self._waiting.append(Event(Kind.CHANGED, "", (result.number,)))
+
+    def _take_unlisted(self, result: Unlisted) -> None:
+        if result.cut_off:
+            words = f"The program ended while it recorded {_named(result.cut_off)}: saved as far as it got, not listed"
+            self._waiting.append(Event(Kind.UNLISTED, words, paths=result.cut_off))
+        if result.complete:
+            count = len(result.complete)
+            which = "1 recording" if count == 1 else f"{count} recordings"
+            words = f"{which} in the data folder that no session lists: {_named(result.complete)}"
+            self._waiting.append(Event(Kind.UNLISTED, words, paths=result.complete))
 
     def _take_reopened(self, result: Reopened) -> None:
         for number, shot, version in result.shots:
-            self.session.fill(number, shot, version)
+            there = self.session.entry(number)
+            if there is not None and there.shot is None:
+                self.session.fill(number, shot, version)
+        self.model.catch_up()
         for number in result.missing:
             entry = self.session.entry(number)
             if entry is not None and entry.shot is None:
@@ -337,6 +388,12 @@ class Workbench:
         opening = partial(open_shot, Path(entry.path or ""), entry.settings, effects)
 
         def work(report: Report, cancelled: Asked) -> Filled:
-            return Filled(((number, self._work.do(opening, report, cancelled)),))
+            return Filled(number, self._work.do(opening, report, cancelled))
 
         self._work.submit(self.jobs, entry.name, work, "open")
+
+
+def _named(paths: Sequence[Path]) -> str:
+    """Return the names of the first recordings and how many there are besides."""
+    names = ", ".join(path.name.removesuffix(".sigmf-meta") for path in paths[:3])
+    return names + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")

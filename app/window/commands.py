@@ -44,6 +44,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("Shots", "Choose the columns …", "choose_columns", ("Ctrl+Shift+F",)),
     Command("Shots", "Take the selected shots off the list", "remove_selected", ("Del",), True),
     Command("Shots", "Undo the last note, removal or change of the model", "undo", ("Ctrl+Z",), also="Model"),
+    Command("Shots", "Redo what was undone", "redo", ("Ctrl+Shift+Z", "Ctrl+Y"), also="Model"),
     Command("View", "LIVE", "show_live", ("Ctrl+1",)),
     Command("View", "SHOT", "show_shot_page", ("Ctrl+2",)),
     Command("View", "COMPARE", "show_compare", ("Ctrl+3",)),

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from analysis.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.log import ProgramLog, note
-from app.session.next_shots import NextShots
+from app.session.next_shots import PLAN, NextShots
 from app.session.own_laws import OwnLaws
 from app.session.own_session import last_session
 from app.session.prepare import rehearse
@@ -40,11 +40,12 @@ from app.window.presenters.tables import TablesPresenter
 from app.window.presenters.tour import TourPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
+from instrument.acquisition import State
 from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import open_apart
 from instrument.apart.work import WorkApart
 from instrument.digitizer import Digitizer
-from instrument.snapshot import FinishedShot
+from instrument.snapshot import FinishedShot, Snapshot
 from instrument.sources import at_site
 
 PULL_MS = 35
@@ -68,7 +69,7 @@ class MainWindow(QMainWindow):
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
         self.rig, self.workbench, self.theme = rig, workbench, theme
-        self._warned: frozenset[str] = frozenset()  # names of the shots only in memory that a close warned of
+        self._warned: frozenset[str] = frozenset()  # what a close warned of: the next one is meant
         self.panels = Layout(theme, self)
         self.setCentralWidget(self.panels)
         self.rig_presenter = RigPresenter(rig, choices, self.panels, self)
@@ -104,6 +105,7 @@ class MainWindow(QMainWindow):
             self.laws_presenter,
         ):
             presenter.said.connect(self.say)
+        self.rig_presenter.shot_captured.connect(self.session_presenter.take_captured)
         self.rig_presenter.shot_finished.connect(self._shot_finished)
         self.session_presenter.arrived.connect(self._arrived)
         self.rig_presenter.save_elsewhere_wanted.connect(self._save_elsewhere)
@@ -128,7 +130,7 @@ class MainWindow(QMainWindow):
             self.say(words, Tone.WARNING)
         workbench.jobs.submit("first start", kernels.work, "warm")
         workbench.read_unread()
-        workbench.look_for_cut_off(choices.settings.data_folder)
+        workbench.look_for_unlisted(choices.settings.data_folder, choices.sessions)
         self.session_presenter.refresh()
         if workbench.session.entries:  # a session reopens where it was: at its last shot
             self.panels.table.select([workbench.session.entries[-1].number])
@@ -145,7 +147,7 @@ class MainWindow(QMainWindow):
         snapshot = self.rig_presenter.refresh()
         for problem in self.log.take_problems():
             self.say(problem, Tone.BAD)
-        self._warned &= frozenset(snapshot.unsaved)  # a name that comes again is another shot's
+        self._warned &= frozenset(self._at_stake(snapshot))  # a name that comes again is another shot's
         self.session_presenter.rig_doing, self.session_presenter.rig_share = snapshot.doing, snapshot.progress
         self.session_presenter.refresh()
         self.selection_presenter.refresh()
@@ -161,6 +163,20 @@ class MainWindow(QMainWindow):
         """Show a message in the lowest line, and keep it in the log."""
         note(words)
         self.panels.work.notices.say(words, tone)
+
+    def _at_stake(self, snapshot: Snapshot) -> dict[str, str]:
+        """Return what closing the window now would lose or miss, in words; by a name for each thing."""
+        found = {}
+        for name in snapshot.unsaved:
+            found[name] = f"{_shots(len(snapshot.unsaved))} only in memory: save elsewhere (Ctrl+S), or lose them"
+        if snapshot.state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
+            found["rig"] = "The rig is armed" if snapshot.state is State.ARMED else "A shot is being recorded"
+        jobs = self.workbench.jobs
+        if files := jobs.waiting("open"):
+            found["files"] = f"{files} recording{'' if files == 1 else 's'} still to be opened"
+        if jobs.waiting("diagnosis", "export", PLAN):
+            found["work"] = "A diagnosis, an export or a plan is under way"
+        return found
 
     @Slot(object)
     def _shot_finished(self, finished: FinishedShot) -> None:
@@ -204,12 +220,12 @@ class MainWindow(QMainWindow):
         event.acceptProposedAction()
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """End every thread before the window goes; shots only in memory ask for a second thought."""
-        unsaved = frozenset(self.rig.latest().unsaved)
-        if not unsaved <= self._warned:
-            self._warned = unsaved
-            what = "1 shot is" if len(unsaved) == 1 else f"{len(unsaved)} shots are"
-            self.say(f"{what} only in memory: save elsewhere (Ctrl+S), or close again to drop them", Tone.BAD)
+        """End every thread before the window goes; what would be lost asks for a second thought."""
+        at_stake = self._at_stake(self.rig.latest())
+        if not at_stake.keys() <= self._warned:
+            self._warned = frozenset(at_stake)
+            words = dict.fromkeys(at_stake.values())
+            self.say(f"{'; '.join(words)}. Close again to quit all the same", Tone.BAD)
             event.ignore()
             return
         self._timer.stop()
@@ -217,6 +233,10 @@ class MainWindow(QMainWindow):
         self.workbench.close()
         self.rig.close()
         event.accept()
+
+
+def _shots(count: int) -> str:
+    return "1 shot is" if count == 1 else f"{count} shots are"
 
 
 def open_window(

@@ -102,7 +102,7 @@ class Photographer:
         self.take("armed")
         self.wait("a moving block", lambda: panels.live.text("velocity")[1:4] not in ("0.0", "", "–"))
         self.take("live")
-        self.wait("a shot", lambda: len(self.window.workbench.session.entries) == 1)
+        self.wait("a shot", lambda: len(self.window.workbench.session.read) == 1)
         self.wait("READY", lambda: panels.banner.word == "READY")
         self._views()
         self._sheets()
@@ -149,7 +149,7 @@ class Photographer:
         effect = {"quadratic_drag": {"coefficient_n_s2_per_m2": 1e-3}}
         paths = simulate(self._scratch / "drag", 3, 5, effect)
         self.window.session_presenter.open_paths([Path(path) for path in paths])
-        self.wait("three more shots", lambda: len(session.entries) == 4)
+        self.wait("three more shots", lambda: len(session.read) == 4)
         panels.table.select([entry.number for entry in session.entries[1:]])
         self.press(Qt.Key.Key_3, Qt.KeyboardModifier.ControlModifier)
         panels.compare.choose_trend("plate_stiffness_n_per_m")

@@ -1,6 +1,7 @@
 """What the banner and the signal line say about a snapshot of the instrument; plain functions."""
 
 import math
+from dataclasses import dataclass
 
 from analysis.combined import combined_of, stated
 from analysis.quantity import Quantity
@@ -18,38 +19,60 @@ POOR_SNR_DB = 15.0
 MOVING_HZ = 10e3  # of Doppler shift, 3 mm/s: a beat that sweeps has no line to measure noise against
 CLIPPED_SHARE = 1e-3
 FULL_DISK_BYTES = 2e9
+AT_REST = "The block moves: judged when it is at rest"
 
 
-def banner(snapshot: Snapshot, last_shot: str, arming: bool = False) -> tuple[str, str, Tone]:
+@dataclass(frozen=True, slots=True)
+class LastShot:
+    """What the last shot gave, in the banner's one sentence: where it is on disk, and while it is only in memory."""
+
+    name: str
+    saved: str
+    in_memory: str
+
+
+def banner(snapshot: Snapshot, last_shot: LastShot | None, arming: bool = False) -> tuple[str, str, Tone]:
     """Return (word, sentence, tone) of the state."""
     state = snapshot.state
     if arming:
         return "ARMING", "Starting the digitizer; wait for ARMED before you push.", Tone.BUSY
     if state is State.ARMED:
         again = " Arms again by itself." if snapshot.automatic else ""
-        return "ARMED", f"Waiting for the light switch: push the block.{again}", Tone.WAITING
+        return "ARMED", f"Waiting for the light switch: push the block.{again}{_waiting(snapshot)}", Tone.WAITING
     if state is State.TRIGGERED:
         return "CAPTURED", "The light switch fired; the samples of the shot are coming in.", Tone.GOOD
     if state is State.TRANSFERRING:
         return "CAPTURED", "All samples came; they are being saved.", Tone.GOOD
     if state is State.ANALYSING:
-        return "ANALYSING", "The recording is saved. You can arm the next shot at any time.", Tone.BUSY
+        return "ANALYSING", f"The recording is saved. You can arm the next shot now.{_waiting(snapshot, 1)}", Tone.BUSY
     if state is State.FAULT:
         return "FAULT", fault_words(snapshot), Tone.BAD
-    hint = last_shot or "Press ARM (space), then push the block."
-    return "READY", _sentences(snapshot.message, snapshot.remedy) or hint, Tone.NEUTRAL
+    hint = "Press ARM (space), then push the block."
+    if last_shot is not None:
+        hint = last_shot.in_memory if last_shot.name in snapshot.unsaved else last_shot.saved
+    return "READY", (_sentences(snapshot.message, snapshot.remedy) or hint) + _waiting(snapshot), Tone.NEUTRAL
 
 
-def shot_saved(entry: Entry) -> str:
-    """Return what a shot gave, in the banner's one sentence."""
-    shot = entry.shot
+def _waiting(snapshot: Snapshot, but: int = 0) -> str:
+    """Return how many shots wait for their analysis, ``but`` for those of which it is said already."""
+    count = snapshot.analysing - but
+    if count <= 0:
+        return ""
+    return f" {count} more shot{' waits' if count == 1 else 's wait'} for analysis."
+
+
+def last_shot(entry: Entry) -> LastShot:
+    """Return what a shot gave, for the banner."""
+    shot, number = entry.shot, entry.number
     if shot is None or shot.problem or shot.impact is None:
-        why = shot.problem if shot is not None else None
-        return f"Shot {entry.number} is saved, but: {why or 'no impact was found'}."
-    key = "cor_quasi_static"
-    cor = stated(shot.impact.cor_quasi_static, key, combined_of(shot))
-    words = f"restitution {value_text(cor)}" if isinstance(cor, Quantity) else "no restitution was seen"
-    return f"Shot {entry.number} is saved: {words}."
+        why = (shot.problem if shot is not None else None) or "no impact was found"
+        saved, unsaved = f"Shot {number} is saved, but: {why}.", why
+    else:
+        key = "cor_quasi_static"
+        cor = stated(shot.impact.cor_quasi_static, key, combined_of(shot))
+        words = f"restitution {value_text(cor)}" if isinstance(cor, Quantity) else "no restitution was seen"
+        saved, unsaved = f"Shot {number} is saved: {words}.", words
+    return LastShot(entry.name, saved, _sentences(f"Shot {number} is only in memory: save it (Ctrl+S)", unsaved))
 
 
 def fault_words(snapshot: Snapshot) -> str:
@@ -74,18 +97,20 @@ def _sentences(*parts: str) -> str:
 def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[str, Sign]:
     """Return the tiles of the signal line."""
     found = {"pd0": Sign("–", Tone.NEUTRAL), "pd1": Sign("–", Tone.NEUTRAL)}
+    moves = False
     rest_hz = next((c.frequency_hz for c in line.channels if c.role is Role.REFERENCE), None)
     for channel in line.channels:
         if channel.role is Role.REFERENCE:
             found["pd0"] = _beat(channel)
         elif channel.role is Role.MEASUREMENT:
             found["pd1"] = _beat(channel)
-            moving = rest_hz is not None and abs((channel.frequency_hz or rest_hz) - rest_hz) > MOVING_HZ
+            moves = moving = rest_hz is not None and abs((channel.frequency_hz or rest_hz) - rest_hz) > MOVING_HZ
             if moving and channel.clipped_fraction <= CLIPPED_SHARE:
                 words = local(f"{1e-6 * (channel.frequency_hz or 0.0):.5f} MHz  moving")
-                found["pd1"] = Sign(words, Tone.NEUTRAL, "The block moves: judged when it is at rest")
+                found["pd1"] = Sign(words, Tone.NEUTRAL, AT_REST)
     found["switch"] = _switch(line)
-    found["floor"] = _floor(line, rate_hz, bandwidth_hz)
+    # a beat that sweeps spreads over the spectrum: what stands beside its line is no noise
+    found["floor"] = Sign("–", Tone.NEUTRAL, AT_REST) if moves else _floor(line, rate_hz, bandwidth_hz)
     found["disk"] = _disk(line)
     return found
 

@@ -6,6 +6,8 @@ from app.words.wording import effect_words
 
 _NAMES = {words: name.replace("_", " ").replace("coulomb", "Coulomb") for name, words in EFFECT_WORDS.items()}
 
+OUTDATED = "This verdict is of another model or other shots than now: diagnose again"
+
 
 def verdict_words(diagnosis: Diagnosis) -> str:
     """Return the effects and laws that were found, else the verdict itself, such as "adequate"."""

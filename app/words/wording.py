@@ -10,7 +10,9 @@ from analysis.laws.own import called, from_key
 from analysis.quantity import NotSeen, Quantity, Reading
 from app.words.physics_words import effect_words as effect_words
 from app.words.physics_words import model_effect_words as model_effect_words
+from app.words.physics_words import model_in_words as model_in_words
 from app.words.physics_words import parameter_parts as parameter_parts
+from app.words.physics_words import repeatability_words as repeatability_words
 from app.words.prefixes import prefix_for
 
 DASH = "–"
@@ -119,7 +121,7 @@ def room(size_bytes: float) -> str:
 
 def kept_words(version: str) -> str:
     """Return that a result was kept from before, and by which version of the program it was made."""
-    return f"kept from before, as version {version} made it"
+    return f"cached result, version {version}"
 
 
 def with_prefix(value: float | None, unit: str, digits: int = 3) -> str:

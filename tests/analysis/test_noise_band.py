@@ -60,3 +60,14 @@ def test_a_steady_line_is_in_the_band_with_its_own_velocity_and_force():
 def test_where_nothing_is_known_of_the_path_the_motions_own_uncertainty_stands():
     motion = synthetic.shot().motion
     assert noise_band(motion, None).force_n is motion.force_std_n
+
+
+def test_a_path_that_wanders_is_in_the_band_of_the_displacement(tmp_path):
+    """The band was the samples' white noise: the residual of a shot without a fault left it for twenty ms on end."""
+    (path,) = simulate(tmp_path, 1)
+    calm = load_and_analyse(path)
+    left = calm.fit.shots[0].residual_m
+    seen = np.isfinite(left)
+    assert np.sqrt(np.mean(left[seen] ** 2)) > 1.5 * np.nanmedian(calm.motion.displacement_std_m)  # it does wander
+    inside = np.abs(left[seen]) < 2.0 * band_of(calm).displacement_m[seen]
+    assert inside.mean() > 0.95

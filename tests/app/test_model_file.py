@@ -41,7 +41,7 @@ def test_what_lies_beyond_chance_is_named_largest_first() -> None:
     assert fit is not None
     known = saved(fit, ["a"])
     assert drift_words(known, fit) == ""
-    assert model_words(known) == f"{fit.model} + nothing, from 1 shot"
+    assert model_words(known) == "paper model, no added effects, from 1 shot"
     first, second = list(fit.parameters)[:2]
 
     def moved(name: str, sigmas: float) -> Quantity:

@@ -18,13 +18,14 @@ from analysis.pipeline import fitted, read
 from analysis.recording import Channel, Recording, Role, Setup
 from analysis.shot import AnalysisSettings, Cancelled, Shot
 from app.session.choices import Choices
-from app.session.cut_off import cut_off
 from app.session.log import NAME, ProgramLog, note
 from app.session.results import Results
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
+from app.session.unlisted import Unlisted, listed_by, unlisted
 from app.session.workbench import Workbench
 from app.window.layout import Layout
+from app.window.panels.session_model import VERDICT
 from app.window.panels.settings_sheet import SettingsSheet
 from app.window.panels.side_sheet import SideSheet
 from app.window.presenters.selection import SelectionPresenter
@@ -38,7 +39,8 @@ from instrument.digitizer import CaptureSettings
 from instrument.open_recording import open_recording
 from instrument.recording_file import write_recording
 from instrument.recording_writer import RecordingWriter
-from instrument.snapshot import FinishedShot
+from instrument.snapshot import FinishedShot, WaitingShot
+from tests.app import synthetic
 
 WAIT_MS = 30_000
 CHANNELS = (Channel(Role.MEASUREMENT, 1e-3),)
@@ -114,9 +116,10 @@ def test_a_sheet_forgets_a_button_that_was_deleted(qtbot: QtBot) -> None:
     assert sheet.isHidden()
 
 
-def _recording(folder: Path) -> Path:
+def _recording(folder: Path, name: str = "shot-0001") -> Path:
+    folder.mkdir(exist_ok=True)
     counts = np.zeros((64, 1), np.int16)
-    return write_recording(Recording("shot-0001", counts, 1e6, CHANNELS, Setup(17.85e-3)), folder / "shot-0001")
+    return write_recording(Recording(name, counts, 1e6, CHANNELS, Setup(17.85e-3)), folder / name)
 
 
 def test_a_note_reaches_the_recording(qtbot: QtBot, tmp_path: Path) -> None:
@@ -284,17 +287,89 @@ def test_a_recording_that_a_kill_cut_off_is_offered_at_the_next_start(qtbot: QtB
     writer.append(np.zeros((64, 1), np.int16))
     writer.release()  # as a kill leaves it: no hash
     cut = tmp_path / "shot-0002.sigmf-meta"
-    assert cut_off(tmp_path, (), time.time() + 1.0) == [cut] and whole.exists()
-    assert cut_off(tmp_path, (str(cut),), time.time() + 1.0) == [] == cut_off(tmp_path, (), 0.0)
-    assert cut_off(tmp_path / "none", (), time.time()) == []
+    later_s = time.time() + 1.0
+    assert unlisted(tmp_path, (), later_s) == Unlisted((whole,), (cut,))
+    assert unlisted(tmp_path, (str(cut), str(whole)), later_s) == Unlisted() == unlisted(tmp_path, (), 0.0)
+    assert unlisted(tmp_path / "none", (), later_s) == Unlisted()
+    whole.unlink()
 
     time.sleep(0.01)
-    workbench.look_for_cut_off(tmp_path)
+    workbench.look_for_unlisted(tmp_path)
     notices = panels.work.notices
     qtbot.waitUntil(lambda: (presenter.refresh(), "shot-0002" in notices.words)[1], timeout=WAIT_MS)
     notices._do.click()
     qtbot.waitUntil(lambda: (presenter.refresh(), len(workbench.session.entries) == 1)[1], timeout=WAIT_MS)
     assert workbench.session.entries[0].path == str(cut) and notices.words == ""
+
+
+def test_a_recording_that_no_session_lists_is_offered_until_it_is_declined(
+    qtbot: QtBot, tmp_path: Path, away: Away
+) -> None:
+    """Killed while twelve shots waited for their analysis, the next start never mentioned them."""
+    workbench, panels, presenter = away
+    first, second = _recording(tmp_path), _recording(tmp_path / "of another session", "shot-0009")
+    others = Session(tmp_path / "session-2.json")
+    others.add_captured("shot-0009", str(second), AnalysisSettings())
+    assert listed_by([tmp_path / "session-2.json", tmp_path / "none.json", first]) == {str(second)}
+    notices = panels.work.notices
+    time.sleep(0.01)
+    for folder, found in ((second.parent, ""), (tmp_path, "shot-0001")):
+        workbench.look_for_unlisted(folder, [tmp_path / "session-2.json"])
+        qtbot.waitUntil(lambda: workbench.errands.open_jobs == 0, timeout=WAIT_MS)
+        presenter.refresh()
+        assert found in notices.words and bool(notices.words) == bool(found)
+    notices.next()  # declined
+    again = Session.reopen(tmp_path / "session.json")
+    assert again.left_out == (str(first),)
+    workbench.look_for_unlisted(tmp_path)
+    qtbot.waitUntil(lambda: workbench.errands.open_jobs == 0, timeout=WAIT_MS)
+    presenter.refresh()
+    assert not notices.words
+
+
+def test_a_shot_is_listed_when_it_is_captured_and_survives_a_kill_before_its_analysis(
+    qtbot: QtBot, tmp_path: Path, away: Away
+) -> None:
+    workbench, panels, presenter = away
+    metas = [_recording(tmp_path, f"shot-000{number}") for number in (1, 2, 3)]
+    for number, meta in enumerate(metas, 1):
+        presenter.take_captured(WaitingShot(number, meta.name.removesuffix(".sigmf-meta"), meta))
+    assert [entry.path for entry in workbench.session.entries] == list(map(str, metas))
+    model = panels.table.model
+    assert str(model.data(model.index(1, VERDICT))) == "waiting for analysis"
+    # killed here: what the disk holds is all that the next start knows
+    assert [entry.path for entry in Session.reopen(tmp_path / "session.json").entries] == list(map(str, metas))
+
+    workbench.set_note(2, "wobbled")
+    shot = replace(synthetic.shot("shot-0002"), path=str(metas[1]))
+    settings = CaptureSettings(1e6, 64, 0)
+    presenter.take(FinishedShot(1, "shot-0002", metas[1], settings, shot), stay=True)
+    assert [entry.number for entry in workbench.session.entries] == [1, 2, 3]
+    entry = workbench.session.entry(2)
+    assert entry is not None and entry.shot is not None and entry.note == "wobbled"
+
+    workbench.session.remove([3])  # it does not come back by itself, but by an undo, and is analysed then
+    last = replace(synthetic.shot("shot-0003"), path=str(metas[2]))
+    presenter.take(FinishedShot(2, "shot-0003", metas[2], settings, last), stay=True)
+    assert [entry.number for entry in workbench.session.entries] == [1, 2]
+    workbench.undo()
+
+    def analysed() -> bool:
+        presenter.refresh()
+        entry = workbench.session.entry(3)
+        return entry is not None and entry.shot is not None
+
+    qtbot.waitUntil(analysed, timeout=WAIT_MS)
+
+
+def test_a_shot_saved_elsewhere_before_its_analysis_keeps_its_place(tmp_path: Path, away: Away) -> None:
+    workbench, _, presenter = away
+    presenter.take_captured(WaitingShot(1, "shot-0001", None))
+    assert workbench.session.set_path("shot-0001", str(tmp_path / "a.sigmf-meta"))
+    finished = FinishedShot(1, "shot-0001", None, CaptureSettings(1e6, 64, 0), synthetic.shot("shot-0001"))
+    presenter.take(finished, stay=True)
+    (entry,) = workbench.session.entries
+    assert entry.path == str(tmp_path / "a.sigmf-meta") and entry.shot is not None and entry.shot.path == entry.path
 
 
 def test_a_folder_of_shots_does_not_take_the_selection_and_a_picture_is_refused(

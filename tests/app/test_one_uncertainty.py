@@ -1,21 +1,28 @@
 """One rule of ±: a number is shown with its combined uncertainty wherever it stands, or a word says that it is not."""
 
+import csv
+import math
+import tomllib
 from dataclasses import replace
 
 import pytest
 
 from analysis.budget import budget
+from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.paper import reproduce
 from analysis.quantity import Quantity
+from analysis.series import series
 from app.command_line.replay import summary
+from app.report.export import READINGS, export
 from app.report.page import report_of
+from app.session.model_in_use import NOISE_ALONE, _with_combined
 from app.session.session import Session
 from app.window.panels.compare import ComparePanel
 from app.window.panels.large import LargePanel
 from app.window.panels.number_rows import DRIVE, GROUPS
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_table import SessionTable
-from app.window.state_words import shot_saved
+from app.window.state_words import last_shot
 from app.window.theme import LIGHT
 from app.words.wording import concise_text, value_text
 from tests.app import synthetic
@@ -48,7 +55,7 @@ def test_banner_panel_list_and_terminal_state_the_same_uncertainty(qtbot, entry,
     panel.show_shot(entry.shot)
     cor = value_text(combined["cor_quasi_static"])
     assert panel.text("quasi-static") in (cor, concise_text(combined["cor_quasi_static"]))
-    assert cor in shot_saved(entry)
+    assert cor in last_shot(entry).saved
     told = summary(entry.shot)
     assert f"COR quasi-static           {cor}" in told
     assert str(combined["velocity_in_m_per_s"]) in told and str(combined["plate_stiffness_n_per_m"]) in told
@@ -92,3 +99,41 @@ def test_the_report_parts_noise_from_the_whole_of_a_fitted_number(entry, combine
     page = report_of([entry.shot])
     assert str(combined["plate_stiffness_n_per_m"]) in page
     assert str(entry.shot.fit.parameters["plate_stiffness_n_per_m"]) not in page
+
+
+def test_shots_csv_has_the_combined_uncertainty_and_the_noise_in_a_column_named_so(entry, combined, tmp_path):
+    export([entry.shot], tmp_path)
+    with (tmp_path / "shots.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    impact = entry.shot.impact
+    for key in ("velocity_in_m_per_s", "force_peak_n", "cor_quasi_static"):
+        name, unit = next((name, unit) for name, unit, attribute in READINGS if attribute == key)
+        ending = "" if unit == "1" else f"_{unit}"
+        assert float(row[f"{name}_std{ending}"]) == combined[key].std
+        assert float(row[f"{name}_std_noise{ending}"]) == getattr(impact, key).std != combined[key].std
+    assert float(row["cor_kinetic_force_peaks_std"]) == combined["cor_kinetic.force_peaks"].std
+    noise = entry.shot.fit.parameters["plate_stiffness_n_per_m"].std
+    assert float(row["plate_stiffness_n_per_m_std"]) == combined["plate_stiffness_n_per_m"].std
+    assert float(row["plate_stiffness_n_per_m_std_noise"]) == noise
+
+
+def test_a_reports_table_of_all_shots_states_the_combined_uncertainty(entry, combined):
+    shots = [entry.shot, synthetic.shot("shot-2", 0.27, 2)]
+    page = report_of(shots)
+    for key in ("velocity_in_m_per_s", "cor_quasi_static"):
+        assert f"<td>{combined[key]}</td>" in page
+        assert f"<td>{getattr(entry.shot.impact, key)}</td>" not in page
+    mean = series(shots).of("force_peak_n").mean
+    shared = budget(entry.shot).of("force_peak_n").std_b
+    assert f"<td>{replace(mean, std=math.hypot(mean.std, shared))}</td>" in page
+
+
+def test_a_model_file_says_which_uncertainty_is_which(entry, combined):
+    fit = entry.shot.fit
+    text = _with_combined(to_text(saved(fit, ["a"])), fit, [entry.shot])
+    whole = tomllib.loads(text)
+    name = "plate_stiffness_n_per_m"
+    assert NOISE_ALONE in text and "value and standard uncertainty" not in text
+    assert whole["parameters"][name]["std"] == fit.parameters[name].std
+    assert whole["combined_std"][name] == pytest.approx(combined[name].std)
+    assert from_text(text).parameters[name].std == fit.parameters[name].std

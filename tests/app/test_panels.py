@@ -19,6 +19,7 @@ from app.window.panels.candidates import CandidateBars
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.large import LargePanel
+from app.window.panels.model import ModelPanel
 from app.window.panels.notice import NoticeLine
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_model import FLAGS
@@ -474,3 +475,70 @@ def test_an_empty_drive_says_why_on_a_page_of_any_height(qtbot, height):
     assert panel.drive.say.isVisible() == (height > 400)
     panel.show_shot(replace(driven, fit=None, fit_problem="the record is too short"))
     assert panel.drive.say.isVisible() and "the record is too short" in panel.drive.say.text()
+
+
+def test_the_shot_opens_on_the_residual_that_shows_most_and_then_on_what_was_chosen(qtbot, shot):
+    panel = ShotPanel(LIGHT)
+    qtbot.addWidget(panel)
+    fit, motion = shot.fit, shot.motion
+    wave = 1e-7 * np.sin(2 * np.pi * 20 * motion.time_s)
+    strayed = replace(fit, shots=(replace(fit.shots[0], residual_m=fit.shots[0].residual_m + wave),))
+    panel.show_shot(shot)
+    assert panel.motion.kind.currentText() == "Residual of force"
+    panel.show_shot(replace(shot, fit=strayed))
+    assert panel.motion.kind.currentText() == "Residual of displacement"
+    panel.motion.kind.setCurrentIndex(1)
+    panel.motion.kind.activated.emit(1)
+    panel.show_shot(shot)
+    assert panel.motion.kind.currentText() == "Residual of velocity"
+
+
+def test_the_band_is_what_the_verdict_was_judged_by(qtbot, shot):
+    panel = ShotPanel(LIGHT)
+    qtbot.addWidget(panel)
+    found = synthetic.diagnosis(shot)
+    wandering = replace(found, fit_after=replace(found.fit_after, noise_std_m=7e-9))
+    panel.show_shot(shot)
+    assert "noise, wander and building, ±2 σ" in [words for words, _ in panel._legend.entries]
+    panel.show_shot(shot, judged_by=wandering)
+    assert "noise as all shots show it, ±2 σ" in [words for words, _ in panel._legend.entries]
+
+
+def test_two_numbers_of_one_kind_have_two_names(qtbot, shot):
+    """The panel said 599.8 and the diagnosis 5688, both of "χ²/ν"."""
+    panel, page = ModelPanel(LIGHT), DiagnosisPanel(LIGHT)
+    for widget in (panel, page):
+        qtbot.addWidget(widget)
+    panel.show_shot(shot)
+    page.show_diagnosis(synthetic.diagnosis(shot), [shot])
+    assert "χ²/ν of this shot's fit" in panel._fit.text()
+    assert "joint χ²/ν" in page.residuals._errors.text()
+
+
+def test_the_papers_kinetic_cor_is_marked_and_the_others_are_folded_under_it(qtbot, shot):
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.resize(500, 800)
+    panel.show()
+    panel.show_shot(shot)
+    others = ("kinetic, onsets", "kinetic, flights", "fitted contact")
+    words = [label.text() for label in panel.findChildren(QLabel) if label.isVisible()]
+    assert any("the paper's" in text and value_text(Quantity(0.5667, 0.0))[:3] in text for text in words)
+    assert all(not panel._values[name].isVisible() for name in others)
+    panel.others.click()
+    assert all(panel._values[name].isVisible() for name in others)
+    shown = [label.text() for label in panel.findChildren(QLabel) if label.isVisible()]
+    assert sum(text.endswith(".") for text in shown) == 3
+    panel.show_shot(synthetic.driven_shot())
+    assert not panel.others.isVisible() and not panel._values["kinetic, onsets"].isVisible()
+
+
+def test_a_number_of_which_little_is_known_is_marked(qtbot, shot):
+    """Flights 0.68 with 0.34 stood there like any other number."""
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    kinetic = replace(shot.impact.cor_kinetic, flights=Quantity(0.68, 0.34, "two flights"))
+    panel.show_shot(replace(shot, impact=replace(shot.impact, cor_kinetic=kinetic)))
+    assert MARKS[Tone.WARNING] in panel._names["kinetic, flights"].text()
+    assert "50 % of the value" in panel.hover("kinetic, flights")
+    assert MARKS[Tone.WARNING] not in panel._names["kinetic, peaks"].text()

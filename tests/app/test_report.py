@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
+import pypdfium2
 import pytest
 
 from analysis.budget import budget
@@ -18,7 +19,9 @@ from app.command_line.cli import main
 from app.report.markup import Markup, tag
 from app.report.page import MOST_DRAWN, report_of
 from app.report.pdf import write_pdf
+from app.report.shot_figures import figures
 from app.report.svg_plot import Line, Plot, draw, thin_out, ticks
+from app.report.svg_style import rules_of, style_sheet, with_own_style
 from instrument.recording_file import read_recording, write_recording
 from tests.app.synthetic import diagnosis, shot
 
@@ -240,3 +243,35 @@ def test_the_report_as_pdf_has_pages_and_figures(qapp: object, tmp_path: Path) -
     written = (tmp_path / "report.pdf").read_bytes()
     assert written.startswith(b"%PDF") and written.count(b"/Image") >= html.count("<svg")
     assert [path.name for path in tmp_path.iterdir()] == ["report.pdf"]
+
+
+def test_the_plots_on_paper_are_curves_and_no_black_boxes(qapp: object, tmp_path: Path) -> None:
+    """Drawn without the page's style sheet each path was filled with black."""
+    write_pdf(report_of([shot()]), tmp_path / "report.pdf")
+    document = pypdfium2.PdfDocument(tmp_path / "report.pdf")
+    pages = [
+        document[n].render(scale=1.5, rev_byteorder=True).to_numpy()[..., :3].astype(int) for n in range(len(document))
+    ]
+    document.close()
+    wanted = {"simulated": (0xF0, 0x80, 0x3C), "residual": (0x1B, 0x5F, 0xA8), "band": (0xD5, 0xDD, 0xE8)}
+    for kind, colour in wanted.items():
+        near = [np.count_nonzero(np.abs(page - colour).max(axis=2) < 24) for page in pages]
+        assert max(near) > 300, (kind, near)
+    for page in pages:
+        black = page.max(axis=2) < 40
+        assert black.mean() < 0.05  # text
+        # no box: nowhere is a square of 12 points a side black all over
+        squares = black[: black.shape[0] // 18 * 18, : black.shape[1] // 18 * 18].reshape(
+            black.shape[0] // 18, 18, -1, 18
+        )
+        assert not squares.all(axis=(1, 3)).any()
+
+
+def test_a_figure_alone_has_the_colours_that_the_sheet_gives_it() -> None:
+    svg = '<svg viewBox="0 0 9 9"><path class="simulated" d="M0 0L9 9"/><text class="tick-y">1</text></svg>'
+    alone = with_own_style(svg)
+    assert 'stroke="#f0803c"' in alone and 'fill="none"' in alone and 'text-anchor="end"' in alone
+    rules = rules_of(style_sheet())
+    assert all("var(" not in value for style in rules.values() for value in style.values())
+    kinds = {found for found in re.findall(r'class="([\w-]+)"', "".join(map(str, figures(shot()))))}
+    assert {f".{kind}" for kind in kinds - {"key", "label"}} <= {*rules}

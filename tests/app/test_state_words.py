@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from analysis.recording import Role
+from analysis.shot import AnalysisSettings
+from app.session.session import Entry
 from app.window import state_words
 from app.window.theme import Tone
 from instrument.acquisition import State
 from instrument.snapshot import ChannelSignal, SignalLine, Snapshot, empty_view
+from tests.app import synthetic
 
 
 def _snapshot(state: State, **more) -> Snapshot:
@@ -18,7 +21,7 @@ def _snapshot(state: State, **more) -> Snapshot:
 
 
 def test_every_state_has_a_word_a_sentence_and_a_tone():
-    seen = {state: state_words.banner(_snapshot(state), "") for state in State}
+    seen = {state: state_words.banner(_snapshot(state), None) for state in State}
     assert {word for word, _, _ in seen.values()} == {"READY", "ARMED", "CAPTURED", "ANALYSING", "FAULT"}
     assert all(sentence for _, sentence, _ in seen.values())
     assert seen[State.FAULT][2] is Tone.BAD
@@ -35,7 +38,7 @@ def test_every_state_has_a_word_a_sentence_and_a_tone():
 )
 def test_a_fault_says_what_happened_what_was_saved_and_what_to_do(more, said):
     _, sentence, _ = state_words.banner(
-        _snapshot(State.FAULT, message="the disk is full", remedy="free it", **more), ""
+        _snapshot(State.FAULT, message="the disk is full", remedy="free it", **more), None
     )
     assert sentence.startswith("The disk is full.")
     assert said in sentence
@@ -56,6 +59,29 @@ def test_the_signal_line_judges_each_beat():
     assert tone(_channel(Role.MEASUREMENT, None, None)) is Tone.BAD
     assert tone(_channel(Role.MEASUREMENT, 5.0, 3.5e6)) is Tone.NEUTRAL
     assert tone(_channel(Role.MEASUREMENT, 40.0, 3.5e6, 0.2)) is Tone.WARNING
+
+
+@pytest.mark.parametrize(("frequency_hz", "shown"), [(2.73e6, "µm/s"), (3.5e6, "–")])
+def test_no_noise_floor_is_told_while_the_block_moves(frequency_hz, shown):
+    """A beat that sweeps has its own spectrum beside its line: that passed for 56 µm/s of noise."""
+    line = SignalLine((_channel(Role.REFERENCE), _channel(Role.MEASUREMENT, 12.0, frequency_hz)))
+    assert shown in state_words.signs(line, 1e7, 1e4)["floor"].words
+
+
+def test_a_shot_that_is_only_in_memory_is_not_called_saved():
+    entry = Entry(2, "shot-0002", None, AnalysisSettings(), synthetic.bare_shot("shot-0002"))
+    last = state_words.last_shot(entry)
+    _, sentence, _ = state_words.banner(_snapshot(State.IDLE, unsaved=("shot-0002",)), last)
+    assert "only in memory" in sentence and "Ctrl+S" in sentence and "is saved" not in sentence
+    _, sentence, _ = state_words.banner(_snapshot(State.IDLE), last)
+    assert "is saved" in sentence
+
+
+@pytest.mark.parametrize(("count", "words"), [(0, ""), (1, "1 more shot waits for"), (12, "12 more shots wait for")])
+def test_shots_that_wait_for_their_analysis_are_told(count, words):
+    last = state_words.LastShot("shot-0013", "Shot 13 is saved.", "")
+    _, sentence, _ = state_words.banner(_snapshot(State.IDLE, analysing=count), last)
+    assert words in sentence and ("wait" in sentence) == (count > 0)
 
 
 def test_a_disk_that_is_nearly_full_or_closed_to_us_is_bad():

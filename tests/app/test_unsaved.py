@@ -42,7 +42,7 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         assert not button.isVisible()
         qtbot.keyClick(window, Qt.Key.Key_Space)
         qtbot.waitUntil(lambda: window.panels.banner.word != "READY", timeout=WAIT_MS)
-        qtbot.waitUntil(lambda: button.isVisible() and len(window.workbench.session.entries) == 1, timeout=WAIT_MS)
+        qtbot.waitUntil(lambda: button.isVisible() and len(window.workbench.session.read) == 1, timeout=WAIT_MS)
         assert button.text() == "Save 1 shot elsewhere …"
         assert "No space left" in window.panels.banner.detail and "memory" in window.panels.banner.detail
         window.close()

@@ -14,6 +14,7 @@ from PySide6.QtGui import QDropEvent
 
 from app.window.layout import Layout
 from app.window.main_window import open_window
+from app.window.panels.side_sheet import SideSheet
 from instrument.acquisition import State
 from instrument.bench.simulate import simulate
 from tests.app import rigs
@@ -39,7 +40,8 @@ def opened(qtbot, tmp_path, warm_kernels):
 
     yield make
     for window in windows:
-        window.close()
+        if not window.close():  # armed, or at work: it asks once
+            window.close()
     left = [thread.name for thread in threading.enumerate() if thread.name.startswith("levimass")]
     assert left == []
 
@@ -58,7 +60,7 @@ def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tm
 
     def taken():
         words.add(panels.banner.word)
-        return len(window.workbench.session.entries) == 1
+        return len(window.workbench.session.read) == 1
 
     qtbot.waitUntil(taken, timeout=WAIT_MS)
     assert "ANALYSING" in words
@@ -169,7 +171,7 @@ def test_recordings_are_opened_by_dropping_them_and_a_broken_one_says_why(opened
         QPointF(5, 5), Qt.DropAction.CopyAction, data, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
     )
     window.dropEvent(event)
-    qtbot.waitUntil(lambda: len(window.workbench.session.entries) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
     good, bad = window.workbench.session.entries
     assert good.shot.impact is not None
     assert "broken" in bad.shot.problem
@@ -215,7 +217,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     paths = simulate(tmp_path / "drag", 2, 5, effect)
     window = opened(rigs.still_bench)
     window.session_presenter.open_paths([Path(path) for path in paths])
-    qtbot.waitUntil(lambda: len(window.workbench.session.entries) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
     window.panels.table.select([1, 2])
     qtbot.keyClick(window, Qt.Key.Key_D)
     assert window.panels.tabs.currentIndex() == Layout.DIAGNOSIS
@@ -249,9 +251,9 @@ def test_the_trigger_is_heard_and_seen_only_if_asked_for(opened, qtbot, monkeypa
     for chosen in (False, True):
         window.rig_presenter._choices.change({"sound": chosen, "flash": chosen})
         _ready(qtbot, window)
-        count = len(window.workbench.session.entries)
+        count = len(window.workbench.session.read)
         qtbot.keyClick(window, Qt.Key.Key_Space)
-        qtbot.waitUntil(lambda count=count: len(window.workbench.session.entries) == count + 1, timeout=WAIT_MS)
+        qtbot.waitUntil(lambda count=count: len(window.workbench.session.read) == count + 1, timeout=WAIT_MS)
         assert (heard, flashed) == (([1], [1]) if chosen else ([], []))
     qtbot.waitUntil(lambda: not window.panels.banner.flashing, timeout=WAIT_MS)
 
@@ -272,9 +274,62 @@ def test_live_is_held_still_by_a_key_until_the_next_arming(opened, qtbot):
 def test_a_session_reopens_at_its_last_shot(opened, qtbot, recordings):
     window = opened(rigs.still_bench)
     window.session_presenter.open_paths(sorted((recordings / "plain").glob("*.sigmf-meta"))[:2])
-    qtbot.waitUntil(lambda: len(window.workbench.session.entries) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
     name = window.workbench.session.entries[-1].name
     window.close()
     again = opened(rigs.still_bench)
     assert name in again.panels.numbers.title.text()
     qtbot.waitUntil(lambda: again.panels.numbers.text("quasi-static") != "–", timeout=WAIT_MS)
+
+
+def test_esc_closes_every_sheet_before_it_aborts(opened, qtbot):
+    window = opened(rigs.still_bench)
+    _ready(qtbot, window)
+    panels = window.panels
+    sheets = {name: part for name, part in vars(panels).items() if isinstance(part, SideSheet)}
+    assert {"settings", "setup", "mapping", "law", "about"} <= set(sheets)
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    qtbot.waitUntil(lambda: panels.banner.word == "ARMED", timeout=WAIT_MS)
+    for name, sheet in sheets.items():
+        sheet.open_at(None)
+        assert sheet.isVisible()
+        qtbot.keyClick(window, Qt.Key.Key_Escape)
+        assert not sheet.isVisible(), name
+    qtbot.wait(200)
+    assert panels.banner.word == "ARMED"
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: panels.banner.word == "READY", timeout=WAIT_MS)
+
+
+def test_closing_while_armed_or_with_recordings_queued_is_asked_once(opened, qtbot, tmp_path):
+    window = opened(rigs.still_bench)
+    _ready(qtbot, window)
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    ended = threading.Event()
+    window.workbench.jobs.submit("warm", lambda _, __: ended.wait(WAIT_MS / 1e3), "warm")
+    for number in range(3):
+        window.workbench.jobs.submit(f"shot-{number}", lambda _, __: None, "open")
+    assert not window.close() and window.isVisible()
+    words = window.panels.work.notices.words
+    assert "armed" in words and "3 recordings still to be opened" in words and "again to quit" in words
+    ended.set()
+    assert window.close()
+
+
+def test_a_filter_that_hides_the_shot_in_front_says_so_and_gives_it_back(opened, qtbot, tmp_path):
+    for number in (1, 2):
+        simulate(tmp_path / f"run-{number}", 1, number)
+    window = opened(rigs.still_bench)
+    _ready(qtbot, window)
+    table = window.panels.table
+    window.session_presenter.open_paths([tmp_path / "run-1", tmp_path / "run-2"])
+    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
+    window.workbench.set_note(1, "cold")
+    table.select([2])
+    window.view_presenter.show_shot_page()
+    window.pull()
+    table.filter.setText("cold")
+    assert "filter hides the selected shot 2" in window.panels.shot._empty.text()
+    table.filter.setText("")
+    assert table.numbers == [2] and window.panels.shot._pages.currentWidget() is window.panels.shot.stack

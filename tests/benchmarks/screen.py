@@ -112,7 +112,7 @@ def _start(folder: Path, application: QApplication) -> None:
     longest, busiest, last, spent = 0.0, 0.0, time.perf_counter(), time.thread_time()
     window.rig_presenter.arm()
     end = last + 60.0
-    while not window.workbench.session.entries and last < end:
+    while not window.workbench.session.read and last < end:
         application.processEvents()
         now, own = time.perf_counter(), time.thread_time()
         longest, busiest = max(longest, now - last), max(busiest, own - spent)

@@ -23,6 +23,7 @@ from app.window.panels.next_steps import NextSteps
 from app.window.panels.residuals import Residuals
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.verdict import OUTDATED
 from app.words.wording import kept_words, local_words, short_name
 
 MOST_NAMED = 5  # shots
@@ -62,6 +63,7 @@ class DiagnosisPanel(QWidget):
         self._model_effects: tuple[str, ...] = ()
         self._tried: tuple[str, ...] = ()
         self._version = ""  # of the program that made it, where it was kept
+        self._holds = True
         self._busy = False
         around = QVBoxLayout(self)
         around.setContentsMargins(0, 0, 0, 0)
@@ -163,7 +165,7 @@ class DiagnosisPanel(QWidget):
         self.residuals.dress(colours)
         self.bars.dress(colours)
         self.law_curve.dress(colours)
-        self.show_diagnosis(self._diagnosis, self._shots, self._model_effects, self._version)
+        self.show_diagnosis(self._diagnosis, self._shots, self._model_effects, self._version, self._holds)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the evidence within the width."""
@@ -206,13 +208,18 @@ class DiagnosisPanel(QWidget):
         shots: list[Shot],
         model_effects: tuple[str, ...] = (),
         version: str = "",
+        holds: bool = True,
     ) -> None:
-        """Show a diagnosis over these shots; ``model_effects`` are in the model now; ``version`` made it, if kept."""
+        """Show a diagnosis over these shots; ``model_effects`` are in the model now; ``version`` made it, if kept.
+
+        ``holds``: whether it is of the model and the shots as they are now.
+        """
         names = ", ".join(short_name(shot.name) for shot in shots[:MOST_NAMED])
         more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
         kept = f"   ({kept_words(version)})" if version else ""
-        self._of.setText(f"of {names}{more}{kept}" if diagnosis is not None and shots else "")
-        self._version = version
+        old = "" if holds else f"   {OUTDATED}"
+        self._of.setText(f"of {names}{more}{kept}{old}" if diagnosis is not None and shots else "")
+        self._version, self._holds = version, holds
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
         self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects, self._tried)
         self.next_steps.show_diagnosis(diagnosis, model_effects)
@@ -238,6 +245,7 @@ class DiagnosisPanel(QWidget):
         if diagnosis.findings and all(effect.name in model_effects for effect in diagnosis.findings):
             found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
             tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")
+        tone, words = (tone, words) if holds else (Tone.NEUTRAL, f"<s>{words}</s>")
         self._verdict.setText(f"{MARKS[tone]} {words}")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
         self._sentence.setText(local_words(diagnosis.sentence))

@@ -6,7 +6,9 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLay
 from analysis.awaited_fit import awaits_fit
 from analysis.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
-from app.words.wording import model_effect_words, number, with_prefix
+from app.words.physics_words import BASE_WORDS
+from app.words.verdict import OUTDATED
+from app.words.wording import model_in_words, number, with_prefix
 
 LACKING_CHI2 = 1.5  # above, what is left over is more than noise by far
 
@@ -66,25 +68,30 @@ class ModelPanel(QFrame):
         fit = shot.fit if shot is not None else None
         if fit is None:
             how = "fit to follow" if shot is not None and awaits_fit(shot) else "not fitted"
-            self._model.setText("paper's two bodies" if shot is None else f"model {shot.settings.model}: {how}")
+            base = shot.settings.model if shot is not None else ""
+            self._model.setText("no shot selected" if shot is None else f"{BASE_WORDS.get(base, base)}: {how}")
             self._fit.setText("")
             return
-        effects = " + ".join(model_effect_words(name, self._tried) for name in fit.effects) or "nothing"
-        self._model.setText(f"<b>{fit.model}</b> + {effects}")
+        self._model.setText(f"<b>{model_in_words(fit.model, fit.effects, self._tried)}</b>")
         if not fit.converged:
             self._fit.setText(f"{MARKS[Tone.BAD]} the fit did not converge: its numbers are not shown")
             self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
             return
         lacking = fit.reduced_chi2 > LACKING_CHI2
         self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}" if lacking else "")
-        words = f"χ²/ν {number(fit.reduced_chi2, 4)}   noise {with_prefix(fit.noise_std_m, 'm')} a sample"
-        self._fit.setText(f"{MARKS[Tone.WARNING]} {words}\nthe model lacks something: diagnose" if lacking else words)
-        self._fit.setToolTip("Near 1: what is left over is noise. Far above: the model lacks something, diagnose it.")
+        chi2, noise = number(fit.reduced_chi2, 4), with_prefix(fit.noise_std_m, "m")
+        words = f"χ²/ν of this shot's fit {chi2}, noise {noise} per sample"
+        self._fit.setText(f"{MARKS[Tone.WARNING]} {words}\nmisfit exceeds noise: run Diagnose" if lacking else words)
+        self._fit.setToolTip(
+            "Of this shot alone, against the noise that its own fit weighs. Near 1: the residual is noise. Far above: "
+            "the model lacks something.\nA diagnosis states the joint χ²/ν of all its shots, against its own noise."
+        )
 
     def show_verdict(self, sentence: str, tone: Tone) -> None:
         """Show what the diagnosis of this shot said."""
         self._said = (sentence, tone)
         self._verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
+        self._verdict.setToolTip(OUTDATED if sentence.startswith("<s>") else "")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
 
     def show_known(self, words: str, tone: Tone) -> None:

@@ -20,6 +20,7 @@ class Notice:
     tone: Tone
     label: str = ""
     do: Callable[[], object] | None = None
+    declined: Callable[[], object] | None = None  # what follows where it is dismissed
 
 
 class NoticeLine(QFrame):
@@ -57,9 +58,11 @@ class NoticeLine(QFrame):
         """Show a notice; the same words twice in a row are shown once."""
         self._add(Notice(words, tone))
 
-    def offer(self, words: str, label: str, do: Callable[[], object]) -> None:
-        """Show a notice with a button that does something about it."""
-        self._add(Notice(words, Tone.WARNING, label, do))
+    def offer(
+        self, words: str, label: str, do: Callable[[], object], declined: Callable[[], object] | None = None
+    ) -> None:
+        """Show a notice with a button that does something about it; ``declined`` is called where it is dismissed."""
+        self._add(Notice(words, Tone.WARNING, label, do, declined))
 
     def _add(self, notice: Notice) -> None:
         newest = self._notices[-1] if self._notices else None
@@ -94,7 +97,9 @@ class NoticeLine(QFrame):
     def next(self) -> None:
         """Take the newest notice away."""
         if self._notices:
-            self._notices.pop()
+            notice = self._notices.pop()
+            if notice.declined is not None:
+                notice.declined()
         self._refresh()
 
     def _refresh(self) -> None:

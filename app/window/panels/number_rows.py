@@ -46,6 +46,7 @@ class Row:
     meaning: str = ""
     headline: bool = False
     key: str = ""  # its name in budget and flags
+    folded: str = ""  # of a number that is shown on request: a sentence that says what it is
 
 
 GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
@@ -68,7 +69,7 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
             Row(
                 "kinetic, peaks",
                 _kinetic("force_peaks"),
-                meaning="T2/T1 of the first bounces between force peaks.",
+                meaning="T2/T1 of the first bounces between force peaks: the paper's kinetic COR.",
                 key="cor_kinetic.force_peaks",
             ),
             Row(
@@ -76,18 +77,21 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
                 _kinetic("onsets"),
                 meaning="T2/T1 between the onsets of contact.",
                 key="cor_kinetic.onsets",
+                folded="T2/T1 timed between the onsets of contact, where the force leaves zero.",
             ),
             Row(
                 "kinetic, flights",
                 _kinetic("flights"),
                 meaning="Ratio of the first two flight times.",
                 key="cor_kinetic.flights",
+                folded="Second over first flight time, from release to touch: short flights, so a wide ±.",
             ),
             Row(
                 "fitted contact",
                 _kinetic("contact"),
                 meaning="Relative velocity out over in at the first contact.",
                 key="cor_kinetic.contact",
+                folded="Relative velocity out over in at the first contact, as the fitted model has it.",
             ),
         ),
     ),

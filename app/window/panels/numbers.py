@@ -13,6 +13,7 @@ from PySide6.QtWidgets import (
     QPushButton,
     QScrollArea,
     QSizePolicy,
+    QToolButton,
     QVBoxLayout,
     QWidget,
 )
@@ -32,8 +33,12 @@ from app.words.wording import (
     effect_words,
     how_text,
     kept_words,
+    local,
     value_text,
 )
+
+PAPERS_KINETIC, PAPERS_VALUE = "cor_kinetic.force_peaks", 0.5667  # resources/paper.toml
+WIDE = 0.2  # of its value: a larger standard uncertainty leaves little to compare
 
 
 def _effect_lines(shot: Shot | None) -> list[str]:
@@ -48,6 +53,14 @@ def _effect_lines(shot: Shot | None) -> list[str]:
         }
         lines.append(f"{effect_words(effect)}: " + effect_numbers(effect, own))
     return lines
+
+
+def wide_words(reading: Reading | None) -> str:
+    """Return what is said of a number whose uncertainty is a large part of it; "" where it is not."""
+    if not isinstance(reading, Quantity) or not math.isfinite(reading.value) or not math.isfinite(reading.std):
+        return ""
+    share = reading.std / abs(reading.value) if reading.value else math.inf
+    return f"Little is known of it: ± is {100 * share:.0f} % of the value" if WIDE < share < math.inf else ""
 
 
 class NumbersPanel(QScrollArea):
@@ -65,6 +78,8 @@ class NumbersPanel(QScrollArea):
         self._groups: dict[str, list[QWidget]] = {}
         self._values: dict[str, QLabel] = {}
         self._names: dict[str, QLabel] = {}
+        self._widgets: dict[str, list[QWidget]] = {}
+        self._foldable: list[QWidget] = []  # numbers that are shown on request, with their sentences
         inner = QWidget(self)
         column = QVBoxLayout(inner)
         column.setContentsMargins(10, 4, 8, 4)
@@ -91,18 +106,26 @@ class NumbersPanel(QScrollArea):
         for heading, rows in GROUPS:
             label = QLabel(heading, inner)
             label.setProperty("heading", True)
-            grid.addWidget(label, line, 0, 1, 1 if heading == "RESTITUTION" else 3)
+            grid.addWidget(label, line, 0, 1, 3)
             self._groups[heading] = [label]
-            if heading == "RESTITUTION":
-                self.agreement = QLabel("", inner)
-                self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
-                grid.addWidget(self.agreement, line, 1, 1, 2)
             label.setMinimumHeight(int(1.15 * self.fontMetrics().height()) if line else 0)  # none where it is hidden
             label.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
             line += 1
             for row in rows:
                 self._groups[heading] += self._add_row(grid, line, row, inner)
                 line += 1
+                if row.key == "cor_impulse":
+                    self.agreement = QLabel("", inner)
+                    self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
+                    grid.addWidget(self.agreement, line, 0, 1, 3)
+                    self._groups[heading].append(self.agreement)
+                    line += 1
+                if row.folded:
+                    self._groups[heading].append(self._add_sentence(grid, line, row, inner))
+                    line += 1
+                elif row.key == PAPERS_KINETIC:
+                    self._groups[heading] += self._add_fold(grid, line, inner)
+                    line += 1
         self.effects = QLabel("", inner)  # what the effects in the model came to
         self.effects.setWordWrap(True)
         self.effects.setToolTip(NOISE_ONLY)
@@ -138,7 +161,40 @@ class NumbersPanel(QScrollArea):
         grid.addWidget(value, line, 1)
         grid.addWidget(unit, line, 2)
         self._values[row.name], self._names[row.name] = value, name
+        self._widgets[row.name] = [name, value, unit]
         return [name, value, unit]
+
+    def _add_fold(self, grid: QGridLayout, line: int, inner: QWidget) -> list[QWidget]:
+        """Say which kinetic COR is the paper's, and add the button that shows the other ones."""
+        note = QLabel(f"the paper's ({local(f'{PAPERS_VALUE:.4f}')} there)", inner)
+        note.setProperty("faint", True)
+        note.setToolTip("The paper times T1 and T2 between peaks of the force; PAPER (Ctrl+7) has all its numbers")
+        self.others = QToolButton(inner)
+        self.others.setProperty("fold", True)
+        self.others.setCheckable(True)
+        self.others.setText("three other definitions")
+        self.others.setToolTip("Show the kinetic COR by onsets, by flights and of the fitted contact")
+        self.others.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self.others.toggled.connect(self._folded)
+        self.others.setArrowType(Qt.ArrowType.RightArrow)
+        grid.addWidget(note, line, 0)
+        grid.addWidget(self.others, line, 1, 1, 2, Qt.AlignmentFlag.AlignRight)
+        return [note, self.others]
+
+    def _add_sentence(self, grid: QGridLayout, line: int, row: Row, inner: QWidget) -> QWidget:
+        """Add what says under a folded number what it is."""
+        sentence = QLabel(row.folded, inner)
+        sentence.setProperty("faint", True)
+        sentence.setWordWrap(True)
+        grid.addWidget(sentence, line, 0, 1, 3)
+        self._foldable += [*self._widgets[row.name], sentence]
+        return sentence
+
+    @Slot(bool)
+    def _folded(self, shown: bool) -> None:
+        self.others.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
+        for widget in self._foldable:
+            widget.setVisible(shown and self.others.isVisibleTo(self))
 
     @Slot(bool)
     def _uncertainty_chosen(self, _: bool) -> None:
@@ -175,6 +231,7 @@ class NumbersPanel(QScrollArea):
         for group, widgets in self._groups.items():
             for widget in widgets:
                 widget.setVisible((group == DRIVE) == driven)
+        self._folded(self.others.isChecked())
         for _, rows in GROUPS:
             for row in rows:
                 reading = self._reading(row)
@@ -182,11 +239,12 @@ class NumbersPanel(QScrollArea):
                 label.setText(self._fitting(label, reading, row.scale))
                 which = COMBINED if row.key in self._combined else NOISE_ONLY
                 doubts = concerning(row.key, shot.flags) if shot is not None else ()
-                said = "".join(f"<br>{flag_line(flag)}" for flag in doubts)
+                wide = wide_words(reading)
+                said = "".join(f"<br>{flag_line(flag)}" for flag in doubts) + (f"<br>{wide}" if wide else "")
                 hover = how_text(row.name, reading, row.meaning, which) + said
                 label.setToolTip(hover)
-                self._mark(row, doubts, hover)
-                told = "; ".join(flag_words(flag) for flag in doubts)
+                self._mark(row, doubts, hover, bool(wide))
+                told = "; ".join((*map(flag_words, doubts), *([wide] if wide else [])))
                 label.setAccessibleDescription(f"{label.text()} {row.unit} {told}".rstrip())
         self.noise_only.setVisible(not driven)  # no number of a drive has a budget
         self.budget.setVisible(not driven)
@@ -194,10 +252,10 @@ class NumbersPanel(QScrollArea):
         self._show_agreement(shot)
         self._show_flags(shot)
 
-    def _mark(self, row: Row, doubts: tuple[str, ...], hover: str) -> None:
-        """Let a number in doubt say so at its name; a mild flag only in its hover."""
+    def _mark(self, row: Row, doubts: tuple[str, ...], hover: str, wide: bool) -> None:
+        """Let a number in doubt, or with a wide ±, say so at its name; a mild flag only in its hover."""
         name = self._names[row.name]
-        doubted = any(flag_tone(flag) is Tone.WARNING for flag in doubts)
+        doubted = wide or any(flag_tone(flag) is Tone.WARNING for flag in doubts)
         name.setText(f"{row.name} {MARKS[Tone.WARNING]}" if doubted else row.name)
         name.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}; font-weight: bold" if doubted else "")
         name.setToolTip(hover)
@@ -237,7 +295,7 @@ class NumbersPanel(QScrollArea):
             spread = math.hypot(first.std, second.std)
             apart = abs(first.value - second.value) / spread if spread > 0 else math.inf
             tone = Tone.GOOD if apart <= 3 else Tone.WARNING
-            words = "both agree" if tone is Tone.GOOD else f"they differ by {apart:.0f} uncertainties"
+            words = "quasi-static and impulse COR agree" if tone is Tone.GOOD else f"they differ by {apart:.0f} u"
             self.agreement.setText(f"{MARKS[tone]} {words}")
             self.agreement.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
             self.agreement.setToolTip("Quasi-static and impulse ratio, against what this shot's noise leaves of both")

@@ -18,7 +18,7 @@ from app.window.plots.cursors import SECONDS
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
 from app.words.prefixes import prefix_for
-from app.words.wording import number, short_name
+from app.words.wording import number, repeatability_words, short_name
 
 CELL = "<td align='right' style='padding: 0 6px'>"
 
@@ -49,6 +49,10 @@ class Residuals(QWidget):
         self._errors = QLabel(self)
         self._errors.setTextFormat(Qt.TextFormat.RichText)
         self._errors.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._errors.setToolTip(
+            "Rms residuals over the same samples at the same bandwidth.\nJoint χ²/ν: of all shots fitted together, "
+            "against the noise that the diagnosis found; beside MODEL stands that of one shot's own fit."
+        )
         column.addWidget(self._errors)
 
     def dress(self, colours: Colours) -> None:
@@ -82,7 +86,8 @@ class Residuals(QWidget):
 
     def show_forces(self, shot: Shot, before: DriveCurves, after: DriveCurves) -> None:
         """Show what a driven shot's force leaves over under the fits before and after the diagnosis on the screen."""
-        self._heading.setText(f"RESIDUAL OF FORCE, {short_name(shot.name)} (band: ±2 × {after.below.what})")
+        against = repeatability_words(after.below.repeats, after.below.what)
+        self._heading.setText(f"RESIDUAL OF FORCE, {short_name(shot.name)} (band: ±2 × {against})")
         self.forces.show_curves(shot, before, after)
 
     def show_diagnosis(self, diagnosis: Diagnosis, shots: list[Shot]) -> None:
@@ -171,8 +176,8 @@ def _errors_table(diagnosis: Diagnosis) -> str:
     rows = (
         ("before", diagnosis.error_before),
         ("after", diagnosis.error_after),
-        ("held out, before", diagnosis.error_held_out_before),
-        ("held out, after", diagnosis.error_held_out_after),
+        ("validation shots, before", diagnosis.error_held_out_before),
+        ("validation shots, after", diagnosis.error_held_out_after),
     )
     measured = (
         (head, unit, [getattr(errors, name, math.nan) for _, errors in rows])
@@ -184,7 +189,7 @@ def _errors_table(diagnosis: Diagnosis) -> str:
     )
     columns = [_column(*column) for column in measured if any(map(math.isfinite, column[2]))]  # a drive has its force
     chi2 = [number(getattr(errors, "reduced_chi2", math.nan), 4) for _, errors in rows]
-    table = list(zip(*columns, ["<b>χ²/ν</b>", *chi2], strict=True))
+    table = list(zip(*columns, ["<b>joint χ²/ν</b>", *chi2], strict=True))
     body = "".join(
         f"<tr><td>{name}</td>{''.join(f'{CELL}{cell}</td>' for cell in cells)}</tr>"
         for name, cells in zip(("rms", *(name for name, _ in rows)), table, strict=True)

@@ -1,5 +1,6 @@
 """The session as Qt's tables want it: a line a shot, a hover for every number, the note editable."""
 
+from collections.abc import Collection
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
@@ -13,7 +14,7 @@ from app.window.combined import COMBINED, NOISE_ONLY, CombinedOnce
 from app.window.flag_tone import flag_line
 from app.window.panels.session_order import Order, ordered
 from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
-from app.words.verdict import verdict_in_short
+from app.words.verdict import OUTDATED, verdict_in_short
 from app.words.wording import DASH, concise_text, how_text, value_text
 
 COLUMNS = (
@@ -103,6 +104,7 @@ class SessionModel(QAbstractTableModel):
         self.entries: tuple[Entry, ...] = ()  # all, in the order in which they were taken
         self.rows: tuple[Entry | str, ...] = ()  # as they stand, a heading before each group
         self.order = Order()
+        self._struck: frozenset[int] = frozenset()
         self._combined = CombinedOnce()
 
     @property
@@ -110,9 +112,12 @@ class SessionModel(QAbstractTableModel):
         """Get what each row is, whatever became of its shot."""
         return [_identity(row) for row in self.rows]
 
-    def show_entries(self, entries: tuple[Entry, ...]) -> None:
-        """Show these; rows that only changed keep their place and selection."""
-        self.entries = entries
+    def show_entries(self, entries: tuple[Entry, ...], struck: Collection[int] = ()) -> None:
+        """Show these; rows that only changed keep their place and selection.
+
+        ``struck`` are numbers of entries whose verdict no longer holds.
+        """
+        self.entries, self._struck = entries, frozenset(struck)
         self._combined.keep(entry.shot for entry in entries if entry.shot is not None)
         self._arrange()
 
@@ -188,8 +193,14 @@ class SessionModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.DisplayRole and column == VERDICT:
             words = self._text(entry, column)  # or why there is none
             return verdict_in_short(words) if words == entry.verdict else words
+        if role == Qt.ItemDataRole.EditRole and column == VERDICT and entry.number in self._struck:
+            return f"{self._text(entry, column)} (of another model)"
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
             return self._text(entry, column)
+        if role == Qt.ItemDataRole.FontRole and column == VERDICT and entry.number in self._struck:
+            font = QFont()
+            font.setStrikeOut(True)
+            return font
         if role == Qt.ItemDataRole.ToolTipRole:
             return self._hover(entry, column)
         if role == Qt.ItemDataRole.TextAlignmentRole and 3 <= column <= 8:
@@ -206,7 +217,7 @@ class SessionModel(QAbstractTableModel):
             return entry.name
         if column == VERDICT:
             if shot is None:
-                return "reading …"
+                return "waiting for analysis"
             return shot.problem or entry.verdict or DASH
         if column == FLAGS:
             return ", ".join(by_weight(shot.flags)) if shot is not None else ""
@@ -221,6 +232,8 @@ class SessionModel(QAbstractTableModel):
             return how_text(COLUMNS[column][0], reading, value_text(reading), which)
         if column == FLAGS and entry.shot is not None:
             return "\n".join(map(flag_line, by_weight(entry.shot.flags))) or None
+        if column == VERDICT and entry.number in self._struck:
+            return f"{self._text(entry, column)}\n{OUTDATED}"
         if column == 2:
             s = entry.settings
             copy = f"Shot {entry.copy_of} with other settings.\n" if entry.copy_of is not None else ""

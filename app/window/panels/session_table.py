@@ -70,6 +70,7 @@ class SessionTable(QFrame):
         self._buttons: list[QPushButton] = []
         self._can_undo = False
         self._numbers: list[int] = []
+        self._hidden: list[int] = []  # selected before the filter hid them
         for words, tip, slot in (
             ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)", self._open),
             (
@@ -194,10 +195,28 @@ class SessionTable(QFrame):
         change()
         if len(rows) and rows != self.model.identities[: len(rows)] and not self._selected_numbers():
             self.select([number for number in before if number in self.shown])
+        self._selected_again(before)
         self.table.clearSpans()
         for row, entry in enumerate(self.model.rows):
             if not isinstance(entry, Entry):
                 self.table.setSpan(row, 0, 1, len(COLUMNS))
+
+    def _selected_again(self, before: list[int]) -> None:
+        """Keep in mind a selection that the filter hides, and bring it back when it is seen again."""
+        now, there = self._selected_numbers(), {entry.number for entry in self.model.entries}
+        if before and not now:
+            self._hidden = [number for number in before if number in there]
+        elif now:
+            self._hidden = []
+        seen = [number for number in self._hidden if number in self.shown]
+        if seen and not now:
+            self._hidden = []
+            self.select(seen)
+
+    @property
+    def hidden(self) -> list[int]:
+        """Get the numbers of the shots that were selected and are hidden by the filter."""
+        return list(self._hidden)
 
     @Slot()
     def choose_columns(self) -> None:
@@ -227,7 +246,8 @@ class SessionTable(QFrame):
 
     def show_session(self, session: Session) -> None:
         """Show the session's entries."""
-        self._keeping_selection(lambda: self.model.show_entries(session.entries))
+        struck = {entry.number for entry in session.entries if not session.verdict_holds(entry)}
+        self._keeping_selection(lambda: self.model.show_entries(session.entries, struck))
         self._numbers = self._selected_numbers()
         self._can_undo = session.can_undo
         count = len(session.entries)

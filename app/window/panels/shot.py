@@ -4,6 +4,7 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QButtonGroup, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
+from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves
 from analysis.recording import Recording
 from analysis.shot import Shot
@@ -87,6 +88,7 @@ class ShotPanel(QWidget):
         for plot in self._plots:
             plot.cursors.moved.connect(self._cursors_moved)
         self.dress(colours)
+        self._judged_by: Diagnosis | None = None
         self.show_shot(None)
 
     @property
@@ -166,7 +168,7 @@ class ShotPanel(QWidget):
         elif self._view != "gap":
             entries[1] = ("simulated (fitted to this shot)", under(c.simulated))
             entries.append(("measured − simulated", thin(c.residual)))
-            entries.append(("noise and building, ±2 σ", (c.band, c.band_edge)))
+            entries.append((f"{self.motion.band_words or 'noise, wander and building'}, ±2 σ", (c.band, c.band_edge)))
         self._legend.show_entries(entries)
         for plot in self._plots:
             plot.legend = entries
@@ -177,9 +179,18 @@ class ShotPanel(QWidget):
         """Get whether the raw view waits for its samples."""
         return self._view == "raw" and self.raw.has_samples and self.raw.wanted is not None
 
-    def show_shot(self, shot: Shot | None, recording: Recording | None = None, words: str = "") -> None:
-        """Show this shot, called so in ``words``; None shows what to do to get one."""
-        self._shot = shot
+    def show_shot(
+        self,
+        shot: Shot | None,
+        recording: Recording | None = None,
+        words: str = "",
+        judged_by: Diagnosis | None = None,
+    ) -> None:
+        """Show this shot, called so in ``words``; None shows these, or what to do to get one.
+
+        ``judged_by`` is the diagnosis whose verdict on the shot holds: the band is the one that it judged by.
+        """
+        self._shot, self._judged_by = shot, judged_by
         self._of = words or (shot.name if shot is not None else "")
         for plot in self._plots:
             plot.tell((), "")
@@ -187,7 +198,7 @@ class ShotPanel(QWidget):
         self._name_views()
         self.raw.show_recording(recording, 0.0 if shot is None else time_zero(shot)[0])
         if shot is None or shot.motion is None:
-            self._empty.setText(NO_SHOT if shot is None else _why_not(shot))
+            self._empty.setText((words or NO_SHOT) if shot is None else _why_not(shot))
             self._undrawn = set()
         else:
             for stack in self.stacks:
@@ -255,9 +266,11 @@ class ShotPanel(QWidget):
             if self._shot.fit is not None:
                 self.drive_wanted.emit(self._shot)
             return
-        views: dict[str, MotionView | DeflectionView | GapView]
-        views = {"motion": self.motion, "deflection": self.deflection, "gap": self.gap}
-        views[what].show_shot(self._shot)
+        if what == "motion":
+            self.motion.show_shot(self._shot, self._judged_by)
+        else:
+            views: dict[str, DeflectionView | GapView] = {"deflection": self.deflection, "gap": self.gap}
+            views[what].show_shot(self._shot)
         {"motion": self.stack, "deflection": self.deflection, "gap": self.gap.stack}[what].tell((self._shot,), self._of)
 
     def show_drive(self, shot: Shot, curves: DriveCurves) -> None:

@@ -13,7 +13,7 @@ from app.window.plots.plain_plot import Floats, PlainPlot
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.wording import number
+from app.words.wording import number, repeatability_words
 
 SPEED = CursorAxis("m/s", "m/s")
 PLACE = CursorAxis("mm", "m", 1e-3)
@@ -62,7 +62,9 @@ class DriveView(QObject):
 
     def legend(self, colours: Colours) -> list[tuple[str, Look]]:
         """Return what the lines are."""
-        below = f"±2 × {self._curves.below.what}" if self._curves is not None else "band"
+        below = "band"
+        if self._curves is not None:
+            below = f"±2 × {repeatability_words(self._curves.below.repeats, self._curves.below.what)}"
         return [
             ("measured", thin(colours.measured)),
             ("modelled (fitted to this record)", under(colours.simulated)),
@@ -100,9 +102,11 @@ class DriveView(QObject):
         self.place.show_force(1e3 * curves.displacement_m, curves.measured_n, curves.modelled_n, half)
         rms = float(np.sqrt(np.nanmean(curves.residual_n**2)))
         times = number(rms / curves.below.force_n, 2) if curves.below.force_n > 0.0 else "–"
+        against = repeatability_words(curves.below.repeats, curves.below.what)
         self.say.setText(
-            f"{number(rms, 3)} N rms left over, {times} times {curves.below.what} "
-            f"({number(curves.below.force_n, 2)} N); compared up to {number(curves.bandwidth_hz, 3)} Hz"
+            f"residual {number(rms, 3)} N rms, {times} times {against} "
+            f"({number(curves.below.force_n, 2)} N under this shot's own fit); "
+            f"compared up to {number(curves.bandwidth_hz, 3)} Hz"
         )
 
     @Slot()

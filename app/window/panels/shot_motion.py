@@ -4,8 +4,10 @@ import numpy as np
 from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QComboBox, QWidget
 
+from analysis.diagnosis.result import Diagnosis
+from analysis.fit import Fit
 from analysis.motion import Motion
-from analysis.noise_band import band_of
+from analysis.noise_band import Floats, NoiseBand, judged_band
 from analysis.quantity import Quantity
 from analysis.shot import Shot
 from app.report.shot_times import contact_span_ms, time_zero
@@ -19,6 +21,7 @@ RESIDUALS = (
     ("velocity", "Residual of velocity", "m/s"),
     ("displacement", "Residual of displacement", "m"),
 )
+STANDS_OUT = 1.3  # times its band: less is what a slow floor leaves
 BOUNCE_MS = 0.6  # on either side of a bounce that was clicked on
 
 
@@ -29,6 +32,9 @@ class MotionView(QObject):
         super().__init__(parent)
         self._colours = colours
         self._shot: Shot | None = None
+        self._judged_by: Diagnosis | None = None
+        self._chosen = False  # whether a person chose which residual is shown
+        self.band_words = ""
         self.contact_only = False
         self.stack = TimeStack("Velocity, force and residual over time", colours, parent)
         self.velocity = self.stack.add_plot("velocity", "m/s", 3)
@@ -45,6 +51,7 @@ class MotionView(QObject):
         for _, words, _ in RESIDUALS:
             self.kind.addItem(words)
         self.kind.currentIndexChanged.connect(self._kind_changed)
+        self.kind.activated.connect(self._kind_chosen)
         self.stack.clicked.connect(self._zoom_on_bounce)
 
     def dress(self, colours: Colours) -> None:
@@ -57,9 +64,9 @@ class MotionView(QObject):
             curve.setPen(under(colours.simulated))
         self._residual.setPen(thin(colours.residual))
 
-    def show_shot(self, shot: Shot) -> None:
-        """Show an analysed shot."""
-        self._shot = shot
+    def show_shot(self, shot: Shot, judged_by: Diagnosis | None = None) -> None:
+        """Show an analysed shot; the band is what its verdict was judged by, where that still holds."""
+        self._shot, self._judged_by = shot, judged_by
         motion = shot.motion
         assert motion is not None
         zero, _ = time_zero(shot)
@@ -74,6 +81,8 @@ class MotionView(QObject):
         else:
             for curve in self._simulated:
                 curve.clear_samples()
+        if not self._chosen:
+            self._choose_telling()
         self._show_residual()
         self._mark_events(zero)
 
@@ -98,19 +107,26 @@ class MotionView(QObject):
             self._residual.clear_samples()
             self._band.show_band(0.0, 1.0, np.empty(0))
             return
-        overlay, band = fit.shots[0].overlay, band_of(shot)
-        if kind == "displacement":
-            rest, std = fit.shots[0].residual_m, band.displacement_m
-        elif kind == "velocity":
-            rest, std = motion.velocity_m_per_s - overlay.velocity_m_per_s, band.velocity_m_per_s
-        else:
-            rest, std = motion.force_n - overlay.force_n, band.force_n
+        band, self.band_words = judged_band(shot, self._judged_by)
+        rest, std = _left_over(motion, fit, kind, band)
         start, step = _grid(motion, time_zero(shot)[0])
         scale, words = prefix_for(float(np.nanmax(np.abs(rest), initial=0.0)), unit)
         self.residual.count_in(words)
         self._residual.show_samples(start, step, scale * rest)
         self._band.show_band(start, step, 2 * scale * std)
         self.residual.free_y()
+
+    def _choose_telling(self) -> None:
+        """Open the lowest plot on the residual that leaves its band most; where none does, on the force."""
+        shot = self._shot
+        if shot is None or shot.motion is None or shot.fit is None or not shot.fit.shots:
+            return
+        band, _ = judged_band(shot, self._judged_by)
+        sizes = [_size(*_left_over(shot.motion, shot.fit, kind, band)) for kind, _, _ in RESIDUALS]
+        telling = int(np.argmax(sizes)) if max(sizes) > STANDS_OUT else 0
+        self.kind.blockSignals(True)
+        self.kind.setCurrentIndex(telling)
+        self.kind.blockSignals(False)
 
     def _mark_events(self, zero: float) -> None:
         impact = self._shot.impact if self._shot is not None else None
@@ -126,6 +142,10 @@ class MotionView(QObject):
     def _kind_changed(self, _: int) -> None:
         self._show_residual()
 
+    @Slot(int)
+    def _kind_chosen(self, _: int) -> None:
+        self._chosen = True
+
     @Slot(float)
     def _zoom_on_bounce(self, at_ms: float) -> None:
         """Zoom every linked plot to the bounce that was clicked on; elsewhere a click does nothing."""
@@ -138,6 +158,22 @@ class MotionView(QObject):
         near = [t for t in peaks if abs(t - at_ms) < reach]
         if near:
             self.stack.zoom(near[0] - BOUNCE_MS, near[0] + BOUNCE_MS)
+
+
+def _left_over(motion: Motion, fit: Fit, kind: str, band: NoiseBand) -> tuple[Floats, Floats]:
+    """Return what a fit leaves over of one kind of motion, and the band's standard deviation, each (n,)."""
+    overlay = fit.shots[0].overlay
+    if kind == "displacement":
+        return fit.shots[0].residual_m, band.displacement_m
+    if kind == "velocity":
+        return motion.velocity_m_per_s - overlay.velocity_m_per_s, band.velocity_m_per_s
+    return motion.force_n - overlay.force_n, band.force_n
+
+
+def _size(rest: Floats, std: Floats) -> float:
+    """Return the rms of a residual in units of its band's standard deviation."""
+    seen = np.isfinite(rest) & np.isfinite(std) & (std > 0.0)
+    return float(np.sqrt(np.mean((rest[seen] / std[seen]) ** 2))) if seen.any() else 0.0
 
 
 def _grid(motion: Motion, zero: float) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from app.session.event import Diagnosed
 from app.session.jobs import Asked, Report
 from app.session.next_shots import PLAN
 from app.session.session import Entry
+from app.session.verdict_of import verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 
@@ -43,7 +44,8 @@ class DiagnosisPresenter(QObject):
     def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
-        self._shown: tuple[object, tuple[str, ...]] = (None, ())  # diagnosis and effects on the screen
+        # diagnosis and effects on the screen, and whether the one holds for the other
+        self._shown: tuple[object, tuple[str, ...], bool] = (None, (), True)
         self._forces = AskedWork[_Wanted, _Forces](workbench.errands, "residual of the force", _forces_of)
         p = panels
         p.model.diagnose_wanted.connect(self.diagnose)
@@ -65,20 +67,25 @@ class DiagnosisPresenter(QObject):
         if forces is not None and found is not None and forces[1].diagnosis is found.diagnosis:
             self._panels.diagnosis.residuals.show_forces(forces[1].shot, forces[1].before, forces[1].after)
         effects = self._workbench.model.effects_of(self._base())
-        if self._shown[0] is found and self._shown[1] == effects:
+        holds = found is None or self._holds(found, effects)
+        if self._shown[0] is found and self._shown[1:] == (effects, holds):
             return
-        self._shown = (found, effects)
+        self._shown = (found, effects, holds)
         self._panels.diagnosis.mark_tried(self._workbench.session.effects.tried)
         if found is None:
             self._panels.diagnosis.show_diagnosis(None, [], effects)
             return
         entries = [self._workbench.session.entry(number) for number in found.numbers]
         shots = [entry.shot for entry in entries if entry is not None and entry.shot is not None]
-        self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects, found.version)
+        self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects, found.version, holds)
         driven = next((e for e in entries if e is not None and e.shot is not None and e.shot.motion is not None), None)
         if driven is not None and driven.shot is not None and found.diagnosis.fit_after.model == "driven":
             self._forces.forget()
             self._forces.ask(driven, _Wanted(driven.shot, found.diagnosis))
+
+    def _holds(self, found: Diagnosed, effects: tuple[str, ...]) -> bool:
+        there = {entry.number for entry in self._workbench.session.entries}
+        return verdict_of(found.diagnosis, found.numbers).holds(effects, there)
 
     @Slot()
     def diagnose(self) -> None:

@@ -33,7 +33,7 @@ class ModelPresenter(QObject):
     ) -> None:
         super().__init__(parent)
         self._workbench, self._choices, self._panels, self._front = workbench, choices, panels, front
-        self._shown: tuple[SavedModel | None, Fit | None] = (None, None)
+        self._shown: tuple[SavedModel | None, Fit | None, bool] = (None, None, False)
         self._taken: SavedModel | None = None
         self._chosen: Path | None = None
 
@@ -49,19 +49,11 @@ class ModelPresenter(QObject):
             self._take_base()
         entry = self._front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
-        if (known, fit) == (None, None) or (known is self._shown[0] and fit is self._shown[1]):
+        behind = entry is not None and self._workbench.model.is_behind(entry)
+        if known is self._shown[0] and fit is self._shown[1] and behind == self._shown[2]:
             return
-        self._shown = (known, fit)
-        if known is None or fit is None:
-            self._panels.model.show_known("", Tone.NEUTRAL)
-        elif fit.model != known.base:
-            self._panels.model.show_known(
-                f"the model file is of base {known.base}, this fit of {fit.model}", Tone.WARNING
-            )
-        else:
-            far = drift_words(known, fit)
-            words = f"differs from the model file: {far}" if far else "agrees with the model file"
-            self._panels.model.show_known(words, Tone.WARNING if far else Tone.GOOD)
+        self._shown = (known, fit, behind)
+        self._panels.model.show_known(*_told(known, fit, behind))
 
     def _take_base(self) -> None:
         known = self._workbench.model.known
@@ -97,3 +89,16 @@ class ModelPresenter(QObject):
     def _load_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
         self._workbench.model.load(paths[0])
+
+
+def _told(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:
+    """Return what is said of a fit beside the model: that it is of an earlier one, or how it agrees with the file."""
+    if behind:
+        return "this fit is of an earlier model; the fit with the present one follows", Tone.WARNING
+    if known is None or fit is None:
+        return "", Tone.NEUTRAL
+    if fit.model != known.base:
+        return f"the model file is of base {known.base}, this fit of {fit.model}", Tone.WARNING
+    far = drift_words(known, fit)
+    words = f"differs from the model file: {far}" if far else "agrees with the model file"
+    return words, Tone.WARNING if far else Tone.GOOD

@@ -14,6 +14,7 @@ from app.session.settings import FIELDS
 from app.window import state_words
 from app.window.file_question import Want, ask
 from app.window.layout import Layout
+from app.window.panels.side_sheet import SideSheet
 from app.window.theme import Tone
 from app.words.wording import duration
 from instrument.acquisition import State
@@ -24,8 +25,9 @@ RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)
 
 
 class RigPresenter(QObject):
-    """Between the rig and its panels; ``shot_finished`` carries each FinishedShot once."""
+    """Between the rig and its panels; ``shot_captured`` carries each WaitingShot, ``shot_finished`` what it became."""
 
+    shot_captured = Signal(object)
     shot_finished = Signal(object)
     said = Signal(str, Tone)
     appearance_chosen = Signal(str)
@@ -34,7 +36,7 @@ class RigPresenter(QObject):
     def __init__(self, rig: Rig, choices: Choices, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._rig, self._choices, self._panels = rig, choices, panels
-        self._last_shot = ""
+        self._last_shot: state_words.LastShot | None = None
         self._before = (State.IDLE, 0)  # state and shots at the last look
         panels.controls.arm_wanted.connect(self.arm)
         panels.controls.abort_wanted.connect(self.abort)
@@ -83,6 +85,8 @@ class RigPresenter(QObject):
                 self._panels.banner.flash()
 
     def _take_finished(self, snapshot: Snapshot) -> None:
+        for captured in self._rig.take_captured(snapshot):
+            self.shot_captured.emit(captured)
         for finished in self._rig.take_finished(snapshot):
             self.shot_finished.emit(finished)
         for problem in self._rig.take_problems():
@@ -90,7 +94,7 @@ class RigPresenter(QObject):
 
     def remember(self, entry: Entry) -> None:
         """Let the banner say what the last shot gave."""
-        self._last_shot = state_words.shot_saved(entry)
+        self._last_shot = state_words.last_shot(entry)
 
     @Slot()
     def arm(self) -> None:
@@ -104,7 +108,7 @@ class RigPresenter(QObject):
     def abort(self) -> None:
         """Close an open sheet; else abort."""
         p = self._panels
-        sheets = [sheet for sheet in (p.tour, p.keys, p.about, p.settings, p.setup, p.mapping) if sheet.isVisible()]
+        sheets = [sheet for sheet in (p.tour, p.keys, *p.findChildren(SideSheet)) if sheet.isVisible()]
         if sheets:
             for sheet in sheets:
                 sheet.close()

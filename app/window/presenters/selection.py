@@ -2,6 +2,7 @@
 
 from PySide6.QtCore import QObject, Slot
 
+from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves, drive_curves
 from analysis.recording import Recording
 from analysis.shot import Shot
@@ -44,7 +45,7 @@ class SelectionPresenter(QObject):
         self._spectra = AskedWork[Recording, Spectra](workbench.jobs, "spectrum", _spectra_of)
         self._raw_view = AskedWork[Recording, RawCurves](workbench.errands, "raw signals", _raw_curves_of)
         self._drive = AskedWork[Shot, tuple[Shot, DriveCurves] | None](workbench.errands, "force", _drive_curves_of)
-        self._shown: tuple[int, object] | None = None
+        self._shown: tuple[int, object, object] | None = None
         self._undrawn: set[int] = set()  # pages whose selection changed while another one was in front
         self._raw: tuple[int, Recording | None] | None = None
         panels.table.selected.connect(self._selected)
@@ -76,6 +77,30 @@ class SelectionPresenter(QObject):
         """Show what became of the selected shots."""
         self._selected(self._panels.table.numbers)
 
+    def _why_none(self) -> str:
+        """Return why no shot is in front, "" where there is none at all."""
+        if hidden := self._panels.table.hidden:
+            names = ", ".join(map(str, hidden))
+            return f"The filter hides the selected shot{'s' if len(hidden) > 1 else ''} {names}."
+        if self._workbench.session.entries:
+            return "No shot is selected: click one in the list below."
+        return ""
+
+    def _judged_by(self, entry: Entry | None) -> Diagnosis | None:
+        """Return the diagnosis that the verdict on an entry comes from, as long as that holds."""
+        if entry is None or not entry.verdict or not self._workbench.session.verdict_holds(entry):
+            return None
+        found = self._workbench.diagnoses.of([entry.number])
+        return found.diagnosis if found is not None and entry.number in found.numbers else None
+
+    def show_verdict(self) -> None:
+        """Show what the diagnosis of the shot in front said, struck through where the model is another by now."""
+        entry = self.front()
+        fit = entry.shot.fit if entry is not None and entry.shot is not None else None
+        holds = entry is None or self._workbench.session.verdict_holds(entry)
+        verdict = entry.verdict if entry is not None else ""
+        self._panels.model.show_verdict(*told(verdict, fit.effects if fit is not None else (), holds))
+
     def _recording(self, entry: Entry) -> Recording | None:
         if self._raw is None or self._raw[0] != entry.number:
             self._raw = (entry.number, raw_of(entry))
@@ -86,8 +111,10 @@ class SelectionPresenter(QObject):
         p = self._panels
         entry = self.front()
         shot = entry.shot if entry is not None else None
-        now = (entry.number, shot) if entry is not None else None
-        if now is None or self._shown is None or now[0] != self._shown[0] or now[1] is not self._shown[1]:
+        judged_by = self._judged_by(entry)
+        now = (entry.number, shot, judged_by) if entry is not None else None
+        before = self._shown
+        if now is None or before is None or now[0] != before[0] or now[1] is not before[1] or now[2] is not before[2]:
             self._shown = now
             self._undrawn.add(Layout.SHOT)
             p.name_shot(entry.number if entry is not None else None)
@@ -96,9 +123,7 @@ class SelectionPresenter(QObject):
             )
             p.large.show_shot(shot, _called(entry) if entry is not None else "")
             p.model.show_shot(shot, self._workbench.session.effects.tried)
-        verdict = entry.verdict if entry is not None else ""
-        fit = shot.fit if shot is not None else None
-        p.model.show_verdict(*told(verdict, fit.effects if fit is not None else ()))
+        self.show_verdict()
         self._undrawn.add(Layout.COMPARE)
         self._page_changed(p.tabs.currentIndex())
 
@@ -111,9 +136,11 @@ class SelectionPresenter(QObject):
                 self._drive.forget()
                 entry = self.front()
                 if entry is None:
-                    self._panels.shot.show_shot(None)
+                    self._panels.shot.show_shot(None, words=self._why_none())
                 else:
-                    self._panels.shot.show_shot(entry.shot, self._recording(entry), _called(entry))
+                    self._panels.shot.show_shot(
+                        entry.shot, self._recording(entry), _called(entry), self._judged_by(entry)
+                    )
             else:
                 numbers = self._panels.table.numbers
                 self._panels.compare.show_entries([e for e in self._workbench.session.entries if e.number in numbers])

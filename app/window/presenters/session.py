@@ -17,7 +17,7 @@ from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
 from app.window.theme import Tone
 from instrument.foreign.remembered import FORMATS, format_of, is_foreign
-from instrument.snapshot import FinishedShot
+from instrument.snapshot import FinishedShot, WaitingShot
 
 ENDINGS = (".sigmf-meta", ".sigmf-data", ".csv", ".toml", *FORMATS)
 OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for ending in FORMATS)})"
@@ -76,6 +76,7 @@ class SessionPresenter(QObject):
         if session.revision != self._seen:
             self._seen = session.revision
             self._panels.table.show_session(session)
+            self._selection.show_verdict()
             if session.problem:
                 self.said.emit(session.problem, Tone.BAD)
 
@@ -92,12 +93,19 @@ class SessionPresenter(QObject):
             self._selection.show_again()
         elif event.kind is Kind.PRINT:
             self._print(event.words)
-        elif event.kind is Kind.CUT_OFF:
-            self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, list(event.paths)))
+        elif event.kind is Kind.UNLISTED:
+            paths = list(event.paths)
+            declined = partial(self._workbench.session.leave_out, [str(path) for path in paths])
+            self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, paths), declined)
         elif event.kind is Kind.MODEL:
             self.said.emit(event.words, Tone.GOOD)
         else:
             self.said.emit(event.words, Tone.BAD if event.kind is Kind.PROBLEM else Tone.GOOD)
+
+    def take_captured(self, captured: WaitingShot) -> None:
+        """List a shot whose analysis is to come."""
+        self._workbench.add_captured(captured.name, captured.path)
+        self._show_table()
 
     def take(self, finished: FinishedShot, stay: bool) -> None:
         """Take a shot of the rig, or the fit that it awaited; ``stay``: leave the page that is in front."""
@@ -115,6 +123,8 @@ class SessionPresenter(QObject):
         self._show_table()
         if finished.problem:
             self.said.emit(f"{finished.name}: {finished.problem}", Tone.BAD)
+        if entry is None:  # taken off the list before its analysis came
+            return
         self.arrived.emit(entry)
         tabs, chosen = self._panels.tabs, self._panels.table.numbers
         if len(chosen) < 2:  # a selection of several is at work: it is not spoilt
@@ -237,6 +247,13 @@ class SessionPresenter(QObject):
         what = self._workbench.undo()
         self._show_table()
         self.said.emit(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
+
+    @Slot()
+    def redo(self) -> None:
+        """Do again what was undone last."""
+        what = self._workbench.redo()
+        self._show_table()
+        self.said.emit(f"Done again: {what}" if what else "Nothing to redo", Tone.NEUTRAL)
 
     @Slot(int, str)
     def _note_edited(self, number: int, note: str) -> None:

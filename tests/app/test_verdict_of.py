@@ -1,0 +1,97 @@
+"""A verdict belongs to the model and the shots that it was passed on."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from PySide6.QtCore import Qt
+
+from analysis.diagnosis.result import Verdict
+from analysis.shot import AnalysisSettings
+from app.session.choices import Choices
+from app.session.event import Diagnosed
+from app.session.session import Session
+from app.session.verdict_of import verdict_of
+from app.session.workbench import Workbench
+from app.window.layout import Layout
+from app.window.panels.session_model import VERDICT
+from app.window.presenters.diagnosis import DiagnosisPresenter
+from app.window.presenters.selection import SelectionPresenter
+from app.window.presenters.session import SessionPresenter
+from app.window.theme import Theme
+from tests.app import synthetic
+from tests.app.stepped_work import SteppedWork
+
+
+def _found(effects=()):
+    """Return a diagnosis of shots 1 and 2 with these effects in the model, which found quadratic drag."""
+    told = synthetic.diagnosis(synthetic.shot())
+    return replace(told, fit_before=replace(told.fit_before, effects=effects))
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "there", "holds"),
+    [
+        ((), (), (1, 2, 3), True),
+        ((), ("quadratic_drag",), (1, 2), True),  # what was found is in the model: the diagnosis fitted that
+        ((), ("viscous_drag",), (1, 2), False),
+        (("tilt",), (), (1, 2), False),
+        (("tilt",), ("quadratic_drag", "tilt"), (1, 2), True),
+        ((), (), (1,), False),
+    ],
+)
+def test_it_holds_for_its_model_and_its_shots(before, now, there, holds):
+    assert verdict_of(_found(before), (1, 2)).holds(now, there) is holds
+
+
+def test_it_is_kept_with_the_session_and_an_older_file_has_none(tmp_path):
+    session = Session(tmp_path / "session.json")
+    session.add(replace(synthetic.shot(), path=str(tmp_path / "a.csv")))
+    session.set_verdict(1, "adequate", verdict_of(_found(("tilt",)), (1,)))
+    (entry,) = Session.reopen(tmp_path / "session.json").entries
+    assert entry.verdict_of == session.entries[0].verdict_of
+    kept = json.loads((tmp_path / "session.json").read_text())
+    del kept["shots"][0]["verdict_of"]
+    (tmp_path / "session.json").write_text(json.dumps(kept))
+    again = Session.reopen(tmp_path / "session.json")
+    assert again.problem is None and again.verdict_holds(again.entries[0])
+
+
+def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_after_a_restart(qtbot, tmp_path):
+    """The table said "adequate" beside a model that lacks what was taken out."""
+    panels = Layout(Theme("light"))
+    qtbot.addWidget(panels)
+    path = tmp_path / "session.json"
+    bench = Workbench(Session(path), AnalysisSettings, apart=SteppedWork())  # type: ignore[arg-type]
+    selection = SelectionPresenter(bench, panels, panels)
+    session = SessionPresenter(bench, Choices(tmp_path / "settings.json"), panels, selection, panels)
+    page = DiagnosisPresenter(bench, panels, panels)
+    try:
+        shot = synthetic.shot()
+        bench.model.add("paper", ("quadratic_drag",))
+        fit = replace(shot.fit, effects=("quadratic_drag",))
+        settings = replace(shot.settings, effects=("quadratic_drag",))
+        bench.add_shot(replace(shot, path=str(tmp_path / "a.csv"), fit=fit, settings=settings))
+        told = replace(_found(("quadratic_drag",)), verdict=Verdict.ADEQUATE, effects=(), fit_after=fit)
+        bench._take(Diagnosed(told, (1,)))
+
+        def looks():
+            session.refresh()
+            page.refresh()
+            panels.table.select([1])
+            font = panels.table.model.data(panels.table.model.index(0, VERDICT), Qt.ItemDataRole.FontRole)
+            return font is not None and font.strikeOut(), panels.model.verdict, panels.diagnosis._verdict.text()
+
+        struck, beside, heading = looks()
+        assert not struck and beside.endswith("adequate") and "ADEQUATE" in heading and "<s>" not in heading
+        bench.model.remove("paper", "quadratic_drag")
+        struck, beside, heading = looks()
+        assert struck and "diagnose again" in beside and "<s>ADEQUATE</s>" in heading
+        again = Session.reopen(path)
+        assert not again.verdict_holds(again.entries[0])
+        bench.undo()
+        struck, beside, heading = looks()
+        assert not struck and beside.endswith("adequate") and "<s>" not in heading
+    finally:
+        bench._work._apart.close()
+        bench.close()

@@ -41,6 +41,11 @@ class AskedWork(Generic[Given, Result]):
         """Start anew when asked again, for the same shot too."""
         self._number = None
 
+    @property
+    def job(self) -> Job | None:
+        """Get the work under way or waiting, None where none is."""
+        return self._job
+
     def take(self) -> tuple[Entry, Result] | None:
         """Return the result once, when it is there, and the entry that it is of."""
         job = self._job

@@ -74,6 +74,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("Help", "Keys", "toggle_keys", ("F1",)),
     Command("Help", "The short tour", "toggle_tour", ("F4",)),
     Command("Help", "Tutorial and manual", "show_manual"),
+    Command("Help", "Messages of this run", "toggle_messages", ("F6",)),
     Command("Help", "Log folder", "show_log", (), True),
     Command("Help", "About, versions, licences", "toggle_about"),
 )

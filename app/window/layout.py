@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QVBoxLayout, QWidget
 
 from app.window.panels.about_sheet import AboutSheet
 from app.window.panels.banner import Banner
@@ -16,6 +16,7 @@ from app.window.panels.law_sheet import LawSheet
 from app.window.panels.live import LivePanel
 from app.window.panels.mapping_sheet import MappingSheet
 from app.window.panels.model import ModelPanel
+from app.window.panels.notice_list import NoticeList
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.paper import PaperPanel
 from app.window.panels.session_table import SessionTable
@@ -27,6 +28,7 @@ from app.window.panels.spectrum import SpectrumPanel
 from app.window.panels.tour import Tour
 from app.window.panels.work_line import WorkLine
 from app.window.plots.plot_view import PlotView
+from app.window.steady_tabs import SteadyTabs
 from app.window.theme import Theme
 
 
@@ -54,7 +56,7 @@ class Layout(QWidget):
         self.model = ModelPanel(c, self)
         self.table = SessionTable(self)
         self.work = WorkLine(c, self)
-        self.tabs = QTabWidget(self)
+        self.tabs = SteadyTabs(self)
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName("Pages")
         # none of the pages widens the window, whatever it shows
@@ -78,6 +80,7 @@ class Layout(QWidget):
         self.law = LawSheet(c, self)
         self.keys = KeySheet(self)
         self.about = AboutSheet(self)
+        self.messages = NoticeList(self.work.notices, c, self)
         self.tour = Tour(c, self)
         self._theme = theme
 
@@ -136,6 +139,7 @@ class Layout(QWidget):
             self.setup,
             self.mapping,
             self.law,
+            self.messages,
             self.tour,
         ):
             panel.dress(self._theme.colours)
@@ -171,6 +175,7 @@ class Layout(QWidget):
         self.mapping.place()
         self.law.place()
         self.about.place()
+        self.messages.place()
         self.tour.place()
         if self.keys.isVisible():
             self.keys.place()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from platformdirs import user_config_path, user_log_path
 from PySide6.QtCore import Qt, QTimer, Slot
-from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QApplication, QMainWindow
 
 from analysis.shot import AnalysisSettings
@@ -16,7 +16,7 @@ from app.session.log import ProgramLog, note
 from app.session.next_shots import PLAN, NextShots
 from app.session.own_laws import OwnLaws
 from app.session.own_session import last_session
-from app.session.prepare import rehearse
+from app.session.prepare import complete, rehearse
 from app.session.results import Results
 from app.session.rig import Open, Rig
 from app.session.saver import Saver
@@ -40,6 +40,7 @@ from app.window.presenters.tables import TablesPresenter
 from app.window.presenters.tour import TourPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
+from app.window.within_screen import first_size, keep_within_screen
 from instrument.acquisition import State
 from instrument.apart.analysis import AnalysisApart
 from instrument.apart.digitizer import open_apart
@@ -49,6 +50,7 @@ from instrument.snapshot import FinishedShot, Snapshot
 from instrument.sources import at_site
 
 PULL_MS = 35
+FRAMED_MS = 300  # after the first show: by then the system has given the window its title bar
 SWITCH_S = 5e-4  # a busy thread gives way this soon; Python's own 5 ms, at each of a frame's many calls, adds up
 
 
@@ -128,7 +130,7 @@ class MainWindow(QMainWindow):
             self.say(workbench.session.problem, Tone.WARNING)
         for words in choices.warnings:
             self.say(words, Tone.WARNING)
-        workbench.jobs.submit("first start", kernels.work, "warm")
+        workbench.jobs.submit("loading" if complete() else "first start", kernels.work, "warm")
         workbench.read_unread()
         workbench.look_for_unlisted(choices.settings.data_folder, choices.sessions)
         self.session_presenter.refresh()
@@ -202,6 +204,15 @@ class MainWindow(QMainWindow):
         """Press the button in focus by Enter."""
         if not menus.pressed_by_enter(self.focusWidget(), event):
             super().keyPressEvent(event)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Look once the system has drawn the frame whether all of it is on the screen."""
+        super().showEvent(event)
+        QTimer.singleShot(FRAMED_MS, self, self._keep_within_screen)
+
+    @Slot()
+    def _keep_within_screen(self) -> None:
+        keep_within_screen(self)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the sheets in place."""
@@ -279,8 +290,7 @@ def open_window(
     workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, kept, laws)
     window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
     theme.setParent(window)
-    room = window.screen().availableSize()
-    window.resize(min(1480, room.width()), min(920, room.height()))
+    window.resize(first_size(window))
     window_state.restore(window, window.panels, choices.settings.window)
     return window
 

@@ -86,7 +86,7 @@ class DiagnosisPanel(QWidget):
         self.progress = QProgressBar(self)
         self.progress.setRange(0, 1000)
         self.progress.setAccessibleName("Progress of the diagnosis")
-        self.progress.setMinimumWidth(120)
+        self.progress.setMinimumWidth(self.fontMetrics().horizontalAdvance("telling look-alikes apart") + 60)
         policy = self.progress.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.progress.setSizePolicy(policy)
@@ -194,7 +194,10 @@ class DiagnosisPanel(QWidget):
         self.diagnose.setEnabled(not busy)
         if busy:
             self.progress.setValue(round(1000 * fraction))
-            self.progress.setFormat(f"{what}  %p %")
+            room = self.progress.width() - self.fontMetrics().horizontalAdvance("M 100 %")
+            words = self.fontMetrics().elidedText(what, Qt.TextElideMode.ElideRight, room)
+            self.progress.setFormat(f"{words}  %p %")
+            self.progress.setToolTip(what)
 
     def show_problem(self, problem: str) -> None:
         """Show why there is no diagnosis."""

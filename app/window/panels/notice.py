@@ -1,15 +1,20 @@
 """A line under the banner for what went wrong or was done; it stays until it is dismissed, and never blocks."""
 
+import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import datetime
 
-from PySide6.QtCore import Qt, Slot
+from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
 from app.window.theme import MARKS, Colours, Tone
 
 KEPT = 20
+LISTED = 200  # messages that the list keeps
+AGED_EVERY_MS = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +29,17 @@ class Notice:
 
 
 class NoticeLine(QFrame):
-    """Shows the newest notice and how many came before it; its height is always there, so nothing moves."""
+    """Shows the newest notice, its age, and how many came before it; its height is always there, so nothing moves."""
+
+    changed = Signal()
+    list_wanted = Signal()
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
         self._notices: list[Notice] = []
+        self._said_s: dict[int, float] = {}  # when each came, by its identity
+        self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
         row = QHBoxLayout(self)
         row.setContentsMargins(12, 0, 4, 0)
         self._words = QLabel(self)
@@ -43,10 +53,17 @@ class NoticeLine(QFrame):
         self._close = QPushButton("Dismiss", self)
         self._close.setToolTip("Take this message away")
         self._close.clicked.connect(self.next)
+        self._list = QPushButton("Messages", self)
+        self._list.setToolTip("All messages of this run, with their times  (F6)")
+        self._list.clicked.connect(self.list_wanted)
         row.addWidget(self._words, 1)
+        row.addWidget(self._list)
         row.addWidget(self._do)
         row.addWidget(self._close)
         self.setFixedHeight(self._close.sizeHint().height() + 2)
+        self._ageing = QTimer(self)
+        self._ageing.timeout.connect(self._aged)
+        self._ageing.start(AGED_EVERY_MS)
         self._refresh()
 
     @property
@@ -69,7 +86,23 @@ class NoticeLine(QFrame):
         if newest is None or (newest.words, newest.tone) != (notice.words, notice.tone):
             self._notices.append(notice)
             del self._notices[:-KEPT]
+            self.history.append((datetime.now(), notice))
+            self.changed.emit()
+        self._said_s[id(self._notices[-1])] = time.monotonic()
+        self._said_s = {id(kept): self._said_s[id(kept)] for kept in self._notices}
         self._refresh()
+
+    @Slot()
+    def _aged(self) -> None:
+        if self._notices:
+            self._refresh()
+
+    def _age(self) -> str:
+        """Return how long ago the newest notice came, from a minute on."""
+        minutes = int((time.monotonic() - self._said_s[id(self._notices[-1])]) / 60)
+        if minutes < 1:
+            return ""
+        return f"   ({minutes} min ago)" if minutes < 60 else f"   ({minutes // 60} h ago)"
 
     @Slot()
     def _done(self) -> None:
@@ -90,7 +123,7 @@ class NoticeLine(QFrame):
 
     def _fit(self) -> None:
         self.layout().activate()
-        shown = self._words.fontMetrics().elidedText(self._whole, Qt.TextElideMode.ElideMiddle, self._words.width())
+        shown = self._words.fontMetrics().elidedText(self._whole, Qt.TextElideMode.ElideRight, self._words.width())
         self._words.setText(shown)
 
     @Slot()
@@ -104,6 +137,7 @@ class NoticeLine(QFrame):
 
     def _refresh(self) -> None:
         self._close.setVisible(bool(self._notices))
+        self._list.setVisible(bool(self.history))
         self._do.setVisible(bool(self._notices and self._notices[-1].label))
         if not self._notices:
             self._whole = ""
@@ -115,7 +149,7 @@ class NoticeLine(QFrame):
         self._do.setText(newest.label)
         self._do.setAccessibleName(newest.label or "Do what the message offers")
         more = f"   ({len(self._notices) - 1} more)" if len(self._notices) > 1 else ""
-        self._whole = f"{MARKS[newest.tone]} {newest.words}{more}"
+        self._whole = f"{MARKS[newest.tone]} {newest.words}{more}{self._age()}"
         self._words.setToolTip("\n".join(notice.words for notice in reversed(self._notices)))
         self._words.setAccessibleDescription(self._whole)
         self._words.setStyleSheet(f"color: {self._colours.signs[newest.tone]}; font-weight: bold")

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPush
 from app.window.clear_layout import clear_layout
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone, sized
+from app.words.wording import local_words
 from instrument.doctor import Check, Grade
 from instrument.found_devices import FoundDevice
 
@@ -190,7 +191,7 @@ class SetupSheet(SideSheet):
                 check = checks[index]
                 tone = TONES[check.grade]
                 name = TITLES.get(check.name, check.name[:1].upper() + check.name[1:])
-                words = f"{MARKS[tone]} {name}: {check.line}"
+                words = f"{MARKS[tone]} {name}: {local_words(check.line)}"
             else:
                 tone, words = Tone.NEUTRAL, waiting if index == 0 else ""
             if line.text() != words:

@@ -41,7 +41,7 @@ class WorkLine(QWidget):
         setup.clicked.connect(self._setup_pressed)
         keys = QPushButton("Keys", self)
         keys.setToolTip("All keys on one sheet  (F1)")
-        row.addWidget(self.notices, 1)
+        row.addWidget(self.notices, 3)
         row.addWidget(self.progress, 1)
         for widget in (self._cancel, setup, settings, keys):
             row.addWidget(widget)

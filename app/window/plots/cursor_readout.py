@@ -6,6 +6,8 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QWidget
 from app.window.plots.plot_view import PlotView
 from app.words.wording import DASH, local, number
 
+LOW_LINES = 40  # of text: a window lower than these keeps the plots' room, and the table comes on hovering
+
 
 class CursorReadout(QFrame):
     """Follows the cursors of one plot; hidden while they or the plot are."""
@@ -25,12 +27,8 @@ class CursorReadout(QFrame):
         row.addWidget(self._table, 1)
         row.addWidget(copy, 0, Qt.AlignmentFlag.AlignTop)
         self._cursors.moved.connect(self.refresh)
+        self.words = ""  # the whole table
         self.setVisible(False)
-
-    @property
-    def words(self) -> str:
-        """Get the table shown."""
-        return self._table.text()
 
     @Slot()
     def refresh(self) -> None:
@@ -56,4 +54,8 @@ class CursorReadout(QFrame):
             cells = (m.at_a, m.at_b, m.difference, m.mean, m.rms, m.slope)
             text = "".join(f"<td align='right' style='padding: 0 9px'>{number(cell, 5)}</td>" for cell in cells)
             rows.append(f"<tr><td>{m.name}</td>{text}<td>{m.unit}</td></tr>")
-        self._table.setText(f"<table cellspacing='0'>{''.join(rows)}</table>")
+        table = f"<table cellspacing='0'>{''.join(rows)}</table>"
+        low = self.window().height() < LOW_LINES * self.fontMetrics().lineSpacing()
+        self._table.setText(f"<table cellspacing='0'>{rows[0]}</table>" if low else table)
+        self._table.setToolTip(table if low else "")
+        self.words = table

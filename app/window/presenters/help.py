@@ -20,11 +20,21 @@ class HelpPresenter(QObject):
     def __init__(self, panels: Layout, log_folder: Path, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._panels, self._log_folder = panels, log_folder
+        panels.work.notices.list_wanted.connect(self.toggle_messages)
 
     @Slot()
     def toggle_about(self) -> None:
         """Show or hide versions and licences."""
         sheet = self._panels.about
+        if sheet.isVisible():
+            sheet.hide()
+        else:
+            sheet.open()
+
+    @Slot()
+    def toggle_messages(self) -> None:
+        """Show or hide the list of messages."""
+        sheet = self._panels.messages
         if sheet.isVisible():
             sheet.hide()
         else:

@@ -15,6 +15,7 @@ from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.shot_raw import RawCurves, curves_of
 from app.window.verdict import told
+from app.window.waiting import waits_for
 
 
 def _spectra_of(entry: Entry, recording: Recording, report: Report, cancelled: Asked) -> Spectra:
@@ -61,6 +62,10 @@ class SelectionPresenter(QObject):
             self._spectra.forget()
         elif spectra is not None:
             self._panels.spectrum.show_spectra(spectra[1], spectra[0].shot, _called(spectra[0]))
+        elif self._spectra.job is not None and front is not None:
+            self._panels.spectrum.say(
+                waits_for(self._workbench.jobs, self._spectra.job, f"the spectra of {front.name}")
+            )
         raw = self._raw_view.take()
         if raw is not None:
             self._panels.shot.show_raw(raw[1])
@@ -153,7 +158,6 @@ class SelectionPresenter(QObject):
             self._panels.spectrum.show_spectra(None)
         elif self._spectra.ask(entry, recording):
             self._panels.spectrum.show_spectra(None)  # those of another shot would pass for these
-            self._panels.spectrum.say(f"computing the spectra of {entry.name} …")
 
     @Slot(object)
     def _drive_wanted(self, shot: Shot) -> None:

@@ -10,6 +10,7 @@ from app.session.jobs import Asked, Job, Report
 from app.session.session import Entry
 from app.session.workbench import Workbench
 from app.window.layout import Layout
+from app.window.waiting import waits_for
 
 
 class TablesPresenter(QObject):
@@ -53,8 +54,6 @@ class TablesPresenter(QObject):
         if self._paper_of is not None and self._paper_of[0] is shot:
             return
         self._paper_of = (shot,)
-        self._panels.paper.say("computing the paper's numbers …")
-
         def work(report: Report, _: Asked) -> Reproduction:
             report("the paper's simulation", 0.2)
             return reproduce(shot)
@@ -64,7 +63,10 @@ class TablesPresenter(QObject):
 
     def _take_paper(self) -> None:
         job = self._job
-        if job is None or not job.done.is_set():
+        if job is None:
+            return
+        if not job.done.is_set():
+            self._panels.paper.say(waits_for(self._workbench.jobs, job, "the paper's numbers"))
             return
         self._job = None
         if isinstance(job.result, Reproduction) and not job.cancelled:

@@ -79,7 +79,7 @@ session: $(READY)
 	$(BIN)/python -m tests.app.virtual_screen .session/dense light 2
 
 # the oldest versions that pyproject.toml allows, in an environment of their own (Python 3.11: newer ones have no such)
-LOWEST_TESTS = tests/test_house.py tests/analysis/test_kernel_cache.py tests/analysis/signal \
+LOWEST_TESTS = tests/test_house.py tests/analysis/compiled/test_kernel_cache.py tests/analysis/signal \
 	tests/instrument/test_recording_file.py tests/app/test_settings.py tests/app/test_cli.py tests/app/test_pyramid.py
 test-lowest:
 	$(PYTHON) -m venv .venv-lowest

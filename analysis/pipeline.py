@@ -9,13 +9,13 @@ from dataclasses import replace
 
 from numpy.linalg import LinAlgError
 
-from analysis.awaited_fit import with_fit_to_follow
-from analysis.corrected import FLAG, corrected
-from analysis.fitted_shot import fit_again
-from analysis.motion import Motion
-from analysis.quantity import NotSeen
-from analysis.recording import Recording, Setup
-from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
+from analysis.fitted.awaited_fit import with_fit_to_follow
+from analysis.fitted.fitted_shot import fit_again
+from analysis.shot.corrected import FLAG, corrected
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import NotSeen
+from analysis.shot.recording import Recording, Setup
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
 
 
 def analyse(
@@ -121,9 +121,9 @@ def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | No
 def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) -> Shot:
     if shot.motion is None:
         return shot
-    from analysis.rate_error import with_rate_error
     from analysis.reading.read import NoImpact, read_impact
     from analysis.reading.sense import check_collision, why_none
+    from analysis.shot.rate_error import with_rate_error
     from analysis.signal.cross_talk import LEFT as CROSS_TALK
 
     _tell(progress, cancelled, "reading the impact", 0.5)

@@ -4,22 +4,22 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.budget import budget
-from analysis.budget import to_result as budget_result
+from analysis.collision.laws.own import called
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.result import to_result as diagnosis_result
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import to_result as foretold_result
-from analysis.disturbance import Disturbance
-from analysis.fit import Fit
-from analysis.laws.own import called
-from analysis.quantity import to_json
-from analysis.readings_model import readings_model
-from analysis.readings_model import to_result as readings_model_result
-from analysis.series import series
-from analysis.series import to_result as series_result
-from analysis.shot import Shot
-from analysis.version import program_version
+from analysis.fitted.readings_model import readings_model
+from analysis.fitted.readings_model import to_result as readings_model_result
+from analysis.shot.disturbance import Disturbance
+from analysis.shot.fit import Fit
+from analysis.shot.quantity import to_json
+from analysis.shot.shot import Shot
+from analysis.shot.version import program_version
+from analysis.uncertainty.budget import budget
+from analysis.uncertainty.budget import to_result as budget_result
+from analysis.uncertainty.series import series
+from analysis.uncertainty.series import to_result as series_result
 
 SCHEMA = "levimass.result/1"
 

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from analysis.recording import Setup
+from analysis.shot.recording import Setup
 from instrument.acquisition import Deadlines, State
 from instrument.capture import Capture, CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer

@@ -8,9 +8,9 @@ import threading
 from collections.abc import Callable
 from functools import partial
 
-from analysis.awaited_fit import awaits_fit
-from analysis.recording import Recording
-from analysis.shot import AnalysisError, Cancelled, Progress, Shot
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisError, Cancelled, Progress, Shot
 from instrument.recording_error import one_line
 
 STOPPED = "the analysis was stopped"
@@ -102,7 +102,7 @@ class Analyst:
         fitted, why = self._one(partial(self._fit, shot))
         if fitted is not None:
             return fitted
-        from analysis.fitted_shot import unfitted  # likewise
+        from analysis.fitted.fitted_shot import unfitted  # likewise
 
         return unfitted(shot, why or "the fit failed")
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.recording import Setup
+from analysis.shot.recording import Setup
 from instrument.digitizer import CaptureSettings
 from instrument.trigger import Edge
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.awaited_fit import awaits_fit
-from analysis.recording import Gap
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.recording import Gap
 from instrument.acquisition import Acquisition, Action, Deadlines, Event, State, Transition
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Channel, Setup
+from analysis.shot.recording import Channel, Setup
 from instrument.recording_error import one_line
 
 

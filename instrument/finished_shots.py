@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.awaited_fit import awaits_fit
-from analysis.shot import Shot
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.shot import Shot
 from instrument.analyst import Analyse, Analyst, Fit
 from instrument.digitizer import CaptureSettings
 from instrument.recorder import Recorded, save_elsewhere

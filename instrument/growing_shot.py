@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Channel, Gap, Recording, Role, Setup
+from analysis.shot.recording import Channel, Gap, Recording, Role, Setup
 from analysis.signal.stated_rate import DELIVERED
 from analysis.signal.stated_rate import FLAG as RATE_CONTRADICTED
 from instrument.digitizer import CaptureSettings

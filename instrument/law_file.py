@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from analysis.laws.own import LawError, OwnLaw, from_mapping
+from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
 from instrument.recording_error import RecordingError
 from instrument.recording_writer import write_text_beside
 from instrument.text_file import read_toml

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.recording import Role, Setup
-from analysis.shot import AnalysisError
+from analysis.shot.recording import Role, Setup
+from analysis.shot.shot import AnalysisError
 from analysis.signal.stream import LiveDemodulator
 from instrument.folder_lock import disk_free_bytes
 from instrument.live_window import LiveWindow

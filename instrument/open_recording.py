@@ -6,8 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.recording import Recording
-from analysis.shot import Shot
+from analysis.shot.recording import Recording
+from analysis.shot.shot import Shot
 from instrument.foreign.mapping import read_mapping
 from instrument.foreign.remembered import format_of, remembered_mapping
 from instrument.recording_error import RecordingError

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 from instrument.growing_shot import GrowingShot
 from instrument.recording_error import RecordingError, RecordingExists, one_line
 from instrument.recording_file import read_recording

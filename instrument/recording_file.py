@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Recording, Role
+from analysis.shot.recording import Recording, Role
 from analysis.signal.stated_rate import DELIVERED
 from analysis.signal.stated_rate import FLAG as RATE_CONTRADICTED
 from instrument.recording_error import FileNotReached, RecordingError

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Channel, Gap, Recording, Setup
+from analysis.shot.recording import Channel, Gap, Recording, Setup
 from instrument.into_place import into_place
 from instrument.recording_error import RecordingError, RecordingExists
 from instrument.recording_metadata import Metadata, metadata_json, read_metadata

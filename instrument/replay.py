@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Recording, Role, Setup
+from analysis.shot.recording import Recording, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.open_recording import open_recording
 from instrument.recording_file import RecordingError, find_recordings

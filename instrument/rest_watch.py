@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.reading.site import LEAST_S, PlannedShot, SiteFloor, read_site
 from analysis.signal.stream import LiveChunk
-from analysis.site import LEAST_S, PlannedShot, SiteFloor, read_site
 from instrument.digitizer import CaptureSettings
 
 Floats = NDArray[np.float64]

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Channel, Role
-from analysis.site import SiteFloor
+from analysis.reading.site import SiteFloor
+from analysis.shot.recording import Channel, Role
 from instrument.doctor import Check, Grade
 from instrument.signal_check import CHECKED_SAMPLES, check_signals
 from instrument.snapshot import ChannelSignal

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Channel, Role
+from analysis.shot.recording import Channel, Role
 from instrument.snapshot import ChannelSignal
 
 CHECKED_SAMPLES = 8192

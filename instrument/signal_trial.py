@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.digitizer import Digitizer, DigitizerError
 from instrument.doctor import Check, Grade
 from instrument.setup_check import check_setup

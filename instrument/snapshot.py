@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Role
-from analysis.shot import Shot
-from analysis.site import SiteFloor
+from analysis.reading.site import SiteFloor
+from analysis.shot.recording import Role
+from analysis.shot.shot import Shot
 from instrument.acquisition import State
 from instrument.digitizer import CaptureSettings
 from instrument.trigger import Level

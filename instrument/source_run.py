@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
+from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
 from instrument.capture_options import CaptureOptions
 from instrument.delivered_rate import DeliveredRate
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
-from analysis.recording import Role, Setup
+from analysis.shot.recording import Role, Setup
 from instrument.bench.site import QUIET, site_named
 from instrument.digitizer import Digitizer, DigitizerError
 from instrument.drivers.assumed_rig import assumed_rig

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from analysis.recording import Channel, Role, Setup
+from analysis.shot.recording import Channel, Role, Setup
 from instrument.digitizer import CaptureSettings
 from instrument.ring import Ring
 

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.recording import Channel
+from analysis.shot.recording import Channel
 
 Floats = NDArray[np.float64]
 

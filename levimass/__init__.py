@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from analysis.diagnosis.result import Diagnosis
-    from analysis.recording import Recording
-    from analysis.shot import AnalysisSettings, Shot
+    from analysis.shot.recording import Recording
+    from analysis.shot.shot import AnalysisSettings, Shot
     from instrument.motion_file import MotionRecord
 
 __all__ = ["analyse", "diagnose", "read", "simulate"]
@@ -45,7 +45,7 @@ def analyse(
     from dataclasses import replace
 
     from analysis.pipeline import analyse as analyse_recording
-    from analysis.shot import AnalysisSettings
+    from analysis.shot.shot import AnalysisSettings
     from app.session.load import analysed
 
     if isinstance(what, str | Path):
@@ -61,7 +61,7 @@ def diagnose(shots: Shot | Sequence[Shot], *, accepted: Sequence[str] = ()) -> D
     ValueError for an unknown effect or shots of different models.
     """
     from analysis.diagnosis.diagnose import diagnose as diagnose_motions
-    from analysis.shot import AnalysisError, Shot
+    from analysis.shot.shot import AnalysisError, Shot
 
     several = [shots] if isinstance(shots, Shot) else list(shots)
     models = {shot.settings.model for shot in several}

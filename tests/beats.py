@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.recording import Channel, Recording, Role, Setup
+from analysis.shot.recording import Channel, Recording, Role, Setup
 from tests.analysis.collision import MASS_KG, Synthetic, position_m
 
 REST_HZ, WAVELENGTH_M, VOLTS_PER_COUNT = 2.73e6, 632.8e-9, 1 / 2048

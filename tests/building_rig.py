@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
+from analysis.shot.motion import Motion
 from analysis.signal.record import motion_from_displacement
 
 Floats = NDArray[np.float64]

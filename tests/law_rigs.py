@@ -10,8 +10,8 @@ from dataclasses import astuple, dataclass, field, fields, replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from analysis.motion import Motion
-from analysis.shot import AnalysisSettings
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisSettings
 from analysis.signal.record import motion_from_displacement
 
 RATE_HZ = 50e3

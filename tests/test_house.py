@@ -32,6 +32,63 @@ def test_imports_go_one_way(floor: str) -> None:
     assert not wrong
 
 
+LAYERS = (  # of analysis: a package imports from those before it alone; what lies in none comes last
+    "compiled",
+    "collision",
+    "shot",
+    "signal",
+    "reading",
+    "inference",
+    "drive",
+    "fitted",
+    "diagnosis",
+    "planning",
+    "uncertainty",
+    "paper",
+)
+
+
+def _layer(module: str) -> int:
+    """Return the place of a module of analysis in the order of its packages."""
+    part = module.split(".")[1]
+    return LAYERS.index(part) if part in LAYERS else len(LAYERS)
+
+
+def _taken(source: Path) -> set[str]:
+    """Return the modules of analysis that a source names in its imports, wherever in it they stand."""
+    taken: set[str] = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            taken |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            taken |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return {name for name in taken if name.startswith("analysis.")}
+
+
+def _runs_back(module: str, taken: set[str]) -> set[str]:
+    return {name for name in taken if _layer(name) > _layer(module)}
+
+
+def test_packages_of_the_analysis_import_in_one_order() -> None:
+    folder = HOUSE / "analysis"
+    assert {path.name for path in folder.iterdir() if (path / "__init__.py").exists()} == set(LAYERS)
+    of_source = {source: source.relative_to(HOUSE).with_suffix("").as_posix() for source in folder.rglob("*.py")}
+    sources = {name.replace("/", "."): source for source, name in of_source.items()}
+    wrong = {name: bad for name, source in sources.items() if (bad := _runs_back(name, _taken(source)))}
+    assert not wrong
+
+
+def test_an_import_that_runs_back_is_seen() -> None:
+    assert _runs_back("analysis.inference.fit.search", {"analysis.diagnosis.words"})
+    assert not _runs_back("analysis.diagnosis.words", {"analysis.inference.fit.search", "analysis.diagnosis.result"})
+    assert _runs_back("analysis.paper.paper", {"analysis.pipeline.analyse"})
+
+
+def test_the_page_of_the_house_names_every_package() -> None:
+    page = (HOUSE / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert [name for name in LAYERS if f"| `{name}` |" not in page] == []
+
+
 APP_FLOORS = ("words", "report", "session", "window")  # each may import those before it
 
 

@@ -19,14 +19,14 @@ def everything():
     for module in pkgutil.walk_packages(levimass.__path__, "levimass."):
         if not module.name.startswith("levimass.app.window."):
             importlib.import_module(module.name)
-    from levimass.analysis import kernel_cache
+    from levimass.analysis.compiled import kernel_cache
     from levimass.instrument.apart.give_way import give_way
     from levimass.instrument.found_devices import udev_rule_path
     own = {"app", "analysis", "instrument", "resources"}
     assert not own & {name.split(".")[0] for name in sys.modules}
     assert levimass.analysis.__file__.startswith(sys.argv[1])
     assert udev_rule_path().is_file()
-    assert "levimass.analysis.model.effects.kernel" in kernel_cache.closure("levimass.analysis.model.rates")
+    assert "levimass.analysis.collision.effects.kernel" in kernel_cache.closure("levimass.analysis.collision.rates")
     child = multiprocessing.get_context("spawn").Process(target=give_way, args=(1,))
     child.start(); child.join(60)
     assert child.exitcode == 0
@@ -51,7 +51,7 @@ def test_the_package_of_the_wheel_works_under_its_one_name(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    "text", ["import analysis\n", "import analysis.shot\n", "x = 'app.session.warm'\n", "if x: import app as a\n"]
+    "text", ["import analysis\n", "import analysis.shot.shot\n", "x = 'app.session.warm'\n", "if x: import app as a\n"]
 )
 def test_what_has_no_name_in_the_wheel_stops_the_build(text: str) -> None:
     with pytest.raises(ValueError, match="has no name in the wheel"):
@@ -59,9 +59,9 @@ def test_what_has_no_name_in_the_wheel_stops_the_build(text: str) -> None:
 
 
 def test_imports_are_named() -> None:
-    text = "from analysis.shot import Shot\nimport app.cli as c\nfrom importlib import resources\n"
+    text = "from analysis.shot.shot import Shot\nimport app.cli as c\nfrom importlib import resources\n"
     assert hatch_build.renamed(text, "").splitlines() == [
-        "from levimass.analysis.shot import Shot",
+        "from levimass.analysis.shot.shot import Shot",
         "import levimass.app.cli as c",
         "from importlib import resources",
     ]

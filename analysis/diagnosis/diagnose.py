@@ -5,19 +5,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from analysis.collision.effects import WIDER, findings
 from analysis.diagnosis import words
 from analysis.diagnosis.driven import diagnose_driven
-from analysis.diagnosis.fits.as_fit import as_fit, effect_parameters
-from analysis.diagnosis.fits.free_parameters import TrialEffect, trial_effects
-from analysis.diagnosis.fits.hypothesis import JointData
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
-from analysis.diagnosis.fits.profile import with_profile_std
 from analysis.diagnosis.learning import contact_words
 from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.learning.law_learning import may_reach
-from analysis.diagnosis.noise.floor import Floor
-from analysis.diagnosis.noise.joint_data import shakings_of, site_under
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.competing_models import apart
 from analysis.diagnosis.search.forward_selection import Trail, without
@@ -30,13 +24,19 @@ from analysis.diagnosis.verdict.identifiability import Separation, missed_withou
 from analysis.diagnosis.verdict.other_names import other_names
 from analysis.diagnosis.verdict.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.verdict.told_beside import blind_spots, candidates, separating
-from analysis.disturbance import Shaking
-from analysis.fit import Fit
-from analysis.model.effects import WIDER, findings
-from analysis.model.fitting import fit_shots
-from analysis.motion import Motion
-from analysis.quantity import Quantity
-from analysis.shot import Progress, Stop
+from analysis.inference.fit.as_fit import as_fit, effect_parameters
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.free_parameters import TrialEffect, trial_effects
+from analysis.inference.fit.hypothesis import JointData
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.profile import with_profile_std
+from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.joint_data import shakings_of, site_under
+from analysis.shot.disturbance import Shaking
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Progress, Stop
 
 
 def diagnose(

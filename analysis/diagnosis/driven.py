@@ -16,8 +16,8 @@ from analysis.drive.repeat import Floor, floor
 from analysis.drive.run import prepare
 from analysis.drive.search import Explored, Ground, Trial, explore
 from analysis.drive.table import Mask, Table
-from analysis.motion import Motion
-from analysis.shot import Progress, Stop
+from analysis.shot.motion import Motion
+from analysis.shot.shot import Progress, Stop
 
 SMALL_REST = 1.5  # of the floor: a remainder up to here counts as accounted for
 

@@ -12,7 +12,7 @@ from analysis.drive.mass import Weighed
 from analysis.drive.regress import Regression, rms
 from analysis.drive.repeat import Floor
 from analysis.drive.table import Table
-from analysis.quantity import Quantity
+from analysis.shot.quantity import Quantity
 
 Floats = NDArray[np.float64]
 

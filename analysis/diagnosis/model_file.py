@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.free_parameters import trial_effects
+from analysis.collision.effects import TAKEN_ALONG, WIDER, findings
+from analysis.collision.laws.own import is_law
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive.catalogue import LAWS
-from analysis.fit import Fit
-from analysis.laws.own import is_law
-from analysis.model.effects import TAKEN_ALONG, WIDER, findings
-from analysis.quantity import Quantity
-from analysis.shot import AnalysisError
+from analysis.inference.fit.free_parameters import trial_effects
+from analysis.shot.fit import Fit
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import AnalysisError
 
 SCHEMA = "levimass.model/1"
 BASES = ("paper", "clamped", "no_tension", "contact", "driven")

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
+from analysis.collision.effects import TAKEN_ALONG, named
+from analysis.collision.laws.own import from_key
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.fit import Fit
-from analysis.laws.own import from_key
-from analysis.model.effects import TAKEN_ALONG, named
-from analysis.quantity import Quantity
-from analysis.units import parts
+from analysis.shot.fit import Fit
+from analysis.shot.quantity import Quantity
+from analysis.shot.units import parts
 
 CLASSES = {
     frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",

@@ -7,7 +7,7 @@ from analysis.drive.regress import Regression, regress
 from analysis.drive.screen import screen
 from analysis.drive.search import BIC_AGAINST_NEXT, falls
 from analysis.drive.table import Table
-from analysis.shot import AnalysisError
+from analysis.shot.shot import AnalysisError
 
 MOST_FITTED = 2
 WORTH_A_FIT = 3.0  # of what the law takes: a guess that takes less than a third is fitted to no avail

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
-from analysis.shot import AnalysisError
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError
 from analysis.signal.filters import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives, stretches
 
 Floats = NDArray[np.float64]

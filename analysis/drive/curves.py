@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.fit import Fit
-from analysis.motion import Motion
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
 
 if TYPE_CHECKING:
     from analysis.drive.repeat import Floor

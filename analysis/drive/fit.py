@@ -13,9 +13,9 @@ from analysis.drive.repeat import Floor, floor
 from analysis.drive.run import Run, low_pass, prepare
 from analysis.drive.search import accept
 from analysis.drive.table import Table
-from analysis.fit import Fit
-from analysis.motion import Motion
-from analysis.quantity import Quantity
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity
 from analysis.signal.filters import derivative_filters
 
 Floats = NDArray[np.float64]

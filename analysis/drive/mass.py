@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.drive.regress import Regression
-from analysis.motion import Motion
-from analysis.quantity import Quantity
-from analysis.shot import AnalysisError
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import AnalysisError
 
 MASS = "moving_mass_kg"
 AGREE_SIGMAS = 4.0

@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 
 from analysis.drive.catalogue import BASE, LAWS, Span
 from analysis.drive.table import Mask, Table
-from analysis.quantity import Quantity
-from analysis.shot import AnalysisError
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import AnalysisError
 
 Floats = NDArray[np.float64]
 BentValues = Mapping[str, tuple[float, ...]]  # of each law that has bent parameters

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drive.bandwidth import bandwidth_of
-from analysis.motion import Motion
-from analysis.shot import AnalysisError
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError
 from analysis.signal.filters import stretches
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from analysis.drive.regress import BentValues, Regression, design, regress, rms
 from analysis.drive.repeat import folds
 from analysis.drive.screen import Guess, screen
 from analysis.drive.table import Mask, Table
-from analysis.shot import AnalysisError, Cancelled
+from analysis.shot.shot import AnalysisError, Cancelled
 
 Floats = NDArray[np.float64]
 BIC_AGAINST_BASE, BIC_AGAINST_NEXT = 10.0, 6.0  # docs/how-a-diagnosis-decides.md

@@ -6,25 +6,25 @@ from math import inf, isfinite
 
 import numpy as np
 
-from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.free_parameters import trials_named
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, first_floor, fit, search
-from analysis.diagnosis.fits.samples import FINE_RATE_HZ, RATE_HZ
-from analysis.diagnosis.noise.floor import Floor
-from analysis.diagnosis.noise.joint_data import joint_data, parameters_of, shakings_of, site_under
+from analysis.collision.effects import named
+from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.search.competing_models import fitted_instead
 from analysis.diagnosis.search.forward_selection import Trail, without
-from analysis.diagnosis.search.projector import projector
-from analysis.diagnosis.search.screening import fixed_of
 from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
-from analysis.fit import Fit
-from analysis.model.effects import named
-from analysis.model.parameters import Infeasible
-from analysis.motion import Motion
-from analysis.shot import AnalysisError, Stop
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.free_parameters import trials_named
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import Fitted, finish, first_floor, fit, search
+from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
+from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.joint_data import joint_data, parameters_of, shakings_of, site_under
+from analysis.inference.screen.projector import projector
+from analysis.inference.screen.screening import fixed_of
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError, Stop
 
 _ARRIVED = 1e-2
 _UNLIKELY = 9.0  # of chi^2 behind the best: three sigma, and a member need no longer be reckoned with as the true one

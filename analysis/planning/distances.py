@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement, count
 from math import inf, sqrt
 
-from analysis.diagnosis.fits.free_parameters import trials_named
-from analysis.diagnosis.fits.samples import Samples
+from analysis.collision.parameters import Infeasible
+from analysis.compiled.side_by_side import side_by_side
 from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.model.parameters import Infeasible
+from analysis.inference.fit.free_parameters import trials_named
+from analysis.inference.fit.samples import Samples
 from analysis.planning.contest import Contest, Member, rivals
 from analysis.planning.foreseen import (
     NEAR,
@@ -23,8 +24,7 @@ from analysis.planning.foreseen import (
     refitted_chi2,
 )
 from analysis.planning.next_shot import NextShot
-from analysis.shot import Cancelled, Stop
-from analysis.side_by_side import side_by_side
+from analysis.shot.shot import Cancelled, Stop
 
 Pair = tuple[int, int]  # the member that is true, its rival
 Shots = tuple[NextShot, ...]

@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, search, square_of
-from analysis.diagnosis.fits.samples import Samples
-from analysis.diagnosis.noise.floor import Floor
-from analysis.diagnosis.noise.site import on_site
+from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.verdict.cross_validation import shared_places
-from analysis.model.parameters import Infeasible
-from analysis.model.starts import Course
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import Fitted, finish, search, square_of
+from analysis.inference.fit.samples import Samples
+from analysis.inference.fit.starts import Course
+from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.site import on_site
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s, on_the_rig
-from analysis.shot import Stop
+from analysis.shot.shot import Stop
 
 Floats = NDArray[np.float64]
 _EVALUATIONS = 15

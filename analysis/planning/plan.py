@@ -28,7 +28,7 @@ from analysis.planning.distances import (
     searched_anew,
 )
 from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, as_found_kg, effort, in_order, next_shots
-from analysis.shot import Cancelled, Progress, Stop
+from analysis.shot.shot import Cancelled, Progress, Stop
 
 SURE = 1.5  # noise norms above what is asked: what is reached scatters by one
 _KEPT = 8  # shots that go on into sequences of several

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
+from analysis.collision.parameters import Infeasible
+from analysis.compiled.side_by_side import side_by_side
 from analysis.diagnosis.verdict.cross_validation import shared_places
-from analysis.model.parameters import Infeasible
+from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.planning.foreseen import at_hand, blank, foretold, informs
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
-from analysis.shot import AnalysisError, Cancelled, Progress, Stop
-from analysis.side_by_side import side_by_side
+from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop
 
 Floats = NDArray[np.float64]
 ALL = "all"

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.motion import Motion
 from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, undecided
-from analysis.shot import Progress, Stop
+from analysis.shot.motion import Motion
+from analysis.shot.shot import Progress, Stop
 
 if TYPE_CHECKING:  # what plans brings all of the diagnosis; a window shows plans long before it makes one
     from analysis.planning.contest import Contest

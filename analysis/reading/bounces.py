@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
 from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
 from analysis.reading.flights import Flight, fit_flight
 from analysis.reading.floor import Floor
+from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
 

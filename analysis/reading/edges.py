@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
 from analysis.reading.flights import Flight
+from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

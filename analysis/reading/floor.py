@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.disturbance import Shaking
 from analysis.reading.octaves import Octaves
+from analysis.shot.disturbance import Shaking
 
 Floats = NDArray[np.float64]
 

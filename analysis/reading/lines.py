@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
-from analysis.disturbance import VibrationLine
-from analysis.motion import Motion
-from analysis.quantity import Quantity
 from analysis.reading.bins import Bins
 from analysis.reading.octaves import waves_of
 from analysis.reading.strengths import Sight, Weighing
+from analysis.shot.disturbance import VibrationLine
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity
 
 Floats = NDArray[np.float64]
 

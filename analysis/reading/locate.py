@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
+from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from analysis.motion import Motion
-from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.reading.edges import Edge
 from analysis.reading.flights import Flight
 from analysis.reading.floor import Floor
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import NotSeen, Quantity, Reading
 from analysis.signal.filters import derivative_filters
 
 Floats = NDArray[np.float64]

@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.disturbance import VibrationLine
-from analysis.motion import Motion
 from analysis.reading.bins import Bins, binned, kept
 from analysis.reading.flights import SHORTEST_CURVED_S, Flight
 from analysis.reading.floor import Floor
@@ -18,6 +16,8 @@ from analysis.reading.knocks import find_knocks
 from analysis.reading.lines import bend_of, design_of, line_of, refined, wave_of, with_one_more
 from analysis.reading.octaves import Octaves, waves_of
 from analysis.reading.strengths import Sight
+from analysis.shot.disturbance import VibrationLine
+from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
 

@@ -6,11 +6,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from analysis.disturbance import Disturbance, Shaking
-from analysis.doubts import doubts_of_reading
-from analysis.impact import Impact, KineticCor
-from analysis.motion import Motion
-from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.reading import pulse
 from analysis.reading.bounces import Bounces, find_bounces
 from analysis.reading.edges import Edge, edge_of_flight
@@ -18,7 +13,12 @@ from analysis.reading.flights import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
 from analysis.reading.lines import without_lines
 from analysis.reading.locate import Span, find_collision
 from analysis.reading.quiet import Quiet, read_flights
-from analysis.shot import AnalysisError
+from analysis.shot.disturbance import Disturbance, Shaking
+from analysis.shot.doubts import doubts_of_reading
+from analysis.shot.impact import Impact, KineticCor
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import NotSeen, Quantity, Reading
+from analysis.shot.shot import AnalysisError
 
 GUARD = 1.5  # of the force filter's reach, kept clear of the line that an edge leaves
 RELEASE_GUARD = 0.05  # of the contact

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
-from analysis.shot import AnalysisError
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError
 
 Floats = NDArray[np.float64]
 CLEAR_SIGMAS = 20.0  # of the displacement's noise: a turn has to stand out by that

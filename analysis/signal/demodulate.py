@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.air import wavelength_in_air_m
-from analysis.motion import BeatQuality, Motion
-from analysis.quantity import Quantity, Reading
-from analysis.recording import Recording, Role
-from analysis.shot import AnalysisError, AnalysisSettings, Progress, Stop
+from analysis.shot.air import wavelength_in_air_m
+from analysis.shot.motion import BeatQuality, Motion
+from analysis.shot.quantity import Quantity, Reading
+from analysis.shot.recording import Recording, Role
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Stop
 from analysis.signal.cross_talk import LEFT as CROSS_TALK
 from analysis.signal.cross_talk import LEFT_ABOVE, CrossTalk, find_cross_talk, swapped, taken_off
 from analysis.signal.cross_talk import REMOVED as CROSS_TALK_REMOVED

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from analysis.recording import Gap, Recording, Role
+from analysis.shot.recording import Gap, Recording, Role
 from analysis.signal.rest_tones import RestTones, jump_of, summed, tone_of
 from analysis.signal.track import Track
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.recording import Recording
-from analysis.shot import AnalysisError, AnalysisSettings
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisError, AnalysisSettings
 from analysis.signal.guide import Guide, fixed_guide, following_guide
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import Tuning, tune

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.motion import BeatQuality, Motion
+from analysis.shot.motion import BeatQuality, Motion
 from analysis.signal.filters import derivative_filters
 
 MEANINGS = {

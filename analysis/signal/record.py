@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
-from analysis.quantity import NotSeen
-from analysis.shot import AnalysisError
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import NotSeen
+from analysis.shot.shot import AnalysisError
 from analysis.signal.filters import FLAT_SHARE, derivative_gains, derivatives
 
 Floats = NDArray[np.float64]

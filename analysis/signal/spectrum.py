@@ -6,7 +6,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 
 Floats = NDArray[np.float64]
 _EMPTY_DB = -200.0

@@ -6,8 +6,8 @@ speed wrong by a percent, while nothing in the samples themselves shows it.
 
 import math
 
-from analysis.quantity import Quantity
-from analysis.recording import Recording
+from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Recording
 
 FLAG = "rate_contradicted"
 DELIVERED = "lmm:delivered_rate_hz"  # global key: what came by the computer's clock, where it is not the rate

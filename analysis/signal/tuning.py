@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot import AnalysisError
+from analysis.shot.shot import AnalysisError
 
 PHASE_STEPS = 65536  # the local oscillator advances by whole 1/65536 cycles a decimated sample: exact in integers
 IMAGE_REJECTION_DB = 90.0

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from platformdirs import user_log_path
 
-from analysis import kernel_cache
+from analysis.compiled import kernel_cache
 from app.command_line.bundle import write_bundle
 from app.command_line.display import why_no_window
 from app.command_line.version import installed

@@ -10,9 +10,9 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication
 
-from analysis.paper import ground, load
-from analysis.paper_figures import Curve, Figure, Row, figures
-from analysis.shot import Shot
+from analysis.paper.paper import ground, load
+from analysis.paper.paper_figures import Curve, Figure, Row, figures
+from analysis.shot.shot import Shot
 from app.window.plots.save import save_png, save_svg
 from app.window.theme import LIGHT
 

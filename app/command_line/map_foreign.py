@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.recording import Role, Setup
+from analysis.shot.recording import Role, Setup
 from instrument.foreign.contents import ForeignContents
 from instrument.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
 from instrument.foreign.reading import foreign_channels, read_foreign

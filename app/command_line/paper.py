@@ -6,9 +6,9 @@ import sys
 import textwrap
 from pathlib import Path
 
-from analysis.model.exact import TooManyEvents
-from analysis.paper import Reproduction, Status, reproduce, to_result
-from analysis.shot import Shot
+from analysis.collision.exact import TooManyEvents
+from analysis.paper.paper import Reproduction, Status, reproduce, to_result
+from analysis.shot.shot import Shot
 from app.command_line.outputs import in_a_line
 from app.report.paper_rows import SECTIONS, cells, shown
 from app.session.load import load_and_analyse

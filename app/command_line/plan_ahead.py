@@ -12,7 +12,7 @@ from analysis.planning.precision import sharpen
 from analysis.planning.steps import stand
 from analysis.planning.words import shots as shots_words
 from analysis.planning.words import told, with_words
-from analysis.shot import AnalysisError, Shot
+from analysis.shot.shot import AnalysisError, Shot
 
 NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
 

@@ -3,7 +3,7 @@
 import sys
 import time
 
-from analysis import kernel_cache
+from analysis.compiled import kernel_cache
 from app.session.jobs import Report
 from app.session.prepare import complete
 from app.session.prepare import prepare as compile_all

@@ -5,22 +5,22 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from analysis.combined import combined_of, stated
 from analysis.diagnosis.diagnose import diagnose as diagnose_motions
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
-from analysis.fit import Fit
-from analysis.fit_time import SECONDS
-from analysis.fitted_shot import fit_again, read_together, shaking_of
-from analysis.one_rig import why_not_together
+from analysis.fitted.fit_time import SECONDS
+from analysis.fitted.fitted_shot import fit_again, read_together, shaking_of
+from analysis.fitted.readings_model import readings_model
 from analysis.planning.next_shot import Reach
-from analysis.quantity import Quantity
-from analysis.readings_model import readings_model
 from analysis.report import result
-from analysis.series import read
-from analysis.shot import AnalysisError, AnalysisSettings, Shot
+from analysis.shot.fit import Fit
+from analysis.shot.one_rig import why_not_together
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Shot
+from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.series import read
 from app.command_line.model_choice import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.command_line.plan_ahead import Ahead, plan_ahead

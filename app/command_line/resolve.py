@@ -8,12 +8,12 @@ from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Diagnosis
-from analysis.fitted_shot import shaking_of
+from analysis.fitted.fitted_shot import shaking_of
 from analysis.planning.next_shot import NextShot, Reach
 from analysis.planning.steps import Standing, Step, next_step, stand
 from analysis.planning.words import told, with_words
 from analysis.report import result
-from analysis.shot import AnalysisError, Shot
+from analysis.shot.shot import AnalysisError, Shot
 from app.command_line.acquire import LEAST_ARMING_S, capture_settings
 from app.command_line.outputs import check_outputs, in_a_line
 from app.session.load import complaint, load_and_analyse

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
-from analysis.noise_band import diagnosed_band
-from analysis.plates_of_set import plates_words
-from analysis.quantity import Quantity
-from analysis.shot import Shot
-from analysis.weights import weights_words
+from analysis.shot.plates_of_set import plates_words
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Shot
+from analysis.shot.weights import weights_words
+from analysis.uncertainty.noise_band import diagnosed_band
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure

@@ -1,6 +1,6 @@
 """What moved the path beside the block, as a report tells it: lines, floor, knocks, and what they cost."""
 
-from analysis.disturbance import Disturbance
+from analysis.shot.disturbance import Disturbance
 from app.report.markup import Markup, joined, table, tag
 
 _WORDS = {"velocity_in_m_per_s": "velocity before touch", "velocity_out_m_per_s": "velocity after release"}

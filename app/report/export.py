@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.budget import COLUMNS as BUDGET_COLUMNS
-from analysis.budget import budget, to_rows
-from analysis.combined import combined_of
-from analysis.disturbance import Shaking
-from analysis.fitted_shot import shaking_of
-from analysis.motion import Motion
-from analysis.noise_band import noise_band
-from analysis.quantity import Quantity, Reading
-from analysis.series import series
-from analysis.series import to_rows as series_rows
-from analysis.shot import Shot
+from analysis.fitted.fitted_shot import shaking_of
+from analysis.shot.disturbance import Shaking
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity, Reading
+from analysis.shot.shot import Shot
+from analysis.uncertainty.budget import COLUMNS as BUDGET_COLUMNS
+from analysis.uncertainty.budget import budget, to_rows
+from analysis.uncertainty.combined import combined_of
+from analysis.uncertainty.noise_band import noise_band
+from analysis.uncertainty.series import series
+from analysis.uncertainty.series import to_rows as series_rows
 from app.words.plain import cell
 from instrument.recording_writer import write_text_beside
 

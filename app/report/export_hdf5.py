@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from analysis.report import shot_result
-from analysis.shot import Shot
-from analysis.version import program_version
+from analysis.shot.shot import Shot
+from analysis.shot.version import program_version
 from app.report.export import motion_columns, motion_file_names
 from app.words.physics_words import parameter_parts
 from instrument.recording_error import RecordingError

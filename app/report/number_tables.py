@@ -3,12 +3,12 @@
 import math
 from collections.abc import Collection
 
-from analysis.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
-from analysis.fit import Fit
-from analysis.quantity import NotSeen, Quantity, Reading
-from analysis.readings_model import ReadingsModel
-from analysis.series import FITTED, read
-from analysis.shot import Shot
+from analysis.fitted.readings_model import ReadingsModel
+from analysis.shot.fit import Fit
+from analysis.shot.quantity import NotSeen, Quantity, Reading
+from analysis.shot.shot import Shot
+from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
+from analysis.uncertainty.series import FITTED, read
 from app.report.markup import Markup, joined, table, tag
 from app.words.physics_words import effect_words, parameter_parts
 

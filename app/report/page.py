@@ -4,12 +4,12 @@ from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from importlib import resources
 
-from analysis.budget import budget
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.foretold import Foretold
-from analysis.instrument_uncertainty import InstrumentUncertainty
-from analysis.readings_model import readings_model
-from analysis.shot import Shot
+from analysis.fitted.readings_model import readings_model
+from analysis.shot.shot import Shot
+from analysis.uncertainty.budget import budget
+from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section
 from app.report.disturbance_section import disturbance_section

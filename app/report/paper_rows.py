@@ -1,7 +1,7 @@
 """A number of the paper beside this program's, as text in readable units: in the terminal and on the screen."""
 
-from analysis.paper import PaperRow, Status
-from analysis.quantity import Quantity
+from analysis.paper.paper import PaperRow, Status
+from analysis.shot.quantity import Quantity
 
 SECTIONS = {
     "input": "What the paper's rig and simulation were made with",

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from analysis.diagnosis.model_file import saved, to_text
-from analysis.motion import BeatQuality
-from analysis.quantity import NotSeen
-from analysis.recording import DEFAULT_WAVELENGTH_AIR_M, Setup
-from analysis.shot import Shot
-from analysis.version import program_version
+from analysis.shot.motion import BeatQuality
+from analysis.shot.quantity import NotSeen
+from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Setup
+from analysis.shot.shot import Shot
+from analysis.shot.version import program_version
 from app.report.markup import Markup, joined, table, tag
 from instrument.data_hash import data_hash
 from instrument.foreign.mapping import read_mapping

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.budget import budget
-from analysis.combined import combined_of, stated
-from analysis.quantity import Quantity
-from analysis.series import Series, Summary, Trend, series
-from analysis.shot import Shot
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Shot
+from analysis.uncertainty.budget import budget
+from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.series import Series, Summary, Trend, series
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import SCALES, scaled
 from app.report.shot_figures import figure

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.fit import Overlay
-from analysis.noise_band import band_of
-from analysis.quantity import Quantity
-from analysis.shot import Shot
+from analysis.shot.fit import Overlay
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Shot
+from analysis.uncertainty.noise_band import band_of
 from app.report.markup import Markup, tag
 from app.report.shot_times import contact_span_ms, time_zero
 from app.report.svg_plot import WIDTH, Band, Line, Plot, draw

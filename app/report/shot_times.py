@@ -2,8 +2,8 @@
 
 import math
 
-from analysis.quantity import Quantity
-from analysis.shot import Shot
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Shot
 
 
 def time_zero(shot: Shot) -> tuple[float, str]:

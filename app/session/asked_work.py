@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.session import Entry
 from instrument.open_recording import open_recording

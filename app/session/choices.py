@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
-from analysis.corrected import AIR
-from analysis.shot import AnalysisSettings
+from analysis.shot.corrected import AIR
+from analysis.shot.shot import AnalysisSettings
 from app.session import settings_file
 from app.session.setting_field import Value
 from app.session.settings import MOST_ADDRESSES, WrongSettings

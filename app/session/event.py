@@ -6,7 +6,7 @@ from pathlib import Path
 
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Diagnosis
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
 
 
 class Kind(StrEnum):

@@ -14,13 +14,13 @@ from typing import Any, cast
 import numpy as np
 
 from analysis.diagnosis import result
-from analysis.disturbance import Disturbance, Shaking, VibrationLine
-from analysis.fit import Fit, Overlay, ShotFit
-from analysis.impact import Impact, KineticCor
-from analysis.motion import BeatQuality, Motion
-from analysis.quantity import NotSeen, Quantity
-from analysis.recording import Air, Plate, Setup
-from analysis.shot import AnalysisSettings, Shot
+from analysis.shot.disturbance import Disturbance, Shaking, VibrationLine
+from analysis.shot.fit import Fit, Overlay, ShotFit
+from analysis.shot.impact import Impact, KineticCor
+from analysis.shot.motion import BeatQuality, Motion
+from analysis.shot.quantity import NotSeen, Quantity
+from analysis.shot.recording import Air, Plate, Setup
+from analysis.shot.shot import AnalysisSettings, Shot
 
 KNOWN = {
     kind.__name__: kind

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis.shot import Cancelled
+from analysis.shot.shot import Cancelled
 
 Report = Callable[[str, float], None]
 Asked = Callable[[], bool]

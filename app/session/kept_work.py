@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
 from app.session.event import Diagnosed, Reopened
 from app.session.jobs import Asked, Report
 from app.session.results import Key, Results

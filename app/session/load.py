@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.corrected import FLAG
 from analysis.pipeline import analyse, analyse_motion
-from analysis.recording import Recording
-from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
+from analysis.shot.corrected import FLAG
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
 from instrument.motion_file import read_motion
 from instrument.open_recording import analysed_while_hashed, open_unchecked

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from analysis.laws.own import is_law
+from analysis.collision.laws.own import is_law
 from app.words.physics_words import EFFECT_WORDS
 
 

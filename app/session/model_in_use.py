@@ -5,14 +5,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
 
-from analysis.budget import budget
+from analysis.collision.effects import findings
 from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.diagnosis.result import Diagnosis
-from analysis.fit import Fit
-from analysis.fitted_shot import fit_jointly, shaking_of
-from analysis.model.effects import findings
-from analysis.one_rig import why_not_together
-from analysis.shot import AnalysisError, Shot
+from analysis.fitted.fitted_shot import fit_jointly, shaking_of
+from analysis.shot.fit import Fit
+from analysis.shot.one_rig import why_not_together
+from analysis.shot.shot import AnalysisError, Shot
+from analysis.uncertainty.budget import budget
 from app.session.model_effects import ModelEffects
 from app.words.wording import effect_words, local, model_in_words, parameter_parts
 from instrument.recording_error import RecordingError

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from analysis.awaited_fit import awaits_fit, can_be_fitted
 from analysis.diagnosis.model_file import SavedModel
-from analysis.shot import Shot
+from analysis.fitted.awaited_fit import awaits_fit, can_be_fitted
+from analysis.shot.shot import Shot
 from app.session.event import Event, Kind, Loaded, Refitted
 from app.session.jobs import Asked, Job, Report
 from app.session.model_in_use import load_model, model_words

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from analysis.awaited_fit import awaits_fit
+from analysis.fitted.awaited_fit import awaits_fit
 from analysis.planning.next_shot import MOST_SHOTS, NextShot
 from analysis.planning.steps import Standing, Step, next_step, stand
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
 from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.jobs import Job

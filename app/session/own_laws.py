@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from analysis.laws.own import LawError, OwnLaw, from_mapping
+from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
 from instrument.law_file import read_laws, write_law
 
 

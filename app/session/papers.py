@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
 from app.session.diagnoses import Diagnoses
 from app.session.event import Event, Kind
 from app.session.jobs import Asked, Report

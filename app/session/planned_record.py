@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s
-from analysis.recording import Setup
-from analysis.shot import Shot
+from analysis.shot.recording import Setup
+from analysis.shot.shot import Shot
 from instrument.digitizer import CaptureSettings
 
 _LEAST_BEFORE_SWITCH_S = 1e-3
@@ -17,7 +17,7 @@ def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None)
 
     ``rate_hz`` None takes the rate of the shots so far.
     """
-    from analysis.diagnosis.fits.samples import together  # with all of the fit: not at every start
+    from analysis.inference.fit.samples import together  # with all of the fit: not at every start
 
     rate_hz = rate_hz or next((one.sample_rate_hz for one in shots if one.sample_rate_hz), None) or _RATE_HZ
     samples = together([one.motion for one in shots if one.motion is not None and one.fit is not None])

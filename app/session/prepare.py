@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from multiprocessing.context import SpawnProcess
 
-from analysis import kernel_cache
-from analysis.shot import Cancelled
+from analysis.compiled import kernel_cache
+from analysis.shot.shot import Cancelled
 from app.session import rehearsal
 from app.session.jobs import Asked, Report
 from instrument.apart.give_way import give_way

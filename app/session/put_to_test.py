@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.shot import AnalysisError, Progress, Shot, Stop
+from analysis.shot.shot import AnalysisError, Progress, Shot, Stop
 from app.session.model_in_use import load_model, model_words
 
 

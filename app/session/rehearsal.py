@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
-from analysis.recording import Channel, Recording, Role, Setup
-from analysis.shot import Shot
+from analysis.shot.motion import Motion
+from analysis.shot.recording import Channel, Recording, Role, Setup
+from analysis.shot.shot import Shot
 
 Floats = NDArray[np.float64]
 
@@ -39,8 +39,8 @@ def readings() -> Shot:
 
 def fit() -> None:
     """Fit the base model to a made-up motion, as to a shot of its own."""
-    from analysis.fitted_shot import fit_jointly
-    from analysis.kinetic_contact import fitted_contact_cor
+    from analysis.fitted.fitted_shot import fit_jointly
+    from analysis.fitted.kinetic_contact import fitted_contact_cor
 
     fitted_contact_cor(fit_jointly([_motion()], "paper", ()), _MASS_KG)
 
@@ -57,8 +57,8 @@ def bench() -> None:
 
 def effects() -> None:
     """Take every effect of the catalogue, as it acts and as it is differentiated."""
-    from analysis.model.effects import CATALOGUE, WIDER
-    from analysis.model.effects.kernel import address, complex_address
+    from analysis.collision.effects import CATALOGUE, WIDER
+    from analysis.collision.effects.kernel import address, complex_address
 
     for row in (*CATALOGUE.values(), *WIDER.values()):
         for kernel in {row.kernel, row.locked} - {None}:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.shot import AnalysisSettings, Shot
-from analysis.version import program, program_version
+from analysis.shot.shot import AnalysisSettings, Shot
+from analysis.shot.version import program, program_version
 from app.session.frozen_file import NotKept, head_of, packed, unpacked
 from instrument.foreign.remembered import is_foreign
 from instrument.recording_error import RecordingError

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analysis.pipeline import read
-from analysis.recording import Channel, Recording
-from analysis.shot import AnalysisSettings, Cancelled, Progress, Shot
+from analysis.shot.recording import Channel, Recording
+from analysis.shot.shot import AnalysisSettings, Cancelled, Progress, Shot
 from app.session.prepare import Stage
 from instrument.acquisition import Deadlines, State
 from instrument.analyst import fit_here

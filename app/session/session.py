@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from analysis.awaited_fit import awaits_fit
-from analysis.corrected import NAMES
 from analysis.diagnosis.model_file import BASES
-from analysis.shot import AnalysisSettings, Shot
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.corrected import NAMES
+from analysis.shot.shot import AnalysisSettings, Shot
 from app.session.model_effects import ModelEffects, known_effects
 from app.session.verdict_of import VerdictOf
 from instrument.checked import Checked

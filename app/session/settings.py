@@ -9,8 +9,8 @@ from pathlib import Path
 from platformdirs import user_documents_path
 
 from analysis.planning.next_shot import ADDED_KG, SPEEDS_M_PER_S, Reach
-from analysis.recording import Air, Setup
-from analysis.shot import AnalysisSettings
+from analysis.shot.recording import Air, Setup
+from analysis.shot.shot import AnalysisSettings
 from app.session.setting_field import Field, Value
 from instrument.bench.site import LEVELS_M_PER_S, NAMES, USUAL_SITE
 from instrument.capture_options import CaptureOptions

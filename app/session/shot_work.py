@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.disturbance import Shaking
-from analysis.fitted_shot import fit_again
-from analysis.motion import Motion
-from analysis.shot import AnalysisSettings, Progress, Shot
+from analysis.fitted.fitted_shot import fit_again
+from analysis.shot.disturbance import Shaking
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisSettings, Progress, Shot
 from app.session.jobs import Asked
 from app.session.load import load_and_analyse
 from app.session.model_effects import ModelEffects

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Recording, Role
-from analysis.shot import Cancelled
+from analysis.shot.recording import Recording, Role
+from analysis.shot.shot import Cancelled
 from app.session.jobs import Asked, Report
 
 Floats = NDArray[np.float64]

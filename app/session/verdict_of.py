@@ -3,8 +3,8 @@
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
+from analysis.collision.effects import findings
 from analysis.diagnosis.result import Diagnosis
-from analysis.model.effects import findings
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
-from analysis.shot import Cancelled
+from analysis.shot.shot import Cancelled
 from app.session.jobs import Asked, Report
 from app.session.prepare import BENCH, LATER, Stage, complete, mark_complete, prepare
 from app.session.rehearsal import readings

@@ -13,10 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from analysis.awaited_fit import awaits_fit
-from analysis.fitted_shot import shaking_of
-from analysis.one_rig import why_not_together
-from analysis.shot import AnalysisSettings, Shot
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import shaking_of
+from analysis.shot.one_rig import why_not_together
+from analysis.shot.shot import AnalysisSettings, Shot
 from app.session.diagnoses import Diagnoses
 from app.session.elsewhere import Elsewhere
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Refitted, Reopened, SavedElsewhere

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Mapping
 
-from analysis.combined import combined_of
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
+from analysis.uncertainty.combined import combined_of
 
 COMBINED = "± is the combined standard uncertainty, all sources of the budget together."
 NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."

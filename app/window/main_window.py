@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt, QTimer, Slot
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QApplication, QMainWindow
 
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.log import ProgramLog, note
 from app.session.next_shots import PLAN, NextShots

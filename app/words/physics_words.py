@@ -2,8 +2,8 @@
 
 from collections.abc import Collection
 
-from analysis.laws.own import from_key
-from analysis.units import parts
+from analysis.collision.laws.own import from_key
+from analysis.shot.units import parts
 
 EFFECT_WORDS = {
     "coulomb_friction": "Coulomb friction on the block",

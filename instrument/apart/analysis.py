@@ -4,8 +4,8 @@ from collections.abc import Callable
 from functools import partial
 
 from analysis.pipeline import fitted, read
-from analysis.recording import Recording
-from analysis.shot import AnalysisSettings, Progress, Shot
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisSettings, Progress, Shot
 from instrument.apart.work import WorkApart
 from instrument.open_recording import analysed_while_hashed
 

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Setup
+from analysis.shot.recording import Setup
 from instrument.apart.child import Opener, block_samples
 from instrument.apart.conversation import Conversation, error_of
 from instrument.apart.messages import Came

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from analysis.recording import Setup
+from analysis.shot.recording import Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings
 
 

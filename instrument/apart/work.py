@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.shot import AnalysisError, Cancelled, Progress
+from analysis.shot.shot import AnalysisError, Cancelled, Progress
 from instrument.apart.give_way import give_way
 from instrument.recording_error import RecordingError, one_line
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Setup
+from analysis.shot.recording import Setup
 from instrument.bench.effects import Effects, complete, for_shot
 from instrument.bench.floor import Floor
 from instrument.bench.frame import Frame, frame_of

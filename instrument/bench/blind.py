@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import DEFAULT_WAVELENGTH_AIR_M
+from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M
 from instrument.bench.effects import Effects, complete, draw, for_shot, force_slots
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, Trajectory, collide

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Setup
+from analysis.shot.recording import Setup
 from instrument.bench.bench import Bench, Stage
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 

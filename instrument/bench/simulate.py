@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 from instrument.bench.bench import Bench
 from instrument.bench.effects import BEYOND, CATALOGUE, Effects, complete, draw, for_shot
 from instrument.bench.floor import Floor

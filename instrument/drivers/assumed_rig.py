@@ -2,7 +2,7 @@
 
 from types import MappingProxyType
 
-from analysis.recording import Setup
+from analysis.shot.recording import Setup
 
 PAPER_MOVING_MASS_KG = 17.85e-3
 

@@ -16,7 +16,7 @@ import numpy as np
 import usb.core
 from numpy.typing import NDArray
 
-from analysis.recording import Channel, Role, Setup
+from analysis.shot.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers import hantek6022_firmware as firmware_files
 from instrument.drivers import usb_bus

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Channel, Role, Setup
+from analysis.shot.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers.assumed_rig import assumed_rig
 

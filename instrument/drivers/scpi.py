@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Channel, Role, Setup
+from analysis.shot.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers.assumed_rig import assumed_rig
 from instrument.drivers.scpi_arming import EXTERNAL, RATE_TOLERANCE, HardwareTrigger, set_time, set_trigger

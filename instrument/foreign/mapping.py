@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.recording import Role, Setup
+from analysis.shot.recording import Role, Setup
 from instrument.checked import Checked
 from instrument.recording_error import one_line
 from instrument.recording_metadata import RATES_HZ, setup_json, setup_of

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from analysis.recording import Channel, Recording, Role
+from analysis.shot.recording import Channel, Recording, Role
 from instrument.foreign import csv_table, hdf5, tdms, wav
 from instrument.foreign.contents import LARGEST_FILE_BYTES, MOST_SAMPLES, ForeignColumn, ForeignContents
 from instrument.foreign.counts import NotFinite, to_counts

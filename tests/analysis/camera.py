@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
+from analysis.shot.motion import Motion
 from analysis.signal.record import motion_from_displacement
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from analysis.motion import Motion
+from analysis.shot.motion import Motion
 from analysis.signal.filters import derivative_gains, derivatives
 
 Floats = NDArray[np.float64]

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.motion import Motion
-from analysis.recording import Recording
+from analysis.shot.motion import Motion
+from analysis.shot.recording import Recording
 from tests.analysis.collision import Synthetic, motion_from, position_m
 
 Floats = NDArray[np.float64]

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from analysis.impact import Impact, KineticCor
-from analysis.quantity import Quantity
+from analysis.shot.impact import Impact, KineticCor
+from analysis.shot.quantity import Quantity
 
 
 def impact_of(**changes: Any) -> Impact:

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit import Fit
-from analysis.impact import Impact, KineticCor
-from analysis.quantity import Quantity
-from analysis.recording import Setup
-from analysis.shot import AnalysisSettings, Shot
+from analysis.shot.fit import Fit
+from analysis.shot.impact import Impact, KineticCor
+from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Setup
+from analysis.shot.shot import AnalysisSettings, Shot
 from tests.analysis.impacts import impact_of
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 
-from analysis.recording import Plate
+from analysis.shot.recording import Plate
 
 Floats = NDArray[np.float64]
 

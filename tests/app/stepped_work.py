@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from analysis.motion import Motion
-from analysis.shot import Cancelled, Shot
+from analysis.shot.motion import Motion
+from analysis.shot.shot import Cancelled, Shot
 from app.session.shot_work import open_shot
 from app.session.workbench import Workbench
 from tests.app import synthetic

@@ -4,15 +4,15 @@ from functools import lru_cache
 
 import numpy as np
 
+from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict
 from analysis.drive.fit import fit_driven
-from analysis.fit import Fit, Overlay, ShotFit
-from analysis.impact import Impact, KineticCor
-from analysis.laws.own import from_mapping
-from analysis.motion import BeatQuality, Motion
-from analysis.quantity import NotSeen, Quantity
-from analysis.recording import Setup
-from analysis.shot import AnalysisSettings, Shot
+from analysis.shot.fit import Fit, Overlay, ShotFit
+from analysis.shot.impact import Impact, KineticCor
+from analysis.shot.motion import BeatQuality, Motion
+from analysis.shot.quantity import NotSeen, Quantity
+from analysis.shot.recording import Setup
+from analysis.shot.shot import AnalysisSettings, Shot
 from tests.analysis.drive.slider import Drive
 
 RATE_HZ = 100e3

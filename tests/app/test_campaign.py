@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from analysis.version import program, program_version
+from analysis.shot.version import program, program_version
 from app.command_line.campaign.crew import Processes, most_processes
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.place import unfit

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.pipeline import analyse
-from analysis.quantity import Quantity
+from analysis.shot.quantity import Quantity
 from app.report.export import motion_columns
 from instrument.bench.bench import Bench
 from instrument.bench.simulate import record_shot

@@ -11,7 +11,7 @@ from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.verdict.foretold import foretell
 from analysis.drive.fit import fit_driven
-from analysis.shot import AnalysisError
+from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main
 from app.session.load import load_and_analyse
 from app.session.put_to_test import put_to_test

@@ -2,7 +2,7 @@
 
 import threading
 
-from analysis.shot import Cancelled
+from analysis.shot.shot import Cancelled
 from app.session.jobs import Jobs
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.result import Verdict
-from analysis.version import program_version
+from analysis.shot.version import program_version
 from app.session import frozen_file, results
 from app.session.event import Diagnosed
 from app.session.frozen_file import NotKept, head_of, packed, unpacked

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.laws.own import from_mapping
+from analysis.collision.laws.own import from_mapping
 from app.report.export_laws import export_laws
 from app.session.own_laws import OwnLaws
 from app.window.panels.law_curve import LawCurve

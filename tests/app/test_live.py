@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from PySide6.QtTest import QTest
 
-from analysis.recording import Channel, Role
+from analysis.reading.site import read_site
+from analysis.shot.recording import Channel, Role
 from analysis.signal.stream import LiveChunk
-from analysis.site import read_site
 from app.window.panels import live
 from app.window.panels.live import LivePanel
 from app.window.theme import LIGHT

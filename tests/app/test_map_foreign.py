@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 from app.command_line.cli import main
 from app.report.export import MODEL_COLUMNS, MOTION_COLUMNS
 from app.report.export_hdf5 import export_hdf5

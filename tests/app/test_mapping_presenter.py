@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from pytestqt.qtbot import QtBot
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from app.session.choices import Choices
 from app.session.session import Session
 from app.session.workbench import Workbench

@@ -9,8 +9,8 @@ from PySide6.QtWidgets import QFileDialog, QLineEdit
 from pytestqt.qtbot import QtBot
 
 from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.quantity import Quantity
-from analysis.shot import AnalysisError
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import AnalysisError
 from app.session.model_effects import ModelEffects
 from app.session.model_in_use import drift_words, load_model, model_words, save_model
 from app.session.session import Session

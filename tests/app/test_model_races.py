@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from analysis.diagnosis.model_file import SavedModel, saved
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from app.session.event import Loaded
 from app.session.session import Session
 from app.session.workbench import Workbench

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.shot import AnalysisError
+from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main
 from instrument.bench.blind import drawn, records
 from instrument.bench.noise import Noise, NoiseKind
@@ -87,7 +87,7 @@ def test_a_shot_that_could_not_be_fitted_says_why(
         raise AnalysisError("no motion of the contact model comes near these shots")
 
     path = written(tmp_path, 'model = "contact"\nmoving_mass_kg = 0.0912', seen("contact"))
-    monkeypatch.setattr("analysis.fitted_shot.fit_jointly", refuse)
+    monkeypatch.setattr("analysis.fitted.fitted_shot.fit_jointly", refuse)
     status, out, err = said(path, capsys, "--json", str(tmp_path / "out.json"))
     assert status == 1
     assert "r.csv" in err and "not fitted: no motion of the contact model comes near these shots" in err

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.model.fitting import fit_shots
+from analysis.inference.fit.fitting import fit_shots
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import Plan
 from analysis.planning.steps import Standing, Step
-from analysis.recording import Setup
+from analysis.shot.recording import Setup
 from app.command_line.cli import main
 from app.command_line.plan_ahead import plan_ahead
 from app.session.diagnoses import Diagnoses

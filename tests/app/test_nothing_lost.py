@@ -12,11 +12,11 @@ from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QApplication, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from analysis.awaited_fit import awaits_fit
-from analysis.motion import ARRAYS
+from analysis.fitted.awaited_fit import awaits_fit
 from analysis.pipeline import fitted, read
-from analysis.recording import Channel, Recording, Role, Setup
-from analysis.shot import AnalysisSettings, Cancelled, Shot
+from analysis.shot.motion import ARRAYS
+from analysis.shot.recording import Channel, Recording, Role, Setup
+from analysis.shot.shot import AnalysisSettings, Cancelled, Shot
 from app.session.choices import Choices
 from app.session.log import NAME, ProgramLog, note
 from app.session.results import Results

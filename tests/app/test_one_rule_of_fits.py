@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from analysis.report import result
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from app.session.load import load_and_analyse
 from app.session.shot_work import refit_shot
 from instrument.bench.simulate import simulate

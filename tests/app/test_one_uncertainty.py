@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.budget import budget
 from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.paper import reproduce
-from analysis.quantity import Quantity
-from analysis.series import series
+from analysis.paper.paper import reproduce
+from analysis.shot.quantity import Quantity
+from analysis.uncertainty.budget import budget
+from analysis.uncertainty.series import series
 from app.command_line.replay import summary
 from app.report.export import READINGS, export
 from app.report.page import report_of

@@ -9,11 +9,11 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QPushButton
 
-from analysis.budget import budget
 from analysis.diagnosis.result import Candidate, Errors, Verdict
-from analysis.disturbance import Disturbance, Shaking
 from analysis.drive.curves import drive_curves
-from analysis.quantity import NotSeen, Quantity
+from analysis.shot.disturbance import Disturbance, Shaking
+from analysis.shot.quantity import NotSeen, Quantity
+from analysis.uncertainty.budget import budget
 from app.session.session import Session
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.compare import ComparePanel

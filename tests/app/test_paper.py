@@ -80,6 +80,6 @@ def _dark(image: QImage, x: int, y: int) -> bool:
 
 
 def test_table_lines_stay_readable() -> None:
-    from analysis.paper import reproduce
+    from analysis.paper.paper import reproduce
 
     assert max(len(line) for line in table(reproduce()).splitlines()) <= 150

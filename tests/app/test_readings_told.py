@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from analysis.diagnosis.model_file import from_text
-from analysis.fitted_shot import fit_jointly, read_with, with_fit
-from analysis.kinetic_contact import fitted_contact_cor
+from analysis.fitted.fitted_shot import fit_jointly, read_with, with_fit
+from analysis.fitted.kinetic_contact import fitted_contact_cor
 from analysis.pipeline import analyse_motion
 from analysis.report import shot_result
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from app.command_line.replay import summary
 from app.report.page import report_of
 from tests.analysis.collision import MASS_KG, Synthetic

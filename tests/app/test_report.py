@@ -11,10 +11,10 @@ import numpy as np
 import pypdfium2
 import pytest
 
-from analysis.budget import budget
 from analysis.diagnosis.result import FoundEffect
-from analysis.quantity import Quantity
-from analysis.recording import Plate
+from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Plate
+from analysis.uncertainty.budget import budget
 from app.command_line.cli import main
 from app.report.markup import Markup, tag
 from app.report.page import MOST_DRAWN, report_of

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from app.session.own_session import own_session
 from app.session.session import Session
 from tests.app import synthetic

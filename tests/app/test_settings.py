@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from analysis.corrected import FLAG, corrected
 from analysis.planning.next_shot import Reach
-from analysis.recording import Air, Setup
-from analysis.shot import AnalysisSettings
+from analysis.shot.corrected import FLAG, corrected
+from analysis.shot.recording import Air, Setup
+from analysis.shot.shot import AnalysisSettings
 from app.session import settings_file
 from app.session.choices import Choices
 from app.session.load import load_and_analyse

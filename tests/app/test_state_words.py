@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.recording import Role
-from analysis.shot import AnalysisSettings
+from analysis.shot.recording import Role
+from analysis.shot.shot import AnalysisSettings
 from app.session.session import Entry
 from app.window import state_words
 from app.window.theme import Tone

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from pytestqt.qtbot import QtBot
 
-from analysis.budget import budget
-from analysis.paper import reproduce
+from analysis.paper.paper import reproduce
+from analysis.uncertainty.budget import budget
 from app.report.export import export
 from app.window.panels.budget import BudgetPanel
 from app.window.panels.paper import PaperPanel

@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QLineEdit
 from pytestqt.qtbot import QtBot
 
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.workbench import Event, Kind, Workbench
 from app.window.main_window import open_window

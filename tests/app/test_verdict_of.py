@@ -7,7 +7,7 @@ import pytest
 from PySide6.QtCore import Qt
 
 from analysis.diagnosis.result import Verdict
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.session import Session

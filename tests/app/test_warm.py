@@ -9,8 +9,8 @@ import llvmlite
 import numba
 import pytest
 
-from analysis import kernel_cache
-from analysis.shot import AnalysisSettings, Cancelled
+from analysis.compiled import kernel_cache
+from analysis.shot.shot import AnalysisSettings, Cancelled
 from app.command_line.cli import main
 from app.session import prepare, warm
 from app.session.rig import Rig

@@ -8,7 +8,7 @@ from PySide6.QtCore import QLocale
 
 from analysis.diagnosis import words
 from analysis.diagnosis.result import Verdict
-from analysis.quantity import NotSeen, Quantity
+from analysis.shot.quantity import NotSeen, Quantity
 from analysis.signal.quality import MEANINGS
 from app.words import verdict, wording
 from app.words.flag_words import FLAG_WORDS

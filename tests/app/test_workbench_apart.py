@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from analysis.motion import ARRAYS
-from analysis.shot import AnalysisSettings
+from analysis.shot.motion import ARRAYS
+from analysis.shot.shot import AnalysisSettings
 from app.session.event import Event, Kind
 from app.session.load import load_and_analyse
 from app.session.session import Session

@@ -8,7 +8,7 @@ from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
 from app.command_line.cli import main
 from app.session.session import Session
 from instrument.recording_file import find_recordings

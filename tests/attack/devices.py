@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import usb.core
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.acquire import AcquireError, acquire
 from instrument.digitizer import CaptureSettings, DigitizerError
 from instrument.drivers.bulk_stream import Chunk

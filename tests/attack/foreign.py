@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.recording import Role, Setup
+from analysis.shot.recording import Role, Setup
 from instrument.foreign.mapping import ForeignMapping, MappedChannel
 from instrument.foreign.reading import foreign_channels, read_foreign
 from instrument.recording_error import RecordingError

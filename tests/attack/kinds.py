@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.recording import Channel, Gap, Recording, Role, Setup
+from analysis.shot.recording import Channel, Gap, Recording, Role, Setup
 from instrument.bench.simulate import simulate
 from instrument.live import warm
 from tests.attack.crowds import folders, kills, sessions

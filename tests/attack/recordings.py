@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from app.session.load import load_and_analyse
 from instrument.bench.simulate import simulate
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line

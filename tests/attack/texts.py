@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from app.command_line.cli import main
 from app.session.model_in_use import load_model
 from app.session.session import SCHEMA, Session

@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def one(at: tuple[int, int]) -> dict[str, Any]:
     """Return the outcome of shot (seed, index): each number as [value, std, truth], null where it was refused."""
-    from analysis.kernel_cache import keep_true
+    from analysis.compiled.kernel_cache import keep_true
 
     keep_true()
     from analysis.pipeline import analyse

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 from instrument.bench import forces as slot
 from instrument.bench.bench import Bench
 from instrument.bench.floor import HIGHEST_HZ, LOWEST_HZ

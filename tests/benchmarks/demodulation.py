@@ -15,9 +15,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.signal import fftconvolve
 
-from analysis.motion import Motion
-from analysis.recording import Recording
-from analysis.shot import AnalysisSettings
+from analysis.shot.motion import Motion
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisSettings
 from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator
 from analysis.signal.demodulate import demodulate

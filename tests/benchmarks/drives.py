@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.diagnosis.driven import diagnose_driven
-from analysis.motion import Motion
-from analysis.shot import AnalysisError
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError
 from analysis.signal.record import motion_from_displacement
 from tests.analysis.drive.slider import RATE_HZ, Drive, Floats
 

@@ -10,17 +10,17 @@ import time
 
 import numpy as np
 
-from analysis.fit import Fit
-from analysis.model import fitting
-from analysis.model.base import Base
-from analysis.model.least_squares import covariance
-from analysis.model.parameters import PAPER
-from analysis.model.prepare import prepare
-from analysis.model.response import Model
-from analysis.model.search import Problem
-from analysis.noise import Noise
-from analysis.quantity import Quantity
-from tests.analysis.model.simulated import shot
+from analysis.collision.parameters import PAPER
+from analysis.inference.fit import fitting
+from analysis.inference.fit.base import Base
+from analysis.inference.fit.least_squares import covariance
+from analysis.inference.fit.prepare import prepare
+from analysis.inference.fit.response import Model
+from analysis.inference.fit.search import Problem
+from analysis.inference.noise.noise import Noise
+from analysis.shot.fit import Fit
+from analysis.shot.quantity import Quantity
+from tests.analysis.collision.simulated import shot
 
 TRUTH = {
     "plate_stiffness_n_per_m": PAPER.plate_stiffness_n_per_m,

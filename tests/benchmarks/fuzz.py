@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.recording import Channel, Gap, Recording, Role, Setup
+from analysis.shot.recording import Channel, Gap, Recording, Role, Setup
 from tests.instrument.fuzzing import fuzz
 
 

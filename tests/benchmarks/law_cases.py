@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.motion import Motion
+from analysis.shot.motion import Motion
 from tests.law_rigs import Bodies, Force, LawRig, Memory
 
 NOISE_M = 1e-10

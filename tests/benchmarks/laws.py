@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _one(case: LawCase) -> LawOutcome:
-    from analysis.kernel_cache import keep_true
+    from analysis.compiled.kernel_cache import keep_true
 
     keep_true()
     from analysis.diagnosis.diagnose import diagnose

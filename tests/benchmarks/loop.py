@@ -60,7 +60,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _diagnose() -> Any:
-    from analysis.kernel_cache import keep_true
+    from analysis.compiled.kernel_cache import keep_true
 
     keep_true()
     from analysis.diagnosis.diagnose import diagnose

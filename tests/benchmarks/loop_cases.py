@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from analysis.motion import Motion
-from analysis.quantity import Quantity
-from analysis.shot import AnalysisSettings
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.bench import Bench

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.diagnosis.fits.samples import Samples, together
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.motion import Motion
+from analysis.inference.fit.samples import Samples, together
 from analysis.planning.contest import contest
 from analysis.planning.distances import screened
 from analysis.planning.next_shot import NextShot, Reach, contact_s, undecided
 from analysis.planning.steps import Step, next_step, stand
+from analysis.shot.motion import Motion
 from instrument.bench.blind import Take, Truth, records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
 

@@ -201,7 +201,7 @@ def _end(outcome: NextOutcome) -> str:
 
 
 def _one(every: int, case: Case) -> NextOutcome:
-    from analysis.kernel_cache import keep_true
+    from analysis.compiled.kernel_cache import keep_true
 
     keep_true()
     from analysis.diagnosis.diagnose import diagnose

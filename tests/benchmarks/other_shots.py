@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
-from analysis.diagnosis.fits.samples import Samples
-from analysis.diagnosis.noise.floor import Floor
+from analysis.collision.effects import named
+from analysis.collision.effects.row import Acts, Sensed
+from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.verdict.cross_validation import shared_places
-from analysis.model.effects import named
-from analysis.model.effects.row import Acts, Sensed
-from analysis.model.fitting import fit_shots
-from analysis.model.parameters import Infeasible
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import Floor
 from analysis.planning.contest import Contest, Member, again, contest, rivals
 from analysis.planning.foreseen import Informs, at_hand, blank, eliminated, foretold, informs
 from analysis.planning.next_shot import NextShot, Reach, next_shots

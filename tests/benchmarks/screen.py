@@ -17,7 +17,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QApplication
 
-from analysis.recording import Channel, Recording, Role, Setup
+from analysis.shot.recording import Channel, Recording, Role, Setup
 from app.session.session import Session
 from app.window.main_window import open_window
 from app.window.panels.compare import ComparePanel

@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from analysis.kernel_cache import keep_true
+from analysis.compiled.kernel_cache import keep_true
 
 ROUNDS = 5
 SAMPLES, RATE_HZ = 5_000_000, 30e6
@@ -80,7 +80,7 @@ def _unhashed_s(path: Path) -> float:
 
 def _diagnosis(hilbert_s: float) -> int:
     from analysis.diagnosis.diagnose import diagnose
-    from analysis.diagnosis.noise.joint_data import shakings_of
+    from analysis.inference.noise.joint_data import shakings_of
     from tests.analysis.diagnosis.shots import shots
 
     cases = {

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.model import exact, gear, general
-from analysis.model.effects import CATALOGUE
-from analysis.model.parameters import PAPER
+from analysis.collision import exact, gear, general
+from analysis.collision.effects import CATALOGUE
+from analysis.collision.parameters import PAPER
 
 TIME_S = np.arange(6001) * 1e-5  # 60 ms
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.samples import Samples, together
-from analysis.diagnosis.noise.floor import white_floor
-from analysis.diagnosis.noise.site import Site, Sway, swayed
-from analysis.disturbance import Shaking
-from analysis.model.prepare import base_named
-from analysis.motion import Motion
+from analysis.inference.fit.prepare import base_named
+from analysis.inference.fit.samples import Samples, together
+from analysis.inference.noise.floor import white_floor
+from analysis.inference.noise.site import Site, Sway, swayed
+from analysis.shot.disturbance import Shaking
+from analysis.shot.motion import Motion
 from instrument.bench.blind import Truth, clean_m, drawn, records
 from instrument.bench.effects import CATALOGUE, scaled
 from instrument.bench.frame import HIGHEST_HZ, LOWEST_HZ, density_m2_per_hz

@@ -54,7 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _one(case: Case) -> Outcome:
-    from analysis.kernel_cache import keep_true
+    from analysis.compiled.kernel_cache import keep_true
 
     keep_true()
     from analysis.diagnosis.diagnose import diagnose

@@ -17,8 +17,8 @@ from pathlib import Path
 from statistics import median
 
 from analysis.pipeline import read
-from analysis.recording import Recording
-from analysis.shot import AnalysisSettings, Progress, Shot
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisSettings, Progress, Shot
 from instrument.acquisition import State
 from instrument.analyst import fit_here
 from instrument.apart.analysis import AnalysisApart

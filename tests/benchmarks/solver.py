@@ -21,11 +21,11 @@ SCREENED_S = np.arange(1200) * 5e-5
 
 def tasks() -> dict[str, Callable[[], object]]:
     """Return what is timed, by name; each returns a displacement or what it has instead."""
-    from analysis.diagnosis.fits.quick_shot import Optics, respond
-    from analysis.diagnosis.search.first_order import Shot, path_of
-    from analysis.model import exact, general
-    from analysis.model.effects import CATALOGUE
-    from analysis.model.parameters import PAPER
+    from analysis.collision import exact, general
+    from analysis.collision.effects import CATALOGUE
+    from analysis.collision.parameters import PAPER
+    from analysis.inference.fit.quick_shot import Optics, respond
+    from analysis.inference.screen.first_order import Shot, path_of
 
     out: dict[str, Callable[[], object]] = {
         "two bodies": lambda: exact.solve(PAPER, TIME_S).displacement_m,

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.collision.laws.own import called
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Diagnosis, Errors
-from analysis.laws.own import called
-from analysis.motion import Motion
-from analysis.shot import AnalysisSettings
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.blind import drawn, records
@@ -184,7 +184,7 @@ def main(arguments: list[str] | None = None) -> int:
         "# The closed loop, told on cases",
         "",
         "Written by `python -m tests.benchmarks.stories --page docs/closed-loop.md`; no number here is typed by hand.",
-        "The paper's own numbers, before, traced to and after, are told by `analysis/paper_audit.py`. The blind",
+        "The paper's own numbers, before, traced to and after, are told by `analysis/paper/paper_audit.py`. The blind",
         "statistics stand in closed-loop-benchmark.md (`make bench-loop`).",
         "",
     ]

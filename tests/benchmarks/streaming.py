@@ -17,8 +17,8 @@ from functools import partial
 from pathlib import Path
 
 from analysis.pipeline import analyse
-from analysis.recording import Recording
-from analysis.shot import AnalysisSettings, Progress, Shot
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisSettings, Progress, Shot
 from instrument.apart.digitizer import DigitizerApart
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.capture import Capture, CaptureOptions

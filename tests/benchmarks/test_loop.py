@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from analysis.quantity import Quantity
+from analysis.shot.quantity import Quantity
 from tests.benchmarks.loop_cases import Case, Outcome, cases, draw, judge, motions
 from tests.benchmarks.loop_page import confusion, page
 from tests.benchmarks.loop_score import Share, exact, lines, named_alone, truth_reported

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.recording import Recording
-from analysis.shot import AnalysisSettings, Shot
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisSettings, Shot
 from instrument.capture import Capture, CaptureOptions
 from instrument.digitizer import CaptureSettings
 from instrument.snapshot import Snapshot

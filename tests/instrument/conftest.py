@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.recording import Air, Channel, Gap, Plate, Recording, Role, Setup
+from analysis.shot.recording import Air, Channel, Gap, Plate, Recording, Role, Setup
 
 
 @pytest.fixture

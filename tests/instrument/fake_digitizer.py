@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.recording import Channel, Role, Setup
+from analysis.shot.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 
 RATE_HZ = 1e6

@@ -5,7 +5,7 @@ import random
 from collections import Counter
 from pathlib import Path
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 from app.session.settings import Settings
 from app.session.settings_file import load, save
 from instrument.motion_file import read_motion

@@ -4,9 +4,9 @@ import threading
 
 import pytest
 
-from analysis.awaited_fit import awaits_fit
+from analysis.fitted.awaited_fit import awaits_fit
 from analysis.pipeline import analyse, fitted, read
-from analysis.shot import AnalysisError, AnalysisSettings, Cancelled
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled
 from instrument.analyst import Analyst, fit_here
 from tests.beats import Synthetic, recording_of
 

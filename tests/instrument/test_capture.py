@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.recording import Recording, Setup
-from analysis.shot import Cancelled, Shot
+from analysis.shot.recording import Recording, Setup
+from analysis.shot.shot import Cancelled, Shot
 from instrument.acquisition import Deadlines, State
 from instrument.capture import CaptureOptions
 from instrument.digitizer import Block, CaptureSettings

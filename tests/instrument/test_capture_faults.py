@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.shot import AnalysisError, Cancelled, Shot
+from analysis.shot.shot import AnalysisError, Cancelled, Shot
 from instrument.acquisition import Deadlines, State
 from instrument.capture import Capture, CaptureOptions
 from instrument.digitizer import Block, CaptureSettings, DigitizerError

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from analysis.pipeline import analyse
-from analysis.recording import MOST_GAPS, Gap, Recording
-from analysis.shot import Cancelled, Shot
+from analysis.shot.recording import MOST_GAPS, Gap, Recording
+from analysis.shot.shot import Cancelled, Shot
 from instrument.open_recording import analysed_while_hashed
 from instrument.recording_file import RecordingError, has_hash, read_recording, write_recording
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 from instrument.data_hash import data_hash
 from instrument.recording_error import RecordingError
 from instrument.recording_file import write_recording

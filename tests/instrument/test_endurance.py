@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.recording import Recording
-from analysis.shot import AnalysisSettings, Progress, Shot
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisSettings, Progress, Shot
 from instrument.capture import Capture, CaptureOptions
 from instrument.digitizer import CaptureSettings
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer

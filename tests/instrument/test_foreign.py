@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis.recording import Air, Plate, Recording, Role, Setup
+from analysis.shot.recording import Air, Plate, Recording, Role, Setup
 from instrument.foreign import contents, csv_table
 from instrument.foreign.counts import NotFinite, to_counts
 from instrument.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 from tests.instrument.fuzzing import fuzz
 
 

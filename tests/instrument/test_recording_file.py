@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis.recording import Recording
+from analysis.shot.recording import Recording
 from instrument.recording_file import (
     RecordingError,
     RecordingWriter,

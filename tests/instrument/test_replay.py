@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.recording import Recording, Role
+from analysis.shot.recording import Recording, Role
 from instrument.digitizer import Block, CaptureSettings, DigitizerError
 from instrument.recording_file import write_recording
 from instrument.replay import ReplayDigitizer

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from analysis.reading.site import PlannedShot
 from analysis.signal.stream import LiveChunk
-from analysis.site import PlannedShot
 from instrument.digitizer import CaptureSettings
 from instrument.rest_watch import RestWatch, planned_shot
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.recording import Channel, Role
-from analysis.site import read_site
+from analysis.reading.site import read_site
+from analysis.shot.recording import Channel, Role
 from instrument.bench.frame import frame_of
 from instrument.bench.site import Site
 from instrument.doctor import Grade

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.recording import Channel, Recording, Role, Setup
+from analysis.shot.recording import Channel, Recording, Role, Setup
 from instrument.digitizer import Block, DigitizerError
 from instrument.replay import ReplayDigitizer
 from instrument.signal_trial import try_signals

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.recording_file import find_recordings, read_recording
 from instrument.trigger import LEARNED_FROM, Edge, Level, LightSwitch, TriggerSettings, middle_of_step
 

@@ -5,21 +5,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from analysis.diagnosis import words
-from analysis.diagnosis.fits.as_fit import effect_parameters
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
 from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.law_telling import retold
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
-from analysis.diagnosis.search.projector import Projector, projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
 from analysis.diagnosis.verdict.residual import Residual, judge
-from analysis.quantity import Quantity
-from analysis.shot import Progress, Stop
+from analysis.inference.fit.as_fit import effect_parameters
+from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
+from analysis.inference.screen.projector import Projector, projector
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Progress, Stop
 
 
 @dataclass(frozen=True, slots=True)

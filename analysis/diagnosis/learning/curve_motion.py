@@ -10,21 +10,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.derivatives import linearised_shot, solved
-from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
-from analysis.laws.arguments import Argument
-from analysis.laws.curve import Basis, Curve, spread
-from analysis.model import general
-from analysis.model.acting import acting
-from analysis.model.effects import named
-from analysis.model.effects.kernel import TOUCHING
-from analysis.model.effects.row import Effect
-from analysis.model.first_order import along
-from analysis.model.linear_path import LinearPath, linear_path
-from analysis.model.parameters import Collision, Infeasible
-from analysis.side_by_side import side_by_side
+from analysis.collision import general
+from analysis.collision.acting import acting
+from analysis.collision.effects import named
+from analysis.collision.effects.kernel import TOUCHING
+from analysis.collision.effects.row import Effect
+from analysis.collision.first_order import along
+from analysis.collision.laws.arguments import Argument
+from analysis.collision.laws.curve import Basis, Curve, spread
+from analysis.collision.linear_path import LinearPath, linear_path
+from analysis.collision.parameters import Collision, Infeasible
+from analysis.compiled.side_by_side import side_by_side
+from analysis.inference.fit.derivatives import linearised_shot, solved
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import Fitted
 
 Floats = NDArray[np.float64]
 Path = tuple[LinearPath, Collision]

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from analysis.diagnosis.fits.free_parameters import TrialEffect
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
-from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
-from analysis.shot import Progress, Stop
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.screen.projector import projector
+from analysis.shot.shot import Progress, Stop
 
 _A_ROW = 0.05  # of a law's size: a row so near, to first order and between samples, may be the law itself
 _HALF = 0.5  # of a diagnosis: the rest of the long way may follow

@@ -15,21 +15,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
+from analysis.collision.laws.arguments import ARGUMENTS, Argument
+from analysis.collision.parameters import Infeasible
+from analysis.compiled.side_by_side import side_by_side
 from analysis.diagnosis.learning.closed_forms import Fitting, compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import ground_of
 from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
 from analysis.diagnosis.learning.law_telling import FormFit, told
 from analysis.diagnosis.result import LearnedLaw
-from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import Residual, judge
-from analysis.laws.arguments import ARGUMENTS, Argument
-from analysis.model.parameters import Infeasible
-from analysis.shot import Cancelled, Progress, Stop
-from analysis.side_by_side import side_by_side
+from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
+from analysis.inference.screen.projector import projector
+from analysis.shot.shot import Cancelled, Progress, Stop
 
 FIRST_PIECES, MOST_PIECES = 12, 96
 _FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front

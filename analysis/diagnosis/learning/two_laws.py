@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, lead_on
+from analysis.collision.parameters import Infeasible
+from analysis.compiled.side_by_side import side_by_side
 from analysis.diagnosis.learning.closed_forms import compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
 from analysis.diagnosis.learning.curve_motion import Term, ground_of
@@ -25,13 +26,12 @@ from analysis.diagnosis.learning.law_learning import (
 )
 from analysis.diagnosis.learning.law_telling import FormFit, retold, told
 from analysis.diagnosis.search.forward_selection import without_effect
-from analysis.diagnosis.search.projector import projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import predict
 from analysis.diagnosis.verdict.residual import judge
-from analysis.model.parameters import Infeasible
-from analysis.shot import Progress, Stop
-from analysis.side_by_side import side_by_side
+from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
+from analysis.inference.screen.projector import projector
+from analysis.shot.shot import Progress, Stop
 
 _PAIRS = 4  # of arguments, likeliest to first order: fitted to the end
 _STEPS = 7

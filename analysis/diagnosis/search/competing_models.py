@@ -7,17 +7,17 @@ mode at a frequency of its own.  So the nearest are fitted, from where they imit
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-from analysis.diagnosis.fits.added_effect import refit, times
-from analysis.diagnosis.fits.free_parameters import TrialEffect
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit
+from analysis.collision.effects import named
 from analysis.diagnosis.search.forward_selection import Trail, better, without
-from analysis.diagnosis.search.projector import Projector
-from analysis.diagnosis.search.screening import scores
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.diagnosis.verdict.residual import Residual, judge
-from analysis.model.effects import named
-from analysis.shot import Cancelled, Stop
+from analysis.inference.fit.added_effect import refit, times
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.hypothesis_fit import Fitted, fit
+from analysis.inference.screen.projector import Projector
+from analysis.inference.screen.screening import scores
+from analysis.shot.shot import Cancelled, Stop
 
 Separations = Mapping[str, Separation]
 Start = tuple[Mapping[str, float], ...]  # an effect's values a shot

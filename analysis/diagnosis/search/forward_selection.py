@@ -8,19 +8,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.added_effect import refit, united
-from analysis.diagnosis.fits.effective_parameters import Point, to_effective
-from analysis.diagnosis.fits.free_parameters import TrialEffect
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit
-from analysis.diagnosis.noise.floor import Floor
-from analysis.diagnosis.search.projector import Projector, projector
-from analysis.diagnosis.search.screening import Score, scores
+from analysis.collision.parameters import Infeasible
+from analysis.compiled.side_by_side import side_by_side
 from analysis.diagnosis.search.wider import narrower, widened
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.model.parameters import Infeasible
-from analysis.shot import Cancelled, Stop
-from analysis.side_by_side import side_by_side
+from analysis.inference.fit.added_effect import refit, united
+from analysis.inference.fit.effective_parameters import Point, to_effective
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import Fitted, fit
+from analysis.inference.noise.floor import Floor
+from analysis.inference.screen.projector import Projector, projector
+from analysis.inference.screen.screening import Score, scores
+from analysis.shot.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
 REFITTED = 5

@@ -4,22 +4,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.diagnosis.fits.base_fit import slow_enough
-from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.free_parameters import TrialEffect
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, finish, search
+from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
 from analysis.diagnosis.search.wider import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.fit import Fit
-from analysis.model.base_minimum import first_guesses
-from analysis.model.parameters import Infeasible
-from analysis.model.prepare import prepare_set
-from analysis.model.response import Model
-from analysis.model.search import own_start
-from analysis.motion import Motion
-from analysis.shot import Stop
+from analysis.inference.fit.base_fit import slow_enough
+from analysis.inference.fit.base_minimum import first_guesses
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import Fitted, finish, search
+from analysis.inference.fit.prepare import prepare_set
+from analysis.inference.fit.response import Model
+from analysis.inference.fit.search import own_start
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.shot import Stop
 
 _SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # of the stiffness and damping of the contact that was read
 

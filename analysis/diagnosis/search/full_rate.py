@@ -10,19 +10,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.fits.added_effect import refit
-from analysis.diagnosis.fits.free_parameters import TrialEffect
-from analysis.diagnosis.fits.hypothesis import JointData
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit, learn_floor, residuals
-from analysis.diagnosis.fits.samples import FINE_RATE_HZ, together
-from analysis.diagnosis.noise.joint_data import with_plates
-from analysis.diagnosis.noise.site import on_site
+from analysis.collision.effects import named
 from analysis.diagnosis.search.forward_selection import Trail, polish, prune
-from analysis.diagnosis.search.projector import projector
-from analysis.diagnosis.search.screening import scores
-from analysis.model.effects import named
-from analysis.motion import Motion
-from analysis.shot import Stop
+from analysis.inference.fit.added_effect import refit
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.hypothesis import JointData
+from analysis.inference.fit.hypothesis_fit import Fitted, fit, learn_floor, residuals
+from analysis.inference.fit.samples import FINE_RATE_HZ, together
+from analysis.inference.noise.joint_data import with_plates
+from analysis.inference.noise.site import on_site
+from analysis.inference.screen.projector import projector
+from analysis.inference.screen.screening import scores
+from analysis.shot.motion import Motion
+from analysis.shot.shot import Stop
 
 _MATTERS = 0.02  # of the white noise: that the site's directions are wrong by
 _FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do

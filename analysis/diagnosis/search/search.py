@@ -8,21 +8,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from analysis.diagnosis.fits.base_fit import base_fit, pays_along
-from analysis.diagnosis.fits.free_parameters import TrialEffect
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
-from analysis.diagnosis.noise.joint_data import joint_data
-from analysis.diagnosis.noise.own_flights import own_flights
-from analysis.diagnosis.noise.site import Site, may_be_of_a_site
+from analysis.collision.effects import named
 from analysis.diagnosis.search.forward_selection import Trail, climb, paired
 from analysis.diagnosis.search.from_base import accept, explored
 from analysis.diagnosis.search.full_rate import swayed_from_there
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, judge
-from analysis.fit import Fit
-from analysis.model.effects import named
-from analysis.motion import Motion
-from analysis.shot import Progress, Stop
+from analysis.inference.fit.base_fit import base_fit, pays_along
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.noise.joint_data import joint_data
+from analysis.inference.noise.own_flights import own_flights
+from analysis.inference.noise.site import Site, may_be_of_a_site
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.shot import Progress, Stop
 
 
 @dataclass(frozen=True)

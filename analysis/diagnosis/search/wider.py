@@ -6,13 +6,13 @@ where the narrow one was not found.
 
 from collections.abc import Iterable
 
-from analysis.diagnosis.fits.effective_parameters import Point, to_effective
-from analysis.diagnosis.fits.free_parameters import TrialEffect, trial_effect
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, fit
-from analysis.model.effects import WIDER, named
-from analysis.model.parameters import Infeasible
-from analysis.shot import Stop
+from analysis.collision.effects import WIDER, named
+from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.effective_parameters import Point, to_effective
+from analysis.inference.fit.free_parameters import TrialEffect, trial_effect
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import Fitted, fit
+from analysis.shot.shot import Stop
 
 
 def narrower(names: Iterable[str]) -> set[str]:

@@ -5,16 +5,16 @@ What stands of the effects that a search found follows: after held-out shots, si
 
 from dataclasses import dataclass
 
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.competing_models import Separations, apart, challenged, unmissed
 from analysis.diagnosis.search.forward_selection import Trail, another_way, better, without
-from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
 from analysis.diagnosis.verdict.residual import Residual, judge
-from analysis.shot import Progress
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.screen.projector import Projector
+from analysis.shot.shot import Progress
 
 Told = tuple[Prediction, Prediction]
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, search, square_of
-from analysis.diagnosis.noise.floor import Floor
+from analysis.collision.parameters import Infeasible
+from analysis.compiled.side_by_side import side_by_side
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.model.least_squares import Square, covariance, minimise
-from analysis.model.parameters import Infeasible
-from analysis.shot import Stop
-from analysis.side_by_side import side_by_side
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.hypothesis_fit import Fitted, search, square_of
+from analysis.inference.fit.least_squares import Square, covariance, minimise
+from analysis.inference.noise.floor import Floor
+from analysis.shot.shot import Stop
 
 Floats = NDArray[np.float64]
 

@@ -8,13 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.free_parameters import TrialEffect, trials_named
-from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.fits.hypothesis_fit import learn_floor, residuals, square_of
-from analysis.diagnosis.fits.samples import together
+from analysis.collision.effects import findings
+from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.model_file import SavedModel
-from analysis.diagnosis.noise.floor import white_floor
 from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.diagnosis.verdict.residual import errors
@@ -24,19 +20,23 @@ from analysis.drive.regress import rms
 from analysis.drive.repeat import Floor as DriveFloor
 from analysis.drive.run import prepare as prepare_drive
 from analysis.drive.table import Table
-from analysis.fit import names_on_plate, plates_named
-from analysis.fitted_shot import fit_jointly
-from analysis.model.base import PLATE_NAMES
-from analysis.model.effects import findings
-from analysis.model.least_squares import minimise
-from analysis.model.parameters import Infeasible
-from analysis.model.prepare import base_named, prepare
-from analysis.model.response import Model
-from analysis.model.search import own_start
-from analysis.motion import Motion
-from analysis.plate import stated_n_per_m
-from analysis.quantity import Quantity
-from analysis.shot import AnalysisError, Cancelled, Stop
+from analysis.fitted.fitted_shot import fit_jointly
+from analysis.inference.fit.base import PLATE_NAMES
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.free_parameters import TrialEffect, trials_named
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.hypothesis_fit import learn_floor, residuals, square_of
+from analysis.inference.fit.least_squares import minimise
+from analysis.inference.fit.prepare import base_named, prepare
+from analysis.inference.fit.response import Model
+from analysis.inference.fit.samples import together
+from analysis.inference.fit.search import own_start
+from analysis.inference.noise.floor import white_floor
+from analysis.shot.fit import names_on_plate, plates_named
+from analysis.shot.motion import Motion
+from analysis.shot.plate import stated_n_per_m
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import AnalysisError, Cancelled, Stop
 
 Floats = NDArray[np.float64]
 Parameters = Mapping[str, Quantity]

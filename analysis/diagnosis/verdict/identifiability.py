@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.fits.effective_parameters import Point, to_actual, to_effective
-from analysis.diagnosis.fits.free_parameters import TrialEffect
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
-from analysis.diagnosis.search.projector import Projector, orthonormal
-from analysis.diagnosis.search.screening import scores
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.screen.projector import Projector, orthonormal
+from analysis.inference.screen.screening import scores
 
 Floats = NDArray[np.float64]
 

@@ -18,14 +18,14 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, learn_floor
-from analysis.diagnosis.fits.quick_shot import Run
-from analysis.diagnosis.fits.samples import Samples
-from analysis.diagnosis.noise.floor import Floor
-from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import Fitted, learn_floor
+from analysis.inference.fit.quick_shot import Run
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import Floor
+from analysis.inference.screen.projector import Projector
 
 Floats = NDArray[np.float64]
 _WIDTHS = (0.01, 0.03, 0.1)  # in contact times

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
-from analysis.diagnosis.fits.samples import Samples
-from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, worst
 from analysis.diagnosis.words import CALM
-from analysis.motion import Motion
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import Floor
+from analysis.inference.screen.projector import Projector
+from analysis.shot.motion import Motion
 from analysis.signal.filters import derivatives
 
 Floats = NDArray[np.float64]

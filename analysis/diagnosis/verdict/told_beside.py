@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 
 from analysis.diagnosis import words
-from analysis.diagnosis.fits.as_fit import effect_parameters
-from analysis.diagnosis.fits.free_parameters import TrialEffect
-from analysis.diagnosis.fits.hypothesis import JointData
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
 from analysis.diagnosis.result import Candidate, FoundEffect
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.search.projector import Projector
 from analysis.diagnosis.verdict.identifiability import least_seen
-from analysis.quantity import Quantity
+from analysis.inference.fit.as_fit import effect_parameters
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.hypothesis import JointData
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.screen.projector import Projector
+from analysis.shot.quantity import Quantity
 
 
 def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from analysis.version import program
+from analysis.shot.version import program
 from app.command_line.campaign.crew import LOOK_S, CrewLost
 from app.command_line.campaign.place import unfit
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one

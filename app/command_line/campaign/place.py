@@ -5,7 +5,7 @@ import uuid
 from collections.abc import Iterable
 from pathlib import Path
 
-from analysis.version import program
+from analysis.shot.version import program
 
 
 def unfit(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:

@@ -6,10 +6,10 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from analysis.fit_time import SECONDS
+from analysis.fitted.fit_time import SECONDS
 from analysis.report import SCHEMA
-from analysis.shot import AnalysisError
-from analysis.version import program_version
+from analysis.shot.shot import AnalysisError
+from analysis.shot.version import program_version
 from app.command_line.campaign.crew import Crew, Processes
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.progress import Progress

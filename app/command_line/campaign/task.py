@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.fit_time import SECONDS
+from analysis.fitted.fit_time import SECONDS
 from analysis.report import shot_result
-from analysis.shot import AnalysisSettings
-from analysis.version import program
+from analysis.shot.shot import AnalysisSettings
+from analysis.shot.version import program
 from app.report.export import motion_file_names, shot_row, write_motion
 from app.session.load import analysed, cause_of, unanalysed
 from instrument.foreign.remembered import remembered_mapping

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
-from analysis.budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
-from analysis.instrument_uncertainty import InstrumentUncertainty
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
+from analysis.uncertainty.budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
+from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.report.number_tables import SCALES
 from app.window.panels.tree_table import Line, TreeTable
 from app.words.wording import DASH, number, value_text

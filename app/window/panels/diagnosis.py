@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.diagnosis.result import Diagnosis, Verdict
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.effect_rows import EffectRows
 from app.window.panels.law_curve import LawCurve
@@ -192,7 +192,7 @@ class DiagnosisPanel(QWidget):
         self.progress.setVisible(busy)
         self.cancel.setVisible(busy)
         self.diagnose.setEnabled(not busy)
-        if busy:
+        if what is not None:
             self.progress.setValue(round(1000 * fraction))
             room = self.progress.width() - self.fontMetrics().horizontalAdvance("M 100 %")
             words = self.fontMetrics().elidedText(what, Qt.TextElideMode.ElideRight, room)

@@ -4,10 +4,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
-from analysis.combined import combined_of, stated
-from analysis.doubts import CONCERNS
-from analysis.quantity import Quantity, Reading
-from analysis.shot import Shot
+from analysis.shot.doubts import CONCERNS
+from analysis.shot.quantity import Quantity, Reading
+from analysis.shot.shot import Shot
+from analysis.uncertainty.combined import combined_of, stated
 from app.window.panels.number_rows import DRIVE, GROUPS, Row
 from app.window.theme import MARKS, Colours, Tone
 from app.words.flag_words import MILD_FLAGS

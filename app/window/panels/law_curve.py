@@ -7,7 +7,7 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import LearnedLaw
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
 from app.report.export_laws import law_columns
 from app.window.pens import series_pen, straight, under
 from app.window.plots.cursor_readout import CursorReadout

@@ -14,8 +14,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.laws.functions import FUNCTIONS
-from analysis.laws.own import MOST_PARAMETERS, LawError, from_mapping
+from analysis.collision.laws.functions import FUNCTIONS
+from analysis.collision.laws.own import MOST_PARAMETERS, LawError, from_mapping
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.words.typed_number import typed_number

@@ -5,7 +5,7 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
-from analysis.recording import Channel, Role
+from analysis.shot.recording import Channel, Role
 from app.window.panels.site_floor import SiteFloorPanel
 from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.recording import Role, Setup
+from analysis.shot.recording import Role, Setup
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.words.typed_number import typed_number

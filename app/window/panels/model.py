@@ -3,8 +3,8 @@
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from analysis.awaited_fit import awaits_fit
-from analysis.shot import Shot
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
 from app.words.physics_words import BASE_WORDS
 from app.words.verdict import OUTDATED

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from analysis.awaited_fit import awaits_fit
-from analysis.quantity import NotSeen, Reading
-from analysis.shot import Shot
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.quantity import NotSeen, Reading
+from analysis.shot.shot import Shot
 
 Find = Callable[[Shot], Reading | None]
 

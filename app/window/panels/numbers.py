@@ -18,10 +18,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.combined import combined_of, stated
-from analysis.doubts import concerning
-from analysis.quantity import Quantity, Reading
-from analysis.shot import Shot
+from analysis.shot.doubts import concerning
+from analysis.shot.quantity import Quantity, Reading
+from analysis.shot.shot import Shot
+from analysis.uncertainty.combined import combined_of, stated
 from app.window.combined import COMBINED, NOISE_ONLY
 from app.window.flag_tone import flag_line, flag_tone
 from app.window.panels.number_rows import DRIVE, GROUPS, Row

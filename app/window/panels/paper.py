@@ -2,8 +2,8 @@
 
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
-from analysis.paper import Reproduction, Status
-from analysis.quantity import Quantity
+from analysis.paper.paper import Reproduction, Status
+from analysis.shot.quantity import Quantity
 from app.report.paper_rows import SECTIONS, cells, scale_of
 from app.window.panels.tree_table import Line, TreeTable
 from app.window.theme import Colours, Tone

@@ -9,8 +9,8 @@ from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves
-from analysis.noise_band import diagnosed_band
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
+from analysis.uncertainty.noise_band import diagnosed_band
 from app.report.shot_times import time_zero
 from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout

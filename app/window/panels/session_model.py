@@ -6,9 +6,9 @@ from typing import Any
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QFont
 
-from analysis.awaited_fit import awaits_fit
-from analysis.combined import stated
-from analysis.quantity import NotSeen, Quantity, Reading
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.quantity import NotSeen, Quantity, Reading
+from analysis.uncertainty.combined import stated
 from app.session.session import Entry
 from app.window.combined import COMBINED, NOISE_ONLY, CombinedOnce
 from app.window.flag_tone import flag_line

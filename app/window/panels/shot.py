@@ -6,8 +6,8 @@ from PySide6.QtWidgets import QButtonGroup, QLabel, QPushButton, QStackedWidget,
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves
-from analysis.recording import Recording
-from analysis.shot import Shot
+from analysis.shot.recording import Recording
+from analysis.shot.shot import Shot
 from app.report.shot_times import time_zero
 from app.window.flow_layout import FlowLayout
 from app.window.panels.shot_deflection import DeflectionView

@@ -5,11 +5,11 @@ from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.fit import Fit
-from analysis.motion import Motion
-from analysis.noise_band import Floats, NoiseBand, judged_band
-from analysis.quantity import Quantity
-from analysis.shot import Shot
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Shot
+from analysis.uncertainty.noise_band import Floats, NoiseBand, judged_band
 from app.report.shot_times import contact_span_ms, time_zero
 from app.window.pens import thin, under
 from app.window.plots.time_stack import TimeStack

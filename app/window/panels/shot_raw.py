@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtWidgets import QWidget
 
-from analysis.recording import Recording, Role
+from analysis.shot.recording import Recording, Role
 from app.window.pens import thin
 from app.window.plots.pyramid import Pyramid
 from app.window.plots.time_stack import TimeStack

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from analysis.site import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
+from analysis.reading.site import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis

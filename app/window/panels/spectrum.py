@@ -5,8 +5,8 @@ import pyqtgraph as pg
 from PySide6.QtCore import QRectF, Qt, Slot
 from PySide6.QtWidgets import QLabel, QSplitter, QVBoxLayout, QWidget
 
-from analysis.recording import Role
-from analysis.shot import Shot
+from analysis.shot.recording import Role
+from analysis.shot.shot import Shot
 from app.session.spectra import NAMES, Spectra
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout

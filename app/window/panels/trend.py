@@ -7,8 +7,8 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QWidget
 
-from analysis.quantity import Quantity, Reading
-from analysis.shot import Shot
+from analysis.shot.quantity import Quantity, Reading
+from analysis.shot.shot import Shot
 from app.window.pens import straight
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.plain_plot import PlainPlot

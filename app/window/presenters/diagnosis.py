@@ -6,7 +6,7 @@ from PySide6.QtCore import QObject, Slot
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves, drive_curves
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
 from app.session.asked_work import AskedWork
 from app.session.event import Diagnosed
 from app.session.jobs import Asked, Report

@@ -6,7 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.diagnosis.model_file import SavedModel
-from analysis.fit import Fit
+from analysis.shot.fit import Fit
 from app.session.choices import Choices
 from app.session.model_in_use import drift_words
 from app.session.session import Entry

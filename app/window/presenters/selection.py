@@ -4,8 +4,8 @@ from PySide6.QtCore import QObject, Slot
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves, drive_curves
-from analysis.recording import Recording
-from analysis.shot import Shot
+from analysis.shot.recording import Recording
+from analysis.shot.shot import Shot
 from app.report.shot_times import time_zero
 from app.session.asked_work import AskedWork, raw_of
 from app.session.jobs import Asked, Report

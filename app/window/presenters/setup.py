@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from app.session.choices import Choices
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.rig import Rig

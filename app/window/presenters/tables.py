@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject
 
-from analysis.paper import Reproduction, reproduce
-from analysis.shot import Shot
+from analysis.paper.paper import Reproduction, reproduce
+from analysis.shot.shot import Shot
 from app.session.jobs import Asked, Job, Report
 from app.session.session import Entry
 from app.session.workbench import Workbench

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.fits import base_fit as begin
-from analysis.diagnosis.fits.free_parameters import trial_effects
-from analysis.diagnosis.fits.hypothesis import JointData
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
-from analysis.diagnosis.fits.samples import together
-from analysis.model.fitting import fit_shots
-from analysis.model.prepare import base_named
-from analysis.motion import Motion
-from analysis.shot import AnalysisSettings
+from analysis.inference.fit import base_fit as begin
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.free_parameters import trial_effects
+from analysis.inference.fit.hypothesis import JointData
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.prepare import base_named
+from analysis.inference.fit.samples import together
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisSettings
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.blind import Truth, drawn, records
 from instrument.bench.effects import Effects

@@ -5,12 +5,12 @@ from typing import Any, cast
 
 import pytest
 
-from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import acceptance
 from analysis.diagnosis.verdict.lack_of_fit import LackOfFit
 from analysis.diagnosis.verdict.residual import Residual
+from analysis.inference.noise.floor import Floor
 from tests.analysis.diagnosis.shots import calm
 
 CALM = Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), 5e-5)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.diagnosis.fits.free_parameters import trial_effects
-from analysis.model.effects import CATALOGUE
+from analysis.collision.effects import CATALOGUE
+from analysis.inference.fit.free_parameters import trial_effects
 
 
 def test_the_diagnosis_tries_what_the_catalogue_holds() -> None:

@@ -1,13 +1,13 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
-from analysis.diagnosis.fits.added_effect import refit
-from analysis.diagnosis.fits.hypothesis_fit import fit
 from analysis.diagnosis.search.competing_models import challenged
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.search.projector import projector
-from analysis.diagnosis.search.screening import scores
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
+from analysis.inference.fit.added_effect import refit
+from analysis.inference.fit.hypothesis_fit import fit
+from analysis.inference.screen.projector import projector
+from analysis.inference.screen.screening import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.diagnosis.learning.contact_words import told
 from analysis.diagnosis.result import FoundEffect, LearnedLaw
-from analysis.quantity import Quantity
+from analysis.shot.quantity import Quantity
 
 
 def _exponent(delta: float, std: float = 1e-3) -> FoundEffect:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.model.effects import CATALOGUE
 
 DOCS = Path(__file__).parents[3] / "docs" / "how-a-diagnosis-decides.md"
 
@@ -47,7 +47,7 @@ def test_an_effect_of_a_longer_catalogue_pays_more(tried: int) -> None:
 
 # Where an effect's name may stand: its row and what is said of it in words.  Beyond: a plate's motion is a state at the
 # touch, which the integrators take by name, and a driven slider has a catalogue and words of its own.
-ROWS = {f"analysis/model/effects/{name}.py" for name in ("on_block", "on_plate", "in_contact", "on_sensor")}
+ROWS = {f"analysis/collision/effects/{name}.py" for name in ("on_block", "on_plate", "in_contact", "on_sensor")}
 WORDS = {"analysis/diagnosis/words.py"}
 ALLOWED = (
     ROWS

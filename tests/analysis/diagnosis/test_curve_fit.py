@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from analysis.diagnosis.fits.base_fit import base_fit
-from analysis.diagnosis.fits.hypothesis import JointData
-from analysis.diagnosis.fits.samples import together
+from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.diagnosis.learning import curve_fit
 from analysis.diagnosis.learning.curve_motion import Ground, ground_of
-from analysis.laws.arguments import ARGUMENTS
-from analysis.model.fitting import fit_shots
-from analysis.model.prepare import base_named
+from analysis.inference.fit.base_fit import base_fit
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.hypothesis import JointData
+from analysis.inference.fit.prepare import base_named
+from analysis.inference.fit.samples import together
 from tests.law_rigs import LawRig
 
 PLACE = next(a for a in ARGUMENTS if a.name == "place")

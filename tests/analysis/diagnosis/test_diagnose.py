@@ -6,7 +6,7 @@ import pytest
 
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Verdict, to_result
-from analysis.shot import Cancelled
+from analysis.shot.shot import Cancelled
 from tests.analysis.diagnosis.shots import WHITE_M, shots
 
 

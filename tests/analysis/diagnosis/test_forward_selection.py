@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from analysis.diagnosis.fits.added_effect import refit, united
-from analysis.diagnosis.fits.hypothesis import Hypothesis
-from analysis.diagnosis.fits.hypothesis_fit import Fitted, Floats
 from analysis.diagnosis.search.forward_selection import another_way, explore
-from analysis.diagnosis.search.projector import projector
-from analysis.diagnosis.search.screening import scores
+from analysis.inference.fit.added_effect import refit, united
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import Fitted, Floats
+from analysis.inference.screen.projector import projector
+from analysis.inference.screen.screening import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 

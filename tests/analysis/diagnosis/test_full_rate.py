@@ -2,9 +2,9 @@
 
 import pytest
 
-from analysis.diagnosis.fits.samples import FINE_RATE_HZ, RATE_HZ
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.search.full_rate import seen_finely
+from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 RIPPLE = "cyclic_error"

@@ -5,10 +5,10 @@ import math
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.fits.free_parameters import trial_effects
 from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.cross_validation import choose
+from analysis.inference.fit.free_parameters import trial_effects
 from tests.analysis.diagnosis.shots import shots
 from tests.analysis.diagnosis.test_law_learning import begun
 from tests.law_rigs import LawRig

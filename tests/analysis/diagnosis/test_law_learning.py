@@ -4,15 +4,15 @@ import math
 
 import pytest
 
-from analysis.diagnosis.fits.base_fit import base_fit
-from analysis.diagnosis.fits.hypothesis import JointData
-from analysis.diagnosis.fits.hypothesis_fit import Fitted
-from analysis.diagnosis.fits.samples import together
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law, may_reach
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws, learn_two
 from analysis.diagnosis.verdict.cross_validation import choose, predict
-from analysis.model.fitting import fit_shots
-from analysis.model.prepare import base_named
+from analysis.inference.fit.base_fit import base_fit
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.hypothesis import JointData
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.prepare import base_named
+from analysis.inference.fit.samples import together
 from tests.law_rigs import LawRig
 
 

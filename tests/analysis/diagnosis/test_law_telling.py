@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from analysis.collision.laws.arguments import ARGUMENTS
+from analysis.collision.laws.forms import FORMS
+from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis import words
 from analysis.diagnosis.learning.law_telling import is_same_function, news
 from analysis.diagnosis.result import OtherForm
-from analysis.laws.arguments import ARGUMENTS
-from analysis.laws.forms import FORMS
-from analysis.laws.own import from_mapping
-from analysis.quantity import Quantity
+from analysis.shot.quantity import Quantity
 
 BEND = next(one for one in ARGUMENTS if (one.where, one.name) == ("plate", "bend"))
 AT_M = np.linspace(-1.5e-3, 0.0, 50)

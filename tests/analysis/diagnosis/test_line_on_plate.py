@@ -4,14 +4,14 @@ import math
 
 import pytest
 
+from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.fits.free_parameters import trial_effects
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.search.from_base import accept
-from analysis.laws.own import from_mapping
-from analysis.model.fitting import fit_shots
-from analysis.motion import Motion
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.free_parameters import trial_effects
+from analysis.shot.motion import Motion
 from tests.analysis.diagnosis.shots import base_fit
 from tests.analysis.diagnosis.shots import shots as shots_of
 from tests.law_rigs import LawRig, Memory

@@ -5,23 +5,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.collision.effects import CATALOGUE, Acts, Effect, Parameter
+from analysis.collision.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
+from analysis.collision.effects.row import Sensed
+from analysis.collision.parameters import PAPER
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.fits.effective_parameters import Point
-from analysis.diagnosis.fits.free_parameters import trial_effects
-from analysis.diagnosis.fits.hypothesis import Hypothesis, JointData
-from analysis.diagnosis.fits.hypothesis_fit import fit
-from analysis.diagnosis.fits.samples import together
-from analysis.diagnosis.noise.floor import Floor
 from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.search.projector import projector
-from analysis.diagnosis.search.screening import scores
-from analysis.model.effects import CATALOGUE, Acts, Effect, Parameter
-from analysis.model.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
-from analysis.model.effects.row import Sensed
-from analysis.model.fitting import fit_shots
-from analysis.model.parameters import PAPER
-from analysis.model.prepare import base_named
-from tests.analysis.model.simulated import shot
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.free_parameters import trial_effects
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.hypothesis_fit import fit
+from analysis.inference.fit.prepare import base_named
+from analysis.inference.fit.samples import together
+from analysis.inference.noise.floor import Floor
+from analysis.inference.screen.projector import projector
+from analysis.inference.screen.screening import scores
+from tests.analysis.collision.simulated import shot
 
 SPEEDS = (-0.15, -0.27, -0.40)
 

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.diagnosis.model_file import ModelFileError, SavedModel, from_text, to_text
 from analysis.diagnosis.result import Errors
-from analysis.quantity import Quantity
+from analysis.shot.quantity import Quantity
 
 MODEL = SavedModel(
     base="paper",

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from analysis.diagnosis.fits.quick_shot import Optics, respond
-from analysis.model.parameters import PAPER
+from analysis.collision.parameters import PAPER
+from analysis.inference.fit.quick_shot import Optics, respond
 
 LAG, RIPPLE = {"time_s": 8e-6}, {"amplitude_m": 1e-9, "order": 2.0, "phase_rad": 0.3}
 

@@ -15,8 +15,8 @@ from analysis.drive.repeat import Floor, floor
 from analysis.drive.run import low_pass, prepare
 from analysis.drive.screen import screen
 from analysis.drive.table import Table
-from analysis.motion import Motion
-from analysis.shot import AnalysisError
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError
 from analysis.signal.record import motion_from_displacement
 from instrument.motion_file import read_motion
 from tests.analysis.drive.slider import MASS, OFFSET, RATE_HZ, VISCOUS, Drive, Floats

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
-from analysis.model.fitting import fit_shots
+from analysis.inference.fit.fitting import fit_shots
 from instrument.bench.blind import Take, Truth, drawn
 from instrument.bench.noise import Noise, NoiseKind
 from tests.analysis.diagnosis.shots import WHITE_M, motions_of

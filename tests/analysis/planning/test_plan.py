@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.result import FoundEffect
-from analysis.fit import Fit
-from analysis.model.fitting import fit_shots
-from analysis.motion import Motion
+from analysis.inference.fit.fitting import fit_shots
 from analysis.planning import foreseen
 from analysis.planning.contest import Contest, again, contest
 from analysis.planning.distances import Distances, nearest, refitted, screened
@@ -19,7 +17,9 @@ from analysis.planning.next_shot import NextShot, Reach, contact_s, effort, next
 from analysis.planning.plan import Plan, plan
 from analysis.planning.steps import Step, stand
 from analysis.planning.words import told
-from analysis.shot import Cancelled
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.shot import Cancelled
 from instrument.bench.blind import Truth
 from tests.analysis.diagnosis.shots import calm, motions_of
 from tests.analysis.planning.rig import rig, with_shots

@@ -5,23 +5,23 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from analysis.collision.parameters import Collision
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.model_file import saved
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.foretold import foretell
-from analysis.kinetic_contact import contact_cor, fitted_contact_cor
-from analysis.model.fitting import fit_shots
-from analysis.model.parameters import Collision
-from analysis.model.prepare import base_of, prepare_set
-from analysis.model.response import Model
-from analysis.model.search import Problem, own_start
+from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.prepare import base_of, prepare_set
+from analysis.inference.fit.response import Model
+from analysis.inference.fit.search import Problem, own_start
 from analysis.planning.contest import again
 from analysis.planning.foreseen import blank, foretold
 from analysis.planning.next_shot import Reach, contact_s, next_shots
 from analysis.planning.precision import sharpen
-from analysis.plates_of_set import plate_numbers, plates_words
-from analysis.quantity import Quantity
-from analysis.recording import Plate
+from analysis.shot.plates_of_set import plate_numbers, plates_words
+from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Plate
 from instrument.bench.blind import drawn
 from instrument.bench.mechanics import Bodies
 from instrument.bench.noise import Noise, NoiseKind

@@ -2,11 +2,11 @@
 
 import pytest
 
-from analysis.model.fitting import fit_shots
+from analysis.inference.fit.fitting import fit_shots
 from analysis.planning.contest import again
 from analysis.planning.next_shot import Reach, contact_s
 from analysis.planning.precision import ALL, sharpen
-from analysis.shot import AnalysisError
+from analysis.shot.shot import AnalysisError
 from tests.analysis.diagnosis.shots import calm, motions_of
 from tests.analysis.planning.rig import rig, with_shots
 

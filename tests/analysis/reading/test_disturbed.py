@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.impact import Impact
-from analysis.quantity import Quantity
 from analysis.reading.locate import find_collision
 from analysis.reading.read import read_impact, shaking_in
+from analysis.shot.impact import Impact
+from analysis.shot.quantity import Quantity
 from tests.analysis.collision import Synthetic, motion_from, motion_of, position_m
 from tests.analysis.disturbance import Disturbance, Knock, Line, disturbed_motion
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from analysis.pipeline import analyse
-from analysis.quantity import Quantity
+from analysis.shot.quantity import Quantity
 from instrument.bench.bench import Bench
 from instrument.bench.mechanics import Bodies, collide
 from instrument.bench.simulate import record_shot

@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 
-from analysis.impact import Impact
-from analysis.motion import Motion
-from analysis.quantity import NotSeen, Quantity, Reading
 from analysis.reading.edges import Edge
 from analysis.reading.flights import fit_flight
 from analysis.reading.floor import Floor
@@ -13,6 +10,9 @@ from analysis.reading.locate import find_collision
 from analysis.reading.octaves import Octaves
 from analysis.reading.pulse import read_slope
 from analysis.reading.read import NoImpact, read_impact
+from analysis.shot.impact import Impact
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import NotSeen, Quantity, Reading
 from tests.analysis.collision import Synthetic, motion_from, motion_of
 
 RIG = Synthetic()

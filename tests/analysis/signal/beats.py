@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Channel, Recording, Role, Setup
+from analysis.shot.recording import Channel, Recording, Role, Setup
 
 WAVELENGTH_M = 632.8e-9
 MASS_KG = 0.01785

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.shot import AnalysisError, AnalysisSettings
+from analysis.shot.shot import AnalysisError, AnalysisSettings
 from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator
 from analysis.signal.demodulate import demodulate

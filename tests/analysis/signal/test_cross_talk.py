@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import hilbert
 
-from analysis.impact import Impact
 from analysis.pipeline import analyse
-from analysis.quantity import NotSeen, Quantity
-from analysis.recording import Recording
-from analysis.shot import AnalysisSettings, Shot
+from analysis.shot.impact import Impact
+from analysis.shot.quantity import NotSeen, Quantity
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisSettings, Shot
 from tests.analysis.collision import Synthetic
 from tests.beats import recording_of
 

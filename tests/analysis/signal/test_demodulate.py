@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.quantity import Quantity
-from analysis.recording import Channel, Recording, Role, Setup
-from analysis.shot import AnalysisError, AnalysisSettings, Cancelled
+from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Channel, Recording, Role, Setup
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled
 from analysis.signal.demodulate import demodulate
 from tests.analysis.signal.beats import WAVELENGTH_M, collision, free_flight, make_recording
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from analysis.motion import Motion
-from analysis.recording import Gap, Recording, Role
-from analysis.shot import AnalysisError, AnalysisSettings
+from analysis.shot.motion import Motion
+from analysis.shot.recording import Gap, Recording, Role
+from analysis.shot.shot import AnalysisError, AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from tests.analysis.signal.beats import WAVELENGTH_M, Floats, collision, free_flight, make_recording
 

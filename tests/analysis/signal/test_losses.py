@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.pipeline import analyse
-from analysis.quantity import Quantity
-from analysis.shot import AnalysisSettings
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.losses import find_losses
 from tests.analysis.collision import Synthetic

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from analysis.shot import AnalysisSettings
+from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.quality import assess
 from analysis.signal.spectrum import spectrogram, welch

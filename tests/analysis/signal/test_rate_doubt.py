@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.budget import budget
 from analysis.pipeline import analyse
-from analysis.quantity import Quantity
-from analysis.rate_error import fit_with_rate_error
-from analysis.recording import Recording, Role
-from analysis.shot import AnalysisSettings, Shot
+from analysis.shot.quantity import Quantity
+from analysis.shot.rate_error import fit_with_rate_error
+from analysis.shot.recording import Recording, Role
+from analysis.shot.shot import AnalysisSettings, Shot
 from analysis.signal.demodulate import demodulate
 from analysis.signal.stated_rate import DELIVERED, FLAG
+from analysis.uncertainty.budget import budget
 from tests.analysis.collision import CONTACT_N_PER_M, DASHPOT, MASS_KG, PLATE_KG, PLATE_N_PER_M, Synthetic
 from tests.beats import REST_HZ, recording_of
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.shot import AnalysisError
+from analysis.shot.shot import AnalysisError
 from analysis.signal.record import motion_from_displacement
 
 TIME = np.arange(2000) / 500.0

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from analysis.recording import Role
-from analysis.shot import AnalysisError
+from analysis.shot.recording import Role
+from analysis.shot.shot import AnalysisError
 from analysis.signal.stream import LiveChunk, LiveDemodulator
 from tests.analysis.signal.beats import collision, free_flight, make_recording
 

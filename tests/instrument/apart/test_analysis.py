@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.awaited_fit import awaits_fit
-from analysis.motion import ARRAYS
+from analysis.fitted.awaited_fit import awaits_fit
 from analysis.pipeline import analyse, read
-from analysis.recording import Recording
-from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
+from analysis.shot.motion import ARRAYS
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
 from instrument.apart import work
 from instrument.apart.analysis import AnalysisApart
 from instrument.bench.simulate import simulate

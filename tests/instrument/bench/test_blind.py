@@ -5,8 +5,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from analysis.model.fitting import fit_shots
-from analysis.shot import AnalysisSettings
+from analysis.inference.fit.fitting import fit_shots
+from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.bench import Bench

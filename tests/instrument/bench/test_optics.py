@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.bench.floor import Floor
 from instrument.bench.optics import DropOut, Optics, Path, fill, node_times_s
 

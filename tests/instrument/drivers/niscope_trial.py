@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.digitizer import CaptureSettings, DigitizerError
 from instrument.drivers.niscope_card import CardTrigger, NiscopeCard
 

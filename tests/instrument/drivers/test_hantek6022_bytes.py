@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import usb.core
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.digitizer import CaptureSettings, DigitizerError
 from instrument.drivers import hantek6022_firmware
 from instrument.drivers.bulk_stream import Chunk

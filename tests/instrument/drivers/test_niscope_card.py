@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.digitizer import CaptureSettings, DigitizerError
 from instrument.drivers.niscope_card import NiscopeCard
 from instrument.sources import open_source

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.acquire import acquire
 from instrument.acquisition import State
 from instrument.capture import Capture, CaptureOptions

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers.scpi import HardwareTrigger, ScpiOscilloscope
 from instrument.drivers.scpi_dialects import DIALECTS, dialect_of, numbers

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from app.command_line import acquire
 from instrument.apart import conversation
 from instrument.apart.digitizer import open_apart

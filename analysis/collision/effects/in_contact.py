@@ -1,0 +1,67 @@
+"""Effects between block and plate: another law of the contact's spring, dashpot and reach (njit by the integrator)."""
+
+from typing import Any
+
+from analysis.collision.effects.kernel import CONTACT_STIFFNESS, NEAR, PAIR, TOUCHING, XI, XI_RATE, power
+from analysis.collision.effects.row import Acts, Effect, Parameter
+
+REFERENCE_OVERLAP_M = 50e-6  # xi_0: where the law with an exponent and the linear one agree; about the paper's deepest
+
+
+def contact_exponent(s: Any, p: Any, out: Any) -> None:
+    """Make the spring k_N xi (xi / xi_0)^delta, xi_0 = 50 um; p = (delta).  delta = 1/2: Hertz, 1882."""
+    if s[TOUCHING].real > 0.5 and s[XI].real > 0.0:
+        out[PAIR] += s[CONTACT_STIFFNESS] * s[XI] * (power(s[XI] / REFERENCE_OVERLAP_M, p[0]) - 1.0)
+
+
+def nonlinear_contact_damping(s: Any, p: Any, out: Any) -> None:
+    """Add c xi xi'; p = (c in N s/m^2).  Hunt and Crossley, J. Appl. Mech. 42 (1975) 440."""
+    if s[TOUCHING].real > 0.5:
+        out[PAIR] += p[0] * s[XI] * s[XI_RATE]
+
+
+def adhesion(s: Any, p: Any, out: Any) -> None:
+    """Add an attraction -F_a while the bodies are apart by less than d; p = (F_a in N, d in m).
+
+    Both ways, so it does no net work over a whole flight past; a capillary bridge in its simplest form.  "Velocity in"
+    is that of the flight up to its reach, the touch the instant to which that flight would lead.
+    """
+    out[PAIR] -= p[0] * s[NEAR].real
+
+
+ROWS = (
+    Effect(
+        "contact_exponent",
+        "a contact spring that is not linear",
+        Acts.IN_CONTACT,
+        (Parameter("delta", "", 0.02, lower=-0.15, upper=2.0, tried=(0.01,)),),
+        "delta",
+        contact_exponent,
+        rough=True,
+        stiffens=lambda values, _: (1 + abs(float(values[0]))) * 4 ** abs(float(values[0])),
+        look_alikes=("cubic_stiffness",),
+    ),
+    Effect(
+        "nonlinear_contact_damping",
+        "a contact whose damping grows with the overlap",
+        Acts.IN_CONTACT,
+        (Parameter("coefficient_n_s_per_m2", "N s/m²", 1e3, lower=0.0),),
+        "coefficient_n_s_per_m2",
+        nonlinear_contact_damping,
+        fastest=lambda values, c: REFERENCE_OVERLAP_M * float(values[0]) * (1 / c.block_mass_kg + 1 / c.plate_mass_kg),
+        look_alikes=("plate_motion",),
+    ),
+    Effect(
+        "adhesion",
+        "an attraction while the bodies are almost touching",
+        Acts.IN_CONTACT,
+        (
+            Parameter("force_n", "N", 1e-4, lower=0.0),
+            Parameter("range_m", "m", 1e-5, 1e-7, 5e-3, (3e-6, 1e-5, 3e-5, 1e-4, 3e-4), logarithmic=True),
+        ),
+        "force_n",
+        adhesion,
+        range_at=1,
+        look_alikes=("sensor_drift",),
+    ),
+)

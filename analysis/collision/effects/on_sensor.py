@@ -1,0 +1,191 @@
+"""Effects on what is measured: the displacement is not quite that of the block.
+
+Each takes the displacements, shape (n, k), and its parameters, shape (3, k), and returns what the optics would show;
+times are on the recording's clock.  Both may be complex, the imaginary part then carrying one derivative.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
+from analysis.collision.effects.row import Acts, Effect, Floats, Parameter, Sensed, frequencies
+
+_PLATE_QUALITY = 1e4  # the equations know no loss of the plate: it only keeps a resonance finite
+_CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # of the record's rate: where the demodulator's decimator begins and ends
+
+
+def sensor_drift(seen: Sensed, x: Any, p: Any) -> Any:
+    """Measure v + b t, that is x + b t^2 / 2; p = (b in m/s^2), t from the recording's first sample.
+
+    A laser frequency or an optical path that drifts.
+    """
+    return x + 0.5 * p[0] * (seen.time_s - seen.time_s[0])[:, None] ** 2
+
+
+def demodulation_lag(seen: Sensed, x: Any, p: Any) -> Any:
+    """Measure x_m with tau x_m' = x - x_m; p = (tau in s).  A first-order low-pass in the optics' electronics.
+
+    Solved exactly for a path whose velocity is straight between two samples; at the first the flight has long been
+    steady.  A pure delay is no effect: the touch time takes it up; what shows in the bounces is of order tau^2.
+    """
+    velocity = np.repeat(seen.velocity_m_per_s[:, None], x.shape[1], axis=1)
+    if np.iscomplexobj(x):  # the velocity's derivative is not given: the displacement's, sample to sample, will do
+        velocity = velocity + 1j * np.gradient(x.imag, seen.time_s, axis=0)
+    out = np.empty_like(x)
+    _lag(seen.time_s, np.ascontiguousarray(x), velocity, np.ascontiguousarray(p[0]), out)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lag(time_s, x, v, lag, out):  # type: ignore[no-untyped-def]
+    """Write the lagging displacements; about 10 ns a value, 60 ns a complex one."""
+    for k in range(x.shape[1]):
+        tau = lag[k]
+        behind = x[0, k] - tau * v[0, k]
+        out[0, k] = behind
+        for i in range(1, x.shape[0]):
+            step = time_s[i] - time_s[i - 1]
+            bend = tau * tau * (v[i, k] - v[i - 1, k]) / step
+            before = x[i - 1, k] - tau * v[i - 1, k] + bend
+            after = x[i, k] - tau * v[i, k] + bend
+            fade = np.exp(-step / tau) if tau.real * 600.0 > step else 0.0 * tau
+            behind = after + (behind - before) * fade
+            out[i, k] = behind
+
+
+def frame_vibration(seen: Sensed, x: Any, p: Any) -> Any:
+    """Measure v + A sin(omega t + phi); p = (A in m/s, f in Hz, phi in rad at time zero).  The frame swings."""
+    omega = 2 * math.pi * p[1]
+    return x - p[0] / omega * np.cos(omega * seen.time_s[:, None] + p[2])
+
+
+def frame_of_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[str, float]]:
+    """Return the frame's velocity amplitude (that of all shots) and each shot's phase, of -A/omega cos(omega t + phi).
+
+    ``cosine_and_sine_m`` has shape (shots, 2).
+    """
+    omega = 2 * math.pi * frequency_hz
+    size = omega * float(np.sqrt(np.mean(np.sum(cosine_and_sine_m**2, axis=1))))
+    return [
+        {"frequency_hz": frequency_hz, "phase_rad": math.atan2(float(y), -float(x)), "amplitude_m_per_s": size}
+        for x, y in cosine_and_sine_m
+    ]
+
+
+def of_plate_on_frame(p: Any, stiffness: Any, mass: Any, time_s: Any) -> tuple[Any, Any, Any]:
+    """Return (m, m/s, rad/s): displacement, velocity and rate of a plate whose clamp a frame has long shaken.
+
+    p = (A in m/s, f in Hz, phi in rad, factor): the clamp moves by factor A/omega cos(omega t + phi), the plate follows
+    it as a mass on a spring does in the long run (of quality 10,000, next to none).
+    """
+    omega, own = 2 * math.pi * p[1], stiffness / mass
+    turn = omega * time_s + p[2]
+    apart, loss = own - omega * omega, omega * np.sqrt(own) / _PLATE_QUALITY
+    size = p[3] * p[0] / (omega * (apart * apart + loss * loss))
+    with_it, behind = size * (own * apart + loss * loss), size * loss * omega * omega
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return with_it * cosine + behind * sine, omega * (behind * cosine - with_it * sine), omega
+
+
+def plate_on_frame(s: Any, p: Any, out: Any) -> None:
+    """Let the contact point move by q more: q'' = -omega^2 (q + q_0), q = 0 at first touch; p = (q_0, q' then, omega).
+
+    A plate on a spring that is moved at its foot does what it does in the long run, and beside it what it would do on a
+    foot at rest: that is y.
+    """
+    out[Q_RATE] += s[W]
+    out[W_RATE] -= p[2] * p[2] * (s[Q] + p[0])
+
+
+def wider_of_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[str, float]]:
+    """Return what ``frame_of_wave`` does, and that the plate takes part by half."""
+    return [{**values, "plate_factor": 0.5} for values in frame_of_wave(frequency_hz, cosine_and_sine_m)]
+
+
+def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
+    """Measure x + A sin(4 pi n x / lambda + phi); p = (A in m, n, phi in rad).
+
+    Polarisation leak (Wu and Deslattes, Appl. Opt. 37 (1998) 6696).  Only what the demodulator passes shows: the
+    chirp near the turnaround, where 2 n |v| / lambda lies within its band.
+    """
+    line = 2 * np.abs(p[1, :1].real) * np.abs(seen.velocity_m_per_s)[:, None] / seen.wavelength_m / seen.rate_hz
+    beyond = np.clip((line - _CHIRP_PASSES) / (_CHIRP_STOPS - _CHIRP_PASSES), 0.0, 1.0)
+    passed = 0.5 + 0.5 * np.cos(np.pi * beyond)
+    return x + p[0] * passed * np.sin(4 * math.pi * p[1] / seen.wavelength_m * x + p[2])
+
+
+_LINE = (
+    Parameter("amplitude_m_per_s", "m/s", 1e-6, lower=0.0),
+    Parameter("frequency_hz", "Hz", 150.0, 1.0, 2e4, frequencies(25, 4000), logarithmic=True),
+    Parameter("phase_rad", "rad", 0.0, grid=(0.0, math.pi / 2), tried=(0.0,), own=True),
+)
+
+ROWS = (
+    Effect(
+        "sensor_drift",
+        "a measured velocity that drifts",
+        Acts.ON_SENSOR,
+        (Parameter("ramp_m_per_s2", "m/s²", 1e-4),),
+        "ramp_m_per_s2",
+        sensor=sensor_drift,
+        at_rest=True,
+        look_alikes=("tilt", "coulomb_friction"),
+    ),
+    Effect(
+        "demodulation_lag",
+        "optics that lag behind",
+        Acts.ON_SENSOR,
+        (Parameter("time_s", "s", 1e-5, lower=2e-7, upper=5e-4, logarithmic=True),),
+        "time_s",
+        sensor=demodulation_lag,
+        grows_as=2.0,  # a mere delay is the touch time's
+        delays="time_s",
+        remembers=True,
+    ),
+    Effect(
+        "frame_vibration",
+        "a frame that vibrates with the optics",
+        Acts.ON_SENSOR,
+        _LINE,
+        "amplitude_m_per_s",
+        sensor=frame_vibration,
+        wave=frame_of_wave,
+        at_rest=True,
+    ),
+    Effect(
+        "cyclic_error",
+        "a phase error that repeats every half wavelength",
+        Acts.ON_SENSOR,
+        (
+            Parameter("amplitude_m", "m", 1e-9, lower=0.0),
+            Parameter("order", "", 1.0, lower=0.5, upper=4.0, grid=(1.0, 2.0), fixed=True),
+            Parameter("phase_rad", "rad", 0.0, grid=(0.0, math.pi / 2), tried=(0.0,), own=True, nuisance=True),
+        ),
+        "amplitude_m",
+        sensor=cyclic_error,
+        optical=True,
+        ripples=True,
+    ),
+)
+
+WIDER = (
+    Effect(
+        "frame_vibration_with_plate",
+        "a frame that vibrates with the optics and the plate",
+        Acts.ON_PLATE,
+        (*_LINE, Parameter("plate_factor", "", 0.5, lower=0.0, upper=1.0)),
+        "amplitude_m_per_s",
+        plate_on_frame,
+        sensor=frame_vibration,
+        hidden=2,
+        shift=1.0,
+        wave=wider_of_wave,
+        at_rest=True,
+        clocked=of_plate_on_frame,
+        widens="frame_vibration",
+        fastest=lambda values, _: float(values[2]),
+    ),
+)

@@ -1,0 +1,131 @@
+"""Is an effect's function linear in its hidden state, and in the state it is told?  Then it need not be asked again.
+
+Asked at some points along a trajectory; what is linear in the hidden state is stepped exactly.
+"""
+
+from analysis.collision.effects.kernel import OUTPUTS, STATES, Q, W, call
+from analysis.compiled.kernel_parts import kernel, part
+from analysis.compiled.kernel_room import cut
+
+SEEN = 7  # of what an effect is told: positions, velocities, overlap and force, which come first
+_ALIKE = 1e-9
+ROOM = 64  # numbers, for the arrays of a kernel here
+_TERMS = 14  # of the exponential series for a step of no more than ``first_order`` takes
+
+
+@part
+def ask(where, s, parameters, c, values, effect):  # type: ignore[no-untyped-def]
+    for i in range(3):
+        values[i] = parameters[c, i]
+    for i in range(OUTPUTS):
+        effect[i] = 0.0
+    call(where, s, values, effect)
+
+
+@kernel
+def coefficients(where, told, parameters, linear, room):  # type: ignore[no-untyped-def]
+    """Write d(outputs)/d(q, w), shape (6, 2, k); False where they are not constant.  Ten calls a start and point.
+
+    ``room`` are ``ROOM`` zeros.
+    """
+    values, at = cut(room, 0, (3,))
+    outputs, at = cut(room, at, (4, OUTPUTS))
+    hidden = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.4, -0.7))
+    for c in range(parameters.shape[0]):
+        for place in range(told.shape[0]):
+            s = told[place]
+            for trial in range(4):
+                s[Q], s[W] = hidden[trial]
+                ask(where, s, parameters, c, values, outputs[trial])
+            for i in range(OUTPUTS):
+                by_q, by_w = outputs[1, i] - outputs[0, i], outputs[2, i] - outputs[0, i]
+                if place == 0:
+                    linear[i, 0, c], linear[i, 1, c] = by_q, by_w
+                size = abs(outputs[0, i]) + abs(by_q) + abs(by_w)
+                both = outputs[0, i] + 0.4 * linear[i, 0, c] - 0.7 * linear[i, 1, c]
+                if not abs(outputs[3, i] - both) <= _ALIKE * size:
+                    return False
+    return True
+
+
+@kernel
+def state_coefficients(where, told, parameters, seen_by, room):  # type: ignore[no-untyped-def]
+    """Write the outputs at rest and their derivatives by the state, shape (6, 8, k); False where they are not constant.
+
+    The hidden state is at rest.  Nine calls a start, and one a start and point.  ``room`` are ``ROOM`` zeros.
+    """
+    values, at = cut(room, 0, (3,))
+    outputs, at = cut(room, at, (OUTPUTS,))
+    s, at = cut(room, at, (STATES,))
+    for i in range(STATES):
+        s[i] = told[0, i]
+    for c in range(parameters.shape[0]):
+        for place in range(-1 - SEEN, told.shape[0]):
+            for i in range(STATES):
+                s[i] = told[max(place, 0), i]
+            s[Q] = s[W] = 0.0
+            if place < 0:
+                for i in range(SEEN):
+                    s[i] = 1.0 if i == SEEN + place else 0.0  # at rest first
+            ask(where, s, parameters, c, values, outputs)
+            for i in range(OUTPUTS):
+                if place < 0:
+                    column = SEEN + place
+                    seen_by[i, column, c] = outputs[i] - (seen_by[i, SEEN, c] if column >= 0 else 0.0)
+                    continue
+                total, size = seen_by[i, SEEN, c], abs(seen_by[i, SEEN, c])
+                for j in range(SEEN):
+                    total += seen_by[i, j, c] * s[j]
+                    size += abs(seen_by[i, j, c] * s[j])
+                if not abs(outputs[i] - total) <= _ALIKE * size:
+                    return False
+    return True
+
+
+@part
+def hidden_steps(linear, h, out, power, series):  # type: ignore[no-untyped-def]
+    """Write how the hidden states step by ``h`` to ``out``, shape (2, 4, 2, 2, k).
+
+    First to the middle, then to the end: the factor of the state, then those of the drive at begin, middle and end
+    (phi functions of a parabola; Hochbruck and Ostermann, Acta Numerica 19 (2010) 209).
+    """
+    count = linear.shape[2]
+    for end in range(2):
+        t = 0.5 * h if end == 0 else h
+        for i in range(2):
+            for j in range(2):
+                for c in range(count):
+                    power[i, j, c] = 1.0 if i == j else 0.0
+                    for m in range(4):
+                        series[m, i, j, c] = 0.0
+        # series[j] is phi_j, the sum of (G t)^m / (m + j)! over m; power holds (G t)^m / m!
+        for m in range(_TERMS):
+            one = 1.0 / (m + 1.0)
+            two = one / (m + 2.0)
+            three = two / (m + 3.0)
+            for i in range(2):
+                for j in range(2):
+                    for c in range(count):
+                        series[0, i, j, c] += power[i, j, c]
+                        series[1, i, j, c] += one * power[i, j, c]
+                        series[2, i, j, c] += two * power[i, j, c]
+                        series[3, i, j, c] += three * power[i, j, c]
+            by = t * one
+            for j in range(2):
+                for c in range(count):
+                    top, low = power[0, j, c], power[1, j, c]
+                    power[0, j, c] = by * (linear[3, 0, c] * top + linear[3, 1, c] * low)
+                    power[1, j, c] = by * (linear[4, 0, c] * top + linear[4, 1, c] * low)
+        for i in range(2):
+            for j in range(2):
+                for c in range(count):
+                    one, two, three = series[1, i, j, c], series[2, i, j, c], series[3, i, j, c]
+                    out[end, 0, i, j, c] = series[0, i, j, c]
+                    if end == 0:
+                        out[end, 1, i, j, c] = t * (one - 1.5 * two + three)
+                        out[end, 2, i, j, c] = t * (2.0 * two - 2.0 * three)
+                        out[end, 3, i, j, c] = t * (three - 0.5 * two)
+                    else:
+                        out[end, 1, i, j, c] = t * (one - 3.0 * two + 4.0 * three)
+                        out[end, 2, i, j, c] = t * (4.0 * two - 8.0 * three)
+                        out[end, 3, i, j, c] = t * (4.0 * three - two)

@@ -1,0 +1,252 @@
+"""A law that a person wrote: where it acts, its formula and its parameters, as a row like those of the catalogue.
+
+What the integrators must know beside the force (how fast it makes things swing, by what it stiffens the contact) is
+taken from the formula's own slopes over the motion that a collision spans.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.effects import CATALOGUE
+from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, PAIR
+from analysis.collision.effects.row import Acts, Effect, Parameter
+from analysis.collision.laws.formula import STATE, TIME, Formula, FormulaError, kernel_of, read
+from analysis.collision.parameters import PAPER, Collision
+
+Floats = NDArray[np.float64]
+MOST_PARAMETERS = 3
+_PLACES = {
+    "block": (Acts.ON_BLOCK, ON_BLOCK),
+    "plate": (Acts.ON_PLATE, ON_PLATE),
+    "contact": (Acts.IN_CONTACT, PAIR),
+}
+_PLACE_NAMES = ("x", "y", "d")
+_H = 1e-30
+_DRAWN = 400
+_DRAW = np.random.default_rng(1).uniform(-1.0, 1.0, (6, _DRAWN))
+
+
+class LawError(ValueError):
+    """Why a law cannot be used, in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnLaw:
+    """A law as it was written; hashable, so that it travels with the settings of an analysis.
+
+    ``where`` is "block", "plate" or "contact" (between the two, the force on the block); the formula's force is in N,
+    positive to the right; ``parameters`` in the order in which they were written.
+    """
+
+    name: str
+    words: str
+    where: str
+    formula: Formula
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def key(self) -> str:
+        """Get the name under which the law travels: its own, and all of it as JSON, so that a key alone is enough."""
+        return self.name + json.dumps(self.written(), ensure_ascii=False, separators=(",", ":"))
+
+    @property
+    def effect(self) -> Effect:
+        """Get the row of the catalogue that this law is."""
+        return _row(self)
+
+    def written(self) -> dict[str, Any]:
+        """Return the law as ``from_mapping`` reads it."""
+        table: dict[str, Any] = {
+            "name": self.name, "words": self.words, "where": self.where, "formula": self.formula.text,
+        }  # fmt: skip
+        table["parameters"] = {
+            p.name: {"unit": p.unit, "start": p.tried[0]}
+            | ({"lower": p.lower} if math.isfinite(p.lower) else {})
+            | ({"upper": p.upper} if math.isfinite(p.upper) else {})
+            | ({"own": True} if p.own else {})
+            for p in self.parameters
+        }
+        return table
+
+
+def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
+    """Return the law that a table describes (docs/own-laws.md); LawError names the key and what is wrong with it."""
+    for key in table:
+        if key not in ("name", "words", "where", "formula", "parameters"):
+            raise LawError(f"unknown key {key!r}; there are name, words, where, formula, parameters")
+    name, where, text = (_text(table, key) for key in ("name", "where", "formula"))
+    if not name.isidentifier() or not name.isascii() or len(name) > 40:
+        raise LawError(f"name: {name!r} is not a word of letters, digits and _ (at most 40)")
+    if name in CATALOGUE:
+        raise LawError(f"name: the catalogue has an effect called {name!r} already")
+    if where not in _PLACES:
+        raise LawError(f"where: {where!r}, but a law acts on {', '.join(_PLACES)}")
+    words = _text(table, "words") if "words" in table else name.replace("_", " ")
+    given = table.get("parameters")
+    if not isinstance(given, Mapping) or not 1 <= len(given) <= MOST_PARAMETERS:
+        raise LawError(f"parameters: a law has one to {MOST_PARAMETERS} of them")
+    parameters = tuple(_parameter(key, value) for key, value in given.items())
+    try:
+        formula = read(text, [p.name for p in parameters])
+    except FormulaError as error:
+        raise LawError(f"formula: {error}") from None
+    if not formula.state and where != "contact":  # there a constant acts while they touch, and only then
+        raise LawError(f"formula: it names nothing of the motion ({', '.join(STATE)})")
+    if formula.timed and where == "contact":
+        raise LawError(
+            "formula: t is for laws of the block or the plate; in contact name d, d_rate or the plate's bend"
+        )
+    law = OwnLaw(name, words, where, formula, parameters)
+    _ = law.effect  # says now, not in the middle of a fit, what makes it useless
+    return law
+
+
+@cache
+def from_key(key: str) -> OwnLaw:
+    """Return the law that travelled under ``key``; LawError where it is none."""
+    name, brace, rest = key.partition("{")
+    try:
+        return from_mapping(json.loads(brace + rest))
+    except (ValueError, RecursionError) as why:
+        raise LawError(f"no law can be read from {name!r}: {why}") from None
+
+
+def is_law(name: str) -> bool:
+    """Return whether a law can be read from a name."""
+    try:
+        return "{" in name and from_key(name).key == name
+    except LawError:
+        return False
+
+
+def called(name: str) -> str:
+    """Return an effect's or a parameter's name as people read it: that of a law without the law itself."""
+    return name.partition("{")[0] + name.rpartition("}")[2] if "{" in name else name
+
+
+def _text(table: Mapping[str, Any], key: str) -> str:
+    value = table.get(key)
+    if not isinstance(value, str) or not value.strip():
+        raise LawError(f"{key}: missing, or not a text" if key in table else f"{key}: missing")
+    return value.strip()
+
+
+def _parameter(name: str, table: object) -> Parameter:
+    if not name.isidentifier() or not name.isascii() or name.startswith("_"):
+        raise LawError(f"parameters: {name!r} is not a word of letters, digits and _")
+    if not isinstance(table, Mapping):
+        raise LawError(f"parameters.{name}: write it as {{unit = ..., start = ...}}")
+    for key in table:
+        if key not in ("unit", "start", "lower", "upper", "own"):
+            raise LawError(f"parameters.{name}: unknown key {key!r}; there are unit, start, lower, upper, own")
+    unit = table.get("unit")
+    if not isinstance(unit, str):
+        raise LawError(f'parameters.{name}.unit: missing ("" where it has none)')
+    own = table.get("own", False)
+    if not isinstance(own, bool):
+        raise LawError(f"parameters.{name}.own: true where every shot has its own value, or false")
+    start = _number(name, table, "start", math.nan)
+    lower, upper = _number(name, table, "lower", -math.inf), _number(name, table, "upper", math.inf)
+    if not start or not math.isfinite(start):
+        raise LawError(f"parameters.{name}.start: a finite number other than 0, of the size to be expected")
+    if not lower <= start <= upper or lower == upper:
+        raise LawError(f"parameters.{name}: start {start:g} does not lie between {lower:g} and {upper:g}")
+    return Parameter(name, unit, abs(start), lower, upper, tried=(start,), own=own)
+
+
+def _number(name: str, table: Mapping[str, Any], key: str, otherwise: float) -> float:
+    value = table.get(key, otherwise)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise LawError(f"parameters.{name}.{key}: {value!r} is not a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise LawError(f"parameters.{name}.{key}: beyond all size") from None
+
+
+@cache
+def _row(law: OwnLaw) -> Effect:
+    acts, adds_to = _PLACES[law.where]
+    return Effect(
+        law.key,
+        law.words,
+        acts,
+        law.parameters,
+        _amplitude(law),
+        kernel_of(law.formula, adds_to, while_touching=acts is Acts.IN_CONTACT),
+        rough=acts is Acts.IN_CONTACT,
+        bent=not law.formula.straight,
+        kinked=law.formula.kinked,
+        hidden=int(law.formula.timed),
+        fastest=lambda values, collision: _fastest(law, values, collision),
+    )
+
+
+def _amplitude(law: OwnLaw) -> str:
+    """Return the shared parameter without which the law is nothing; one in which it is linear before any other."""
+    states, start = _states(PAPER), {p.name: p.tried[0] for p in law.parameters}
+    with np.errstate(all="ignore"):
+        here = np.broadcast_to(law.formula.values(states, start), (_DRAWN,))
+        if not np.all(np.isfinite(here)):
+            raise LawError("formula: no finite force somewhere within an ordinary collision, at the parameters' start")
+        if not np.any(here):
+            raise LawError("formula: no force anywhere within an ordinary collision, at the parameters' start")
+        off, linear = [], []
+        for name, value in ((p.name, p.tried[0]) for p in law.parameters if not p.own):
+            nothing = np.asarray(law.formula.values(states, start | {name: 0.0}))
+            if np.all(np.isfinite(nothing)) and not np.any(nothing):
+                off.append(name)
+                if np.allclose(law.formula.values(states, start | {name: 2 * value}), 2 * here, rtol=1e-9, atol=0):
+                    linear.append(name)
+    if not off:
+        shared = "parameter" if not any(p.own for p in law.parameters) else "parameter that the shots share"
+        raise LawError(f"formula: no {shared} turns the law off at 0; multiply it by one")
+    return (linear or off)[0]
+
+
+def _states(collision: Collision) -> dict[str, Floats]:
+    """Return states drawn over the motion that a collision spans, arrays of shape (_DRAWN,)."""
+    c = collision
+    speed = abs(c.velocity_in_m_per_s)
+    inverse = 1 / c.block_mass_kg + 1 / c.plate_mass_kg
+    overlap = speed / math.sqrt(c.contact_stiffness_n_per_m * inverse)
+    deepest = speed * c.contact_time_estimate_s / math.pi
+    u = _DRAW
+    bend = 0.5 * deepest * (u[2] - 1.0)
+    return {
+        "x": 1.2 * bend + overlap * u[0], "v": speed * u[1], "y": bend, "u": 2 * speed * u[3],
+        "d": 0.5 * overlap * (u[4] + 1.0), "d_rate": speed * u[5], "t": c.contact_time_estimate_s * (u[0] + 1.0),
+    }  # fmt: skip
+
+
+def _fastest(law: OwnLaw, values: Floats, collision: Collision) -> float:
+    """Return the fastest rate in rad/s that the law brings: of its slopes by place and by speed, over the motion."""
+    given = {p.name: float(v) for p, v in zip(law.parameters, values, strict=True)}
+    on_plate = law.where != "block" and math.isfinite(collision.plate_mass_kg)
+    mass = min(collision.block_mass_kg, collision.plate_mass_kg) if on_plate else collision.block_mass_kg
+    states, rate = _states(collision), 0.0
+    for name in law.formula.state:
+        if name == TIME:
+            rate = max(rate, _of_time(law, given, states))
+            continue
+        with np.errstate(all="ignore"):
+            slope = np.imag(law.formula.values(states | {name: states[name] + 1j * _H}, given)) / _H / mass
+        steep = float(np.max(np.abs(slope), initial=0.0, where=np.isfinite(slope)))
+        rate = max(rate, math.sqrt(steep) if name in _PLACE_NAMES else steep)
+    return rate
+
+
+def _of_time(law: OwnLaw, given: Mapping[str, float], states: Mapping[str, Floats]) -> float:
+    """Return how fast the law itself changes in time, in rad/s: its rate over its size."""
+    with np.errstate(all="ignore"):
+        moved = law.formula.values({**states, TIME: states[TIME] + 1j * _H}, given)
+    force, rate = np.real(moved), np.imag(moved) / _H
+    size = math.sqrt(float(np.mean(force**2, where=np.isfinite(force))))
+    return math.sqrt(float(np.mean(rate**2, where=np.isfinite(rate)))) / size if size > 0.0 else 0.0

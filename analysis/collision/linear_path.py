@@ -1,0 +1,151 @@
+"""A solved trajectory cut into steps, each with its propagator: what a small force or shift on the way leads to.
+
+About a trajectory that is solved, a small change d of the state obeys d' = A(t) d + E(t) u, u being what an effect
+adds: forces on block and plate, a force between them, inertia, a moved contact point and its rate.  A and E are the
+exact derivatives of the model's own equations (``rates``), E by two probes laid out beside the effects that the fit
+has, so that no equation is written a second time.  Where a mode ends, d jumps as every derivative does (``march``).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision import general
+from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, PAIR, STATES
+from analysis.collision.effects.row import Acts, Effect, Parameter
+from analysis.collision.general import RunsAway, TooManyEvents
+from analysis.collision.guards import FORCE, OVERLAP, OVERLAP_RATE, RANGE_0, VELOCITY
+from analysis.collision.march import RANGE, TURN
+from analysis.collision.modes import FREE, NEAR_0, PARTING, PHASE, PLATE, SIGN
+from analysis.collision.parameters import Collision, Floats, Infeasible
+from analysis.collision.path_matrices import FRESH, INPUTS, NONE, Matrices, Steps, room_for, write_matrices
+from analysis.collision.path_steps import cut_at_events, lay_instants
+from analysis.collision.slots import Active, direction, lay_out, swings
+from analysis.collision.system import Integers
+
+_SWING = 0.25  # radians a step may take
+MOST_PIECES = 24
+
+
+def _push(s: Any, p: Any, out: Any) -> None:
+    """Push block and plate; p = (force in N, force in N).  Its hidden state moves the contact point alone."""
+    out[ON_BLOCK] += p[0]
+    out[ON_PLATE] += p[1]
+
+
+def _press(s: Any, p: Any, out: Any) -> None:
+    """Push the two bodies apart; p = (force in N)."""
+    out[PAIR] += p[0]
+
+
+_TWO = tuple(Parameter(name, "N", 0.0) for name in ("block", "plate"))
+_PUSH = Effect("push", "", Acts.ON_BLOCK, _TWO, "block", _push, hidden=2, shift=1.0)
+_PRESS = Effect("press", "", Acts.IN_CONTACT, _TWO[:1], "block", _press)
+
+
+@dataclass(frozen=True, slots=True)
+class LinearPath:
+    """Steps of one shot, the m_0 before the bodies act on each other going backwards, then forwards; n numbers a state.
+
+    ``length_s`` and ``sample`` (index of the sample at the end, or -1), shape (m,); ``early``: before the bodies act;
+    ``linked``: begins as the step before it ended; ``propagator``, shape (m, n, n); ``weights`` of the inputs at
+    begin, middle and end, shape (m, 3, n, 6); ``told``, shape (m, 3, 15), what an effect's function is given there;
+    ``kick``, shape (m, n), and ``watch``, shape (m, n + 1): at the beginning the state jumps by kick times (watch of
+    state and moved contact point).
+    """
+
+    length_s: Floats
+    sample: Integers
+    early: NDArray[np.bool_]
+    linked: NDArray[np.bool_]
+    propagator: Floats
+    weights: Floats
+    told: Floats
+    kick: Floats
+    watch: Floats
+
+    @property
+    def size(self) -> int:
+        """Get the number of steps."""
+        return int(self.length_s.size)
+
+
+def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, steps: int = 1) -> LinearPath:
+    """Follow a collision with ``active`` effects (those with hidden states first) over ``time_s`` from first touch.
+
+    ``time_s`` is an even grid; at least ``steps`` of them a sample.  About 1 us a step.  Raises Infeasible where the
+    steps would be too many or the motion has no end.
+    """
+    fastest = swings(collision, active)
+    spacing = float(time_s[1] - time_s[0])
+    apart = max(steps, math.ceil(max(fastest.plate, fastest.every) * spacing / _SWING))
+    pieces = apart * math.ceil(max(steps, max(fastest.contact, fastest.every) * spacing / _SWING) / apart)
+    if pieces > MOST_PIECES:
+        raise Infeasible("something would swing faster than any record can show")
+    # Two bodies alone do not care where the block turns; what is tried on them may.
+    acting = active or [Active(_PRESS, (0.0,))]
+    try:
+        events = general.recorded(collision, acting, time_s)
+        begin, end, sample, event = cut_at_events(events, time_s, (pieces, apart))
+        early = event < 0
+        apart_now = events.modes[event, PHASE] == FREE
+        halves = np.where(early, pieces, np.where(apart_now, pieces // apart, 1))
+        instants, place = np.empty(2 * int(halves.sum()) + 1), np.empty(begin.size, dtype=np.int64)
+        lay_instants(begin, end, halves, int(early.sum()), instants, place)
+        run = general.recorded(collision, acting, instants, spacing / (2 * pieces))
+    except (TooManyEvents, RunsAway) as why:
+        raise Infeasible(str(why)) from why
+    way = np.where(early, -halves, halves)
+    states = run.states[place[:, None] + way[:, None] * np.arange(3)]
+    return _with_matrices(collision, active, events, states, (begin, end, sample, event))
+
+
+def _with_matrices(
+    collision: Collision,
+    active: Sequence[Active],
+    events: general.Recorded,
+    states: Floats,
+    steps: tuple[Floats, Floats, Integers, Integers],
+) -> LinearPath:
+    """Return the path of steps (begin, end, sample, event); ``states``, shape (m, 3, n), are those of each."""
+    begin, end, sample, event = steps
+    early = event < 0
+    hidden = sum(one.effect.hidden > 0 for one in active)
+    beside = [*active[:hidden], Active(_PUSH, (0.0, 0.0)), *active[hidden:], Active(_PRESS, (0.0,))]
+    n = 4 + 2 * hidden
+    probes = [direction(hidden, 0), direction(hidden, 1), direction(len(beside) - 1, 0)]
+    system = lay_out(collision, beside, [*[-1] * (n + 2), *probes])
+    slots = [slot + (slot >= hidden) for slot in range(len(active))]
+    count, mode_of = begin.size, np.zeros((events.time_s.size + 1, NEAR_0 + len(beside)))
+    mode_of[:-1, :NEAR_0] = events.modes[:, :NEAR_0]
+    mode_of[:-1, [NEAR_0 + slot for slot in slots]] = events.modes[:, NEAR_0 : NEAR_0 + len(active)]
+    mode_of[:-1, PLATE] = 1.0  # never left to itself: nothing is saved by it here
+    mode_of[-1, SIGN] = -1.0  # of those before the first event
+    states[early, :, 2:] = states[np.argmin(early), 0, 2:] if not early.all() else 0.0  # not met yet
+    fresh = np.diff(event, prepend=-2) != 0
+    item = np.full(count, NONE)
+    item[fresh] = [_guard_of(int(events.kinds[e]), slots) if e > 0 else FRESH for e in event[fresh]]
+    out = Matrices(
+        np.empty((count, n, n)), np.empty((count, 3, n, INPUTS)), np.empty((count, 3, STATES)),
+        np.zeros((count, n)), np.zeros((count, n + 1)),
+    )  # fmt: skip
+    room = np.zeros(room_for(n))
+    written = write_matrices(system, Steps(states, mode_of, event, end - begin, item), out, room)
+    assert written
+    return LinearPath(end - begin, sample, early, ~fresh, *out)
+
+
+def _guard_of(kind: int, slots: Sequence[int]) -> int:
+    """Return the guard function that an event of a kind passed, ``slots`` being where the effects stand now."""
+    if kind >= RANGE:
+        return RANGE_0 + slots[kind - RANGE]
+    if kind == TURN:
+        return VELOCITY
+    before, after = divmod(kind, 10)
+    if FREE in (before, after):
+        return OVERLAP
+    return OVERLAP_RATE if PARTING in (before, after) else FORCE

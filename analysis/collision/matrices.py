@@ -1,0 +1,178 @@
+"""The matrices of a linear mode and of its derivatives (njit).
+
+The state is augmented by a constant 1, which carries what drives it: s' = A s.  Columns of ``z``, shape (n + 1, rows),
+are the state and its derivatives by the parameters, S' = A S + (dA/dtheta) s.
+"""
+
+from typing import NamedTuple
+
+from analysis.collision.guards import OVERLAP, RANGE_0, VELOCITY, range_at
+from analysis.collision.modes import PLATE
+from analysis.collision.rates import rates
+from analysis.collision.system import RANGE_AT, Floats
+from analysis.compiled.kernel_parts import inlined, part
+from analysis.compiled.kernel_room import cut
+
+_SAME = 1e-11  # of the terms, where two states must agree on A
+BIT, PIECES, TERMS, SLOW = 0, 1, 2, 3  # of ``steps``: length in s, how many a sample, terms of the series, nothing fast
+
+
+class Form(NamedTuple):
+    """A mode's matrices: A, shape (n + 1, n + 1), its derivatives, and the guard functions and their rates as rows.
+
+    Then exp(A h) of a step and its derivatives, shape (n + 1, n + 1, rows), those of a block of steps, what is shown of
+    a state, shape (m, n + 1), and of the mean over a block; ``steps`` under the indices above.
+    """
+
+    a: Floats
+    by: Floats
+    guard: Floats
+    guard_rate: Floats
+    e: Floats
+    d: Floats
+    whole: Floats
+    d_whole: Floats
+    shown: Floats
+    mean: Floats
+    d_mean: Floats
+    steps: Floats
+
+
+class Kept(NamedTuple):
+    """The forms of some modes, of which the first axis is one: (A, exp(A h), that of a block), ``by``, (d of the two).
+
+    (Guard functions, their rates), (what is shown, its mean), the mean's derivatives, ``steps``.
+    """
+
+    square: Floats
+    by: Floats
+    d: Floats
+    guard: Floats
+    shown: Floats
+    d_mean: Floats
+    steps: Floats
+
+
+class Room(NamedTuple):
+    """Where matrices are worked out: three of columns, two of one column, three square ones, and derivatives."""
+
+    columns: Floats
+    single: Floats
+    square: Floats
+    d_term: Floats
+    d_work: Floats
+
+
+@inlined
+def columns(rows):  # type: ignore[no-untyped-def]
+    """Return how many columns a state with derivatives takes: a multiple of four, or one alone."""
+    return 4 * ((rows + 3) // 4) if rows > 1 else 1
+
+
+@part
+def forms_of(modes, n, count, guards, shown, room, at):  # type: ignore[no-untyped-def]
+    """Return the forms of so many modes, cut from ``room``, and where that goes on."""
+    m, wide = n + 1, columns(count + 1)
+    square, at = cut(room, at, (modes, 3, m, m))
+    by, at = cut(room, at, (modes, count, m, m))
+    d, at = cut(room, at, (modes, 2, m, m, wide))
+    guard, at = cut(room, at, (modes, 2, guards, m))
+    what, at = cut(room, at, (modes, 2, shown, m))
+    d_mean, at = cut(room, at, (modes, m, wide))
+    steps, at = cut(room, at, (modes, 4))
+    return Kept(square, by, d, guard, what, d_mean, steps), at
+
+
+@part
+def room_of(n, count, room, at):  # type: ignore[no-untyped-def]
+    """Return where matrices are worked out, cut from ``room``, and where that goes on."""
+    m, wide = n + 1, columns(count + 1)
+    some, at = cut(room, at, (3, m, wide))
+    single, at = cut(room, at, (2, m, 1))
+    square, at = cut(room, at, (3, m, m))
+    d_term, at = cut(room, at, (count, m, m))
+    d_work, at = cut(room, at, (m, m, wide))
+    return Room(some, single, square, d_term, d_work), at
+
+
+@inlined
+def form_at(kept, at):  # type: ignore[no-untyped-def]
+    """Return one of the forms that are kept."""
+    square, d, guard, shown = kept.square[at], kept.d[at], kept.guard[at], kept.shown[at]
+    return Form(
+        square[0], kept.by[at], guard[0], guard[1], square[1], d[0], square[2], d[1], shown[0], shown[1],
+        kept.d_mean[at], kept.steps[at],
+    )  # fmt: skip
+
+
+@part
+def ask(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
+    """Write A, its derivatives and the guard functions of a mode; False if there is no A.
+
+    ``every`` holds n times "by none", then the parameters; ``plain`` has room for a state with so many derivatives.
+    Up to n + 3 evaluations of the rates.
+    """
+    a, by, z, f = form.a, form.by, plain.z, plain.f
+    n, count = a.shape[0] - 1, by.shape[0]
+    total = n + 1 + count
+    for j in range(total):
+        for c in range(n):
+            z[j, c] = 1.0 if c == j - 1 else 0.0
+    rates(plain, total, every, system, mode)
+    for j in range(n + 1):
+        row = (j + 1) % (n + 1)  # the state's own last: what drives it
+        for i in range(n):
+            a[i, j] = f[row, i]
+        a[n, j] = 0.0
+        for i in range(3):
+            form.guard[i, j] = plain.told[row, i]
+    for k in range(count):
+        for i in range(n):
+            by[k, i, n] = f[1 + n + k, i]
+        for j in range(n + 1):
+            by[k, n, j] = 0.0
+    for j in range(n if count > 0 else 0):
+        z[0, j] = 1.0
+        rates(plain, total, every, system, mode)
+        for k in range(count):
+            for i in range(n):
+                by[k, i, j] = f[1 + n + k, i] - by[k, i, n]
+        z[0, j] = 0.0
+    for trial in range(2 if system.slots.shape[0] > 0 else 0):  # the two bodies alone are linear
+        side = 1.0 if trial == 0 else -1.5  # overlapping, and apart
+        for j in range(n):
+            z[0, j] = side * (1e-4 * (3 + j) if j % 2 == 0 else 0.1 * (j - 4))
+        rates(plain, total, every, system, mode)
+        for i in range(n):
+            for j in range(n):
+                if not abs(f[1 + j, i] - a[i, j]) <= _SAME * abs(a[i, j]):
+                    return False
+            for k in range(-1, count):
+                total_of, size = (a[i, n], abs(a[i, n])) if k < 0 else (by[k, i, n], abs(by[k, i, n]))
+                for j in range(n):
+                    term = (a[i, j] if k < 0 else by[k, i, j]) * z[0, j]
+                    total_of += term
+                    size += abs(term)
+                if not abs((f[0, i] if k < 0 else f[1 + n + k, i]) - total_of) <= _SAME * size:
+                    return False
+    if mode[PLATE] < 0.5:  # left to itself, or not yet met: it rings freely
+        a[2, 3], a[3, 2] = 1.0, -system.p[0] / system.p[1]
+    _guards(form, system)
+    return True
+
+
+@part
+def _guards(form, system):  # type: ignore[no-untyped-def]
+    """Write the guard functions that are not told, and the rates of all."""
+    guard, n = form.guard, form.a.shape[0] - 1
+    for c in range(n + 1):
+        guard[VELOCITY, c] = 1.0 if c == 1 else 0.0
+        for slot in range(system.slots.shape[0]):
+            guard[RANGE_0 + slot, c] = guard[OVERLAP, c]
+            if c == n and system.slots[slot, RANGE_AT] >= 0.0:
+                guard[RANGE_0 + slot, c] += system.p[range_at(slot, system.slots)]
+    for item in range(guard.shape[0]):
+        for c in range(n + 1):
+            form.guard_rate[item, c] = 0.0
+            for j in range(n):
+                form.guard_rate[item, c] += guard[item, j] * form.a[j, c]

@@ -1,0 +1,53 @@
+"""The modes of a collision: who touches whom, who takes part, which way the block goes (njit).
+
+A mode is a row of flags.  Within one the equations are smooth; what ends it stands in ``guards``.
+"""
+
+import math
+
+from analysis.collision.system import MOVES, RANGE_AT
+from analysis.compiled.kernel_parts import inlined, part
+
+FREE, CONTACT, PARTING, OVERLAPPED = 0, 1, 2, 3  # PARTING: without its dashpot; OVERLAPPED: let go, yet pressed in
+# Flags: spring and dashpot at work, sign of the block's velocity, does the plate take part (not before the touch, and
+# not when it is left to itself), what rides inside the block, is the contact's law followed without its force, which
+# of the four the contact is in; then a flag for each effect: within its range.
+SPRING, DASH, SIGN, PLATE, INSIDE, PARTED, PHASE, NEAR_0 = 0, 1, 2, 3, 4, 5, 6, 7
+
+
+@inlined
+def phase_of(mode):  # type: ignore[no-untyped-def]
+    """Return which of FREE, CONTACT, PARTING, OVERLAPPED the contact is in."""
+    return int(mode[PHASE])
+
+
+@part
+def set_phase(phase, mode):  # type: ignore[no-untyped-def]
+    """Write the flags that go with a phase of the contact."""
+    mode[PHASE] = phase
+    mode[SPRING] = 1.0 if phase in (CONTACT, PARTING) else 0.0
+    mode[DASH] = 1.0 if phase == CONTACT else 0.0
+    mode[PARTED] = 1.0 if phase == OVERLAPPED else 0.0
+
+
+@inlined
+def may_be_gone(x, y, mode):  # type: ignore[no-untyped-def]
+    """Return whether it is worth asking ``is_gone``."""
+    return mode[PHASE] == FREE and mode[PLATE] > 0.5 and x > 2e-5 + 1.5 * abs(y)
+
+
+@part
+def is_gone(z, mode, system, omega):  # type: ignore[no-untyped-def]
+    """Return whether block and plate, apart, cannot meet again; ``z`` a state, ``omega`` the plate's rate in rad/s."""
+    x, v, y, u = z[0], z[1], z[2], z[3]
+    if not v > 0.0:
+        return False
+    reach = 2e-5 + 1.5 * (math.sqrt(y**2 + (u / omega) ** 2) if omega > 0.0 else abs(y))
+    near, slots = 0.0, system.slots
+    for slot in range(slots.shape[0]):
+        if slots[slot, MOVES] != 0.0:
+            reach += 3.0 * abs(z[4 + 2 * slot]) + abs(z[5 + 2 * slot]) / 60.0
+        near += mode[NEAR_0 + slot]
+        if slots[slot, RANGE_AT] >= 0.0:
+            reach += system.p[int(slots[slot, RANGE_AT])]
+    return x > reach and near == 0.0 and (omega > 0.0 or u <= 0.0)

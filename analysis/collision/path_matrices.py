@@ -1,0 +1,241 @@
+"""The propagators of a path's steps, and the weights of what acts on the way (njit)."""
+
+from typing import NamedTuple
+
+from analysis.collision.effects.kernel import NEAR, STATES, Q, W
+from analysis.collision.guards import guard_derivative
+from analysis.collision.parameters import Floats
+from analysis.collision.rates import rates
+from analysis.collision.system import Integers, state_of
+from analysis.compiled.kernel_bundle import held
+from analysis.compiled.kernel_parts import inlined, kernel, part
+from analysis.compiled.kernel_room import cut
+
+# What a small effect can do: forces in N on block, on plate and between them, kg on the block, m and m/s of the contact
+# point.
+INPUTS = 6
+_INERTIA = 3
+_STILL, _HELD = 1e-5, 16  # share by which A may change over a step and still be held for so many more
+_ROUNDING = 1e-12  # of a row's largest number
+NONE, FRESH = -1, -2  # where a step begins: as the one before ended, or anew; otherwise the guard function passed
+
+
+class Steps(NamedTuple):
+    """Steps: states at begin, middle and end, shape (m, 3, n), lengths, and the guard function they begin at.
+
+    The mode of a step is ``modes[event]``, the last before the first event (-1).
+    """
+
+    states: Floats
+    modes: Floats
+    event: Integers
+    length_s: Floats
+    item: Integers
+
+
+class Matrices(NamedTuple):
+    """What the kernel writes of every step (see ``LinearPath``)."""
+
+    propagator: Floats
+    weights: Floats
+    told: Floats
+    kick: Floats
+    watch: Floats
+
+
+@inlined
+def _inertia(state, z, one, system, mode, e):  # type: ignore[no-untyped-def]
+    """Write what inertia does at a state, -v'/m to v', and let ``system.told`` tell that state."""
+    for i in range(z.size):
+        state.z[0, i] = z[i]
+    mass = rates(state, one, system.which, system, mode)
+    e[1, _INERTIA] = -state.f[0, 1] / mass
+
+
+@part
+def _look(state, z, rows, system, mode, a, e):  # type: ignore[no-untyped-def]
+    """Write A (n, n) and E (n, 6) at a state."""
+    n = a.shape[0]
+    for i in range(n):
+        state.z[0, i] = z[i]
+    mass = rates(state, rows, system.which, system, mode)
+    for i in range(n):
+        for j in range(n):
+            a[i, j] = state.f[1 + j, i]
+        for j in range(2):
+            e[i, 4 + j] = state.f[1 + n + j, i]
+        for j in range(3):
+            e[i, j] = state.f[3 + n + j, i]
+        e[i, _INERTIA] = 0.0
+    e[1, _INERTIA] = -state.f[0, 1] / mass
+
+
+@inlined
+def _tell(system, given):  # type: ignore[no-untyped-def]
+    """Write what an effect is given at the state that was looked at last."""
+    for i in range(STATES):
+        given[i] = system.told[i]
+    given[Q] = given[W] = given[NEAR] = 0.0
+
+
+@part
+def _alike(one, two):  # type: ignore[no-untyped-def]
+    """Return whether two matrices are the same but for what a step may change."""
+    for i in range(one.shape[0]):
+        size = 0.0
+        for j in range(one.shape[1]):
+            size = max(size, abs(one[i, j]))
+        for j in range(one.shape[1]):
+            inertia = one.shape[1] == INPUTS and j == _INERTIA  # known at every point
+            if not inertia and abs(one[i, j] - two[i, j]) > _STILL * abs(one[i, j]) + _ROUNDING * size:
+                return False
+    return True
+
+
+@part
+def _propagate(a0, a1, a2, h, out, work, term):  # type: ignore[no-untyped-def]
+    """Write the propagator over ``h`` by the classical Runge-Kutta method, A given at begin, middle and end."""
+    n = a0.shape[0]
+    for i in range(n):
+        for j in range(n):
+            term[i, j] = a0[i, j]
+            out[i, j] = (1.0 if i == j else 0.0) + h / 6.0 * term[i, j]
+    for stage in range(3):
+        a = a2 if stage == 2 else a1
+        by = h if stage == 2 else 0.5 * h
+        for i in range(n):
+            for j in range(n):
+                total = a[i, j]
+                for m in range(n):
+                    total += by * a[i, m] * term[m, j]
+                work[i, j] = total
+        for i in range(n):
+            for j in range(n):
+                term[i, j] = work[i, j]
+                out[i, j] += (h / 6.0 if stage == 2 else h / 3.0) * term[i, j]
+
+
+@part
+def _jump(r, state, aside, system, steps, kick, watch):  # type: ignore[no-untyped-def]
+    """Write how the state jumps where a step begins with a guard function passed."""
+    item, n, size = steps.item[r], kick.size, state.z.shape[1]
+    for i in range(n):
+        state.z[0, i] = steps.states[r, 0, i]
+    rates(state, n + 2, system.which, system, steps.modes[steps.event[r - 1]])
+    for j in range(n + 1):
+        watch[j] = guard_derivative(item, 1 + j, -1, state, system)
+    for c in range(size):
+        aside.z[0, c], aside.z[1, c] = state.z[0, c], state.f[0, c]
+    rates(aside, n - n + 2, system.which, system, steps.modes[steps.event[r - 1]])
+    pace = guard_derivative(item, n - n + 1, -1, aside, system)
+    rates(aside, n - n + 1, system.which, system, steps.modes[steps.event[r]])
+    for j in range(n):
+        kick[j] = -(state.f[0, j] - aside.f[0, j]) / pace
+
+
+def room_for(n: int) -> int:
+    """Return how many numbers the arrays of ``write_matrices`` take at most, n being those of a state."""
+    return (n + 8) * (2 * (n + 6) + 3) + 7 * n * n + 3 * n * INPUTS
+
+
+@kernel
+def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
+    """Write the matrices of every step and return whether there was room; about 1 us each, less where they stand still.
+
+    Where A and E stood still over a step (most effects are linear within a mode) they are looked at again _HELD later.
+    ``room`` is ``room_for`` zeros.
+    """
+    system, steps, out = held(system), held(steps), held(out)
+    n, size = out.propagator.shape[1], 4 * ((out.propagator.shape[1] + 5) // 4)
+    rows = n + 6
+    one = rows - rows + 1
+    state, at = state_of(rows, size, room, 0)
+    aside, at = state_of(2, size, room, at)
+    state, aside = held(state), held(aside)
+    for j in range(n + 2):
+        state.z[1 + j, j] = 1.0
+    a, at = cut(room, at, (4, n, n))  # at begin, middle, end; at three quarters
+    e, at = cut(room, at, (3, n, INPUTS))
+    half, at = cut(room, at, (n, n))
+    square, at = cut(room, at, (n, n))
+    term, at = cut(room, at, (n, n))
+    if at > room.size:
+        return False
+    hold, resting = 0, False
+    for r in range(steps.length_s.size):
+        linked, length, mode = steps.item[r] == NONE, steps.length_s[r], steps.modes[steps.event[r]]
+        if steps.item[r] >= 0:
+            _jump(r, state, aside, system, steps, out.kick[r], out.watch[r])
+        if not linked:
+            _look(state, steps.states[r, 0], rows, system, mode, a[0], e[0])
+            _tell(system, out.told[r, 0])
+            hold, resting = 0, False
+        rested, resting = resting, hold > 0
+        same = rested and resting  # A and E are those of the step before, but for the inertia's column
+        if linked:
+            if same:
+                e[0, 1, _INERTIA] = e[2, 1, _INERTIA]
+            else:
+                _put(a[2], a[0])
+                _put(e[2], e[0])
+            for j in range(STATES):
+                out.told[r, 0, j] = out.told[r - 1, 2, j]
+        if resting:
+            hold -= 1
+            if not same:
+                _put(a[0], a[2])
+                _put(e[0], e[2])
+        if resting:
+            _inertia(state, steps.states[r, 2], one, system, mode, e[2])
+        else:
+            _look(state, steps.states[r, 2], rows, system, mode, a[2], e[2])
+        _tell(system, out.told[r, 2])
+        if not resting and _alike(a[0], a[2]) and _alike(e[0], e[2]):
+            hold = _HELD
+        still = resting or hold == _HELD
+        if still and not same:
+            _put(a[0], a[1])
+            _put(e[0], e[1])
+        if still:
+            _inertia(state, steps.states[r, 1], one, system, mode, e[1])
+        else:
+            _look(state, steps.states[r, 1], rows, system, mode, a[1], e[1])
+        _tell(system, out.told[r, 1])
+        if same and abs(length - steps.length_s[r - 1]) < 1e-9 * abs(length):
+            _weigh_again(r, length, e, half, out)
+            continue
+        for j in range(n):
+            for m in range(n):
+                a[3, j, m] = 0.375 * a[2, j, m] + 0.75 * a[1, j, m] - 0.125 * a[0, j, m]  # on a parabola
+        _propagate(a[0], a[1], a[2], length, out.propagator[r], square, term)
+        _propagate(a[1], a[3], a[2], 0.5 * length, half, square, term)
+        for j in range(n):
+            for m in range(INPUTS):
+                begin, mid = 0.0, 0.0
+                for q in range(n):
+                    begin += out.propagator[r, j, q] * e[0, q, m]
+                    mid += half[j, q] * e[1, q, m]
+                out.weights[r, 0, j, m] = length / 6.0 * begin
+                out.weights[r, 1, j, m] = length / 1.5 * mid
+                out.weights[r, 2, j, m] = length / 6.0 * e[2, j, m]
+    return True
+
+
+@part
+def _put(one, to):  # type: ignore[no-untyped-def]
+    for i in range(one.shape[0]):
+        for j in range(one.shape[1]):
+            to[i, j] = one[i, j]
+
+
+@part
+def _weigh_again(r, at, e, half, out):  # type: ignore[no-untyped-def]
+    """Write a step's matrices where only what inertia does differs from the step before."""
+    n = half.shape[0]
+    _put(out.propagator[r - 1], out.propagator[r])
+    for point in range(3):
+        _put(out.weights[r - 1, point], out.weights[r, point])
+    for j in range(n):
+        out.weights[r, 0, j, _INERTIA] = at / 6.0 * out.propagator[r, j, 1] * e[0, 1, _INERTIA]
+        out.weights[r, 1, j, _INERTIA] = at / 1.5 * half[j, 1] * e[1, 1, _INERTIA]
+        out.weights[r, 2, j, _INERTIA] = at / 6.0 * e[2, j, _INERTIA]

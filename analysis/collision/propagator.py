@@ -1,0 +1,288 @@
+"""The stepper for what is linear in the state, the two bodies and most of the catalogue: every mode in closed form.
+
+Within a mode s' = A s, the state augmented by a constant 1 that carries what drives it.  A and dA/dtheta are asked from
+the one place where the equations stand (``rates``), at unit states; every step is exp(A h), summed as its Taylor
+series, and so are the derivatives by the parameters, S' = A S + (dA/dtheta) s: exact to rounding at any length of step,
+where a Runge-Kutta method needs a dozen evaluations every quarter of a radian.  Whether that form is true is asked at
+other states in every mode that is met; where it is not, ``runge_kutta`` goes on.
+"""
+
+import math
+from typing import NamedTuple
+
+from analysis.collision.exponentials import along, exponential, repeat, series, show_mean, step, step_alone
+from analysis.collision.guards import OVERLAP, RANGE_0, VELOCITY, may_touch
+from analysis.collision.matrices import BIT, PIECES, SLOW, TERMS, Kept, Room, ask, columns, form_at, forms_of, room_of
+from analysis.collision.modes import FREE, NEAR_0, PHASE, PLATE, is_gone, may_be_gone
+from analysis.collision.rates import rates
+from analysis.collision.system import AT_A_GUARD, AWAY, DONE, GONE, TIME, Ahead, Floats, Integers, State, state_of
+from analysis.collision.two_bodies import glide, glide_in_blocks
+from analysis.compiled.kernel_bundle import held
+from analysis.compiled.kernel_parts import inlined, part
+from analysis.compiled.kernel_room import cut, cut_integers
+
+_STEP = 0.7  # longest step times the fastest rate: nine steps a period, so that no touch is stepped over
+_LONGEST_S = 1e-3
+_MODES = 16  # whose matrices are kept
+# Of ``at``: the present mode, how many were met, pieces left to a sample, first sample of a block to be looked at.
+NOW, MET, LEFT, CAREFUL = 0, 1, 2, 3
+
+
+class Propagator(NamedTuple):
+    """``swings``: the fastest rates in rad/s in contact, apart, left to itself and before the touch.
+
+    ``kept``: the matrices of the ``modes`` met, shape (16, flags); ``z``: the state and its derivatives as columns, and
+    room for them a step ahead, shape (2, n + 1, rows up to a multiple of four); ``active``: how many guard functions
+    are watched, and which.
+    """
+
+    swings: Floats
+    spacing_s: float
+    kept: Kept
+    modes: Floats
+    at: Integers
+    active: Integers
+    z: Floats
+    room: Room
+    plain: State
+    every: Integers
+
+
+@part
+def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
+    here, mode, at, z = motion.here, motion.mode, stepper.at, stepper.z[0]
+    rows, n = system.which.size + 1, system.numbers
+    for c in range(n):
+        for k in range(rows):
+            z[c, k] = here.z[k, c]
+    z[n, 0] = 1.0
+    at[LEFT] = 0
+    used = 0
+    for item in range(motion.signs.size):
+        if motion.signs[item] != 0.0:
+            used += 1
+            stepper.active[used] = item
+    stepper.active[0] = used
+    for k in range(min(at[MET], _MODES)):
+        same = True
+        for c in range(mode.size):
+            same = same and stepper.modes[k, c] == mode[c]
+        if same:
+            at[NOW] = k
+            return True
+    at[NOW] = at[MET] % _MODES
+    at[MET] += 1
+    for c in range(mode.size):
+        stepper.modes[at[NOW], c] = mode[c]
+    return _learn(stepper, held(form_at(stepper.kept, at[NOW])), system, mode, record.block, forward)
+
+
+@part
+def _learn(stepper, form, system, mode, block, forward):  # type: ignore[no-untyped-def]
+    """Write the matrices of a mode that is met for the first time; False where it is not linear."""
+    if not ask(form, stepper.plain, stepper.every, system, mode):
+        return False
+    rows, swings, apart, there = system.which.size + 1, stepper.swings, mode[PHASE] == FREE, mode[PLATE] > 0.5
+    swing = swings[3] if not forward else swings[0 if not apart else (1 if there else 2)]
+    pieces = max(1, math.ceil(stepper.spacing_s / min(_STEP / max(swing, 1e-9), _LONGEST_S) - 1e-9))
+    form.steps[PIECES] = pieces
+    form.steps[BIT] = (stepper.spacing_s if forward else -stepper.spacing_s) / pieces
+    form.steps[TERMS] = exponential(form, stepper.room, rows, form.steps[BIT])
+    form.steps[SLOW] = 0.0 if there and swing * stepper.spacing_s * block > _STEP else 1.0
+    for c in range(form.shown.shape[1]):
+        for j in range(form.shown.shape[0]):
+            form.shown[j, c] = 1.0 if c == (j if j < 4 else j - 1) else 0.0
+        # The overlap and the block's position make the contact point; left to itself, it is the plate.
+        form.shown[4, c] = (form.guard[OVERLAP, c] if there else 0.0) if c != 0 and c != 2 else 0.0
+    form.shown[4, 2] = 1.0
+    if block > 1 and pieces == 1:
+        repeat(form, stepper.room, rows, block)
+    return True
+
+
+@inlined
+def _crosses(z, z_end, h, form, active, signs):  # type: ignore[no-untyped-def]
+    """Return whether a guard function has passed zero in a step, or may have gone there and come back."""
+    for k in range(1, active[0] + 1):
+        item = active[k]
+        sign = signs[item]
+        if along(form.guard, item, z_end) * sign < 0.0:
+            return True
+        if item < VELOCITY:
+            rate_end = along(form.guard_rate, item, z_end) * sign
+            if rate_end * h > 0.0:
+                rate = along(form.guard_rate, item, z) * sign
+                if may_touch(along(form.guard, item, z) * sign, rate, rate_end, h):
+                    return True
+    return False
+
+
+@part
+def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
+    """Return whether a guard function may pass zero in a block: the state alone is looked at, on every sample."""
+    near, further = stepper.room.single[0], stepper.room.single[1]
+    for c in range(z.shape[0]):
+        near[c, 0] = further[c, 0] = z[c, 0]
+    for _ in range(block):
+        step_alone(near, form.e, further)
+        if _crosses(near, further, form.steps[BIT], form, stepper.active, motion.signs):
+            return True
+        for c in range(z.shape[0] - 1):
+            near[c, 0] = further[c, 0]
+    return False
+
+
+@part
+def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
+    form, times, block = held(form_at(stepper.kept, stepper.at[NOW])), record.times, record.block
+    rows, forward, last, cleared = system.which.size + 1, ahead.forward, ahead.last, ahead.cleared
+    alone = rows == 1 and system.numbers == 4 and stepper.active[0] <= 2 and (block == 1 or form.steps[SLOW] > 0.5)
+    bit, pieces, spacing, share = form.steps[BIT], int(form.steps[PIECES]), stepper.spacing_s, 1.0 / block
+    z, z_end, odd = stepper.z[0], stepper.z[1], False
+    i, t, left, h, why = ahead.i, motion.clock[TIME], stepper.at[LEFT], 0.0, DONE
+    omega, way = math.sqrt(system.p[0] / system.p[1]), 1 if forward else -1
+    while (i <= last) if forward else (i >= last):
+        if forward and may_be_gone(z[0, 0], z[2, 0], motion.mode):
+            _lay(z, motion.here, 1)
+            if is_gone(motion.here.z[0], motion.mode, system, omega):
+                why = GONE
+                break
+        if alone and pieces == 1 and not cleared and (block == 1 or (left == 0 and i != stepper.at[CAREFUL])):
+            before, here = i, Ahead(i, last, forward, cleared)
+            if block == 1:
+                i, t = glide(z, form, motion, stepper.active, record, here, t)
+            else:
+                i, t = glide_in_blocks(z, form, motion, stepper.active, record, here, t)
+            if i != before:
+                continue
+        remaining = times[i] - t
+        if left == 0 and abs(remaining) < 1e-14:
+            _emit(z, form, i // block, share, rows, record)
+            i += way
+            continue
+        even = left > 0 or abs(remaining - way * spacing) < 2e-15
+        whole = i % block == 0 and i + block - 1 <= last if forward else i % block == block - 1
+        if whole and even and block > 1 and pieces == 1 and i != stepper.at[CAREFUL]:
+            slow = form.steps[SLOW] > 0.5
+            if not slow and _may_cross(z, form, block, motion, stepper):
+                stepper.at[CAREFUL] = i
+                continue
+            if rows > 1:
+                step(z, form.whole, form.d_whole, z_end)
+            else:
+                step_alone(z, form.whole, z_end)
+            if slow and _crosses(z, z_end, block * bit, form, stepper.active, motion.signs):
+                stepper.at[CAREFUL] = i
+                continue
+            show_mean(z, rows, form, record.states[i // block], record.d_x[i // block])
+            t += block * bit
+            i += way * block
+        else:
+            h, left_then = bit, 0
+            if even:
+                left_then = (pieces if left == 0 else left) - 1
+            elif abs(remaining) <= abs(bit):
+                h = remaining
+            if h != bit:
+                series(z, rows, form, h, z_end, stepper.room)
+            elif rows > 1:
+                step(z, form.e, form.d, z_end)
+            else:
+                step_alone(z, form.e, z_end)
+            if not cleared and _crosses(z, z_end, h, form, stepper.active, motion.signs):
+                why = AT_A_GUARD
+                break
+            cleared = False
+            t += h
+            left = left_then
+        if not math.isfinite(z_end[0, 0] + z_end[1, 0] + z_end[3, 0]):
+            why = AWAY
+            break
+        z, z_end = z_end, z
+        odd = not odd
+    if odd:
+        for c in range(system.numbers):
+            for k in range(z.shape[1]):
+                stepper.z[0, c, k] = z[c, k]
+    _lay(stepper.z[0], motion.here, 1)
+    motion.clock[TIME], stepper.at[LEFT] = t, left
+    if why == GONE:  # with all its derivatives: another mode begins here
+        _lay(stepper.z[0], motion.here, rows)
+    return i, h, why
+
+
+@inlined
+def _lay(z, state, rows):  # type: ignore[no-untyped-def]
+    """Write the first columns to the rows of a state."""
+    for k in range(rows):
+        for c in range(z.shape[0] - 1):
+            state.z[k, c] = z[c, k]
+
+
+@inlined
+def _emit(z, form, row, share, rows, record):  # type: ignore[no-untyped-def]
+    """Add a sample to the mean that it belongs to; a mean of one is that sample."""
+    states, d_x = record.states, record.d_x
+    sums = share < 1.0
+    for j in range(4):
+        states[row, j] = share * z[j, 0] + (states[row, j] if sums else 0.0)
+    for j in range(4, states.shape[1]):
+        states[row, j] = share * along(form.shown, j, z) + (states[row, j] if sums else 0.0)
+    for k in range(1, rows):
+        d_x[row, k - 1] = share * z[0, k] + (d_x[row, k - 1] if sums else 0.0)
+
+
+@part
+def reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
+    probe = stepper.room.columns[2]
+    series(stepper.z[0], rows, held(form_at(stepper.kept, stepper.at[NOW])), h, probe, stepper.room)
+    _lay(probe, motion.there, rows)
+    rates(motion.there, rows, system.which, system, motion.mode)
+
+
+@part
+def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
+    """Return ``i``: the steps go from sample to sample, none lies between."""
+    return i
+
+
+@part
+def _spacing(times):  # type: ignore[no-untyped-def]
+    """Return how far apart the times are, or the first two."""
+    samples = times.size
+    if samples < 2:
+        return _LONGEST_S
+    first, mean = times[1] - times[0], (times[samples - 1] - times[0]) / (samples - 1)
+    return mean if abs(mean - first) < 1e-9 * first else max(first, 1e-9)
+
+
+@part
+def stepper_of(system, record, swings, room, at):  # type: ignore[no-untyped-def]
+    """Return a stepper cut from ``room``, and where that goes on; ``swings`` as for ``march.in_closed_form``."""
+    n, count, slots = system.numbers, system.which.size, system.slots.shape[0]
+    rows, shown = count + 1, record.states.shape[1]
+    every, at = cut_integers(room, at, (n + count,))
+    for k in range(n):
+        every[k] = -1
+    for k in range(count):
+        every[n + k] = system.which[k]
+    z, at = cut(room, at, (2, n + 1, columns(rows)))
+    z[0, n, 0] = z[1, n, 0] = 1.0
+    now, at = cut_integers(room, at, (4,))
+    now[CAREFUL] = -1
+    active, at = cut_integers(room, at, (1 + RANGE_0 + slots,))
+    modes, at = cut(room, at, (_MODES, NEAR_0 + slots))
+    plain, at = state_of(n + rows, n, room, at)
+    work, at = room_of(n, count, room, at)
+    kept, at = forms_of(_MODES, n, count, RANGE_0 + slots, shown, room, at)
+    spacing = swings[4] if swings[4] > 0.0 else _spacing(record.times)
+    return Propagator(swings, spacing, kept, modes, now, active, z, work, plain, every), at
+
+
+def room_for(n: int, count: int, effects: int, shown: int) -> int:
+    """Return how many numbers the arrays of a stepper take at most; ``shown`` of a state's are asked for."""
+    m, guards = n + 1, RANGE_0 + effects
+    wide: int = columns.py_func(count + 1)
+    form = m * m * (3 + count + 2 * wide) + 2 * m * (guards + shown) + m * wide + 4
+    work = m * (5 * wide + 2) + m * m * (3 + count + wide)
+    return _MODES * (form + NEAR_0 + effects) + work + (n + count + 1) * (2 * n + 4) + guards + 5

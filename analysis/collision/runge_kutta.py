@@ -1,0 +1,329 @@
+"""The stepper for any effect: a Runge-Kutta method of order eight at a step well inside the mode's fastest period.
+
+A step that would pass a guard function is refused and the event approached in ever shorter steps; after it the steps
+grow again.  Where the contact's swing has died away they grow on, as far as the displacement between steps allows.  A
+law that is not smooth where the overlap begins (an exponent) then still comes out to 1e-10, smooth ones to 1e-12 of the
+displacement.  The derivatives by the parameters go through the very same steps.  Between steps the displacement is the
+quintic through position, velocity and acceleration at both ends.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.guards import guard, guard_rate, may_touch
+from analysis.collision.modes import FREE, PHASE, PLATE, is_gone, may_be_gone
+from analysis.collision.rates import derivative_rates, rates, state_rates
+from analysis.collision.system import AT_A_GUARD, AWAY, DONE, GONE, HIDDEN, LEFT_AT, MOVES, TIME, Floats, State, take
+from analysis.compiled.kernel_bundle import held
+from analysis.compiled.kernel_parts import inlined, part
+from analysis.compiled.kernel_room import cut
+
+Places = NDArray[np.int64]
+_SHRINK = 0.25
+_SLOWLY = 6  # steps taken without growing after one was refused
+# Of the memory: the next step, the longest that is safe in this mode, the longest of all, steps to be taken as long as
+# the last, and what is known of the motion's sixth derivative over 720 (below zero: nothing yet).
+STEP, LONGEST, EVER, HELD, SIXTH = 0, 1, 2, 3, 4
+_MEMORY = 5
+# Of the limits: the first of the safe steps and of the swings, one a mode (see ``_mode_at``), and what follows them.
+SAFE, SWINGS, EFFECTS, GROWTH, NEARING, RIGHT, SHORTEST = 0, 4, 8, 9, 10, 11, 12
+_RADIANS = 2.0  # of the fastest swing a step may take once that is still: the method is stable to three
+_MIDWAY = 1.0 / 64.0  # of the sixth derivative over 720, times h^6: how far a quintic is off between two states
+_PLATE = 0.02  # of an error of the plate's: what it is worth beside the block's
+_NEARING = 0.4  # of the way to the next touch or release that a step longer than safe may go
+_CHANGE = 1e-3  # of a parameter, by which a derivative is seen
+_FORGOTTEN = 0.5  # of the sixth derivative a radian: it passes zero twice a period
+_SUDDEN = 4.0  # times what was known of the motion's bends: a kink was passed, and the step is taken once more, safely
+_REFUSED = 30.0  # times the error that is allowed: taken once more in a safe step
+
+
+class RungeKutta(NamedTuple):
+    """``limits``: safe step in s in contact, apart, left to itself, and before the touch, and the fastest swing then in
+    rad/s; the longest step that the effects allow; the factor by which steps grow; the share of the way to the next
+    touch or release that a step may go (0: all of it); the error in m that a step longer than safe may make; and the
+    share of a safe step within which an event is met.
+
+    The stages' weights times the step, their rates (the first are those of ``here``), and a stage's state.
+    """
+
+    limits: Floats
+    scaled: Floats
+    slopes: Floats
+    trial: Floats
+    memory: Floats
+
+
+def _cooper_verner() -> tuple[Places, Places, Floats]:
+    """Return the explicit Runge-Kutta method of order 8 in 11 stages as (stage of, begins, weights) of its terms.
+
+    The terms that are not zero, stage after stage (the second first) and the new state's last: those of the i-th lie
+    from ``begins[i - 1]`` to ``begins[i]``.  G. J. Cooper and J. H. Verner, SIAM J. Numer. Anal. 9 (1972) 389.  Closed
+    form in sqrt(21).
+    """
+    r = math.sqrt(21.0)
+    rows: list[dict[int, float]] = [
+        {0: 1 / 2},
+        {0: 1 / 4, 1: 1 / 4},
+        {0: 1 / 7, 1: (-7 - 3 * r) / 98, 2: (21 + 5 * r) / 49},
+        {0: (11 + r) / 84, 2: (18 + 4 * r) / 63, 3: (21 - r) / 252},
+        {0: (5 + r) / 48, 2: (9 + r) / 36, 3: (-231 + 14 * r) / 360, 4: (63 - 7 * r) / 80},
+        {0: (10 - r) / 42, 2: (-432 + 92 * r) / 315, 3: (633 - 145 * r) / 90, 4: (-504 + 115 * r) / 70}
+        | {5: (63 - 13 * r) / 35},
+        {0: 1 / 14, 4: (14 - 3 * r) / 126, 5: (13 - 3 * r) / 63, 6: 1 / 9},
+        {0: 1 / 32, 4: (91 - 21 * r) / 576, 5: 11 / 72, 6: (-385 - 75 * r) / 1152, 7: (63 + 13 * r) / 128},
+        {0: 1 / 14, 4: 1 / 9, 5: (-733 - 147 * r) / 2205, 6: (515 + 111 * r) / 504, 7: (-51 - 11 * r) / 56}
+        | {8: (132 + 28 * r) / 245},
+        {4: (-42 + 7 * r) / 18, 5: (-18 + 28 * r) / 45, 6: (-273 - 53 * r) / 72, 7: (301 + 53 * r) / 72}
+        | {8: (28 - 28 * r) / 45, 9: (49 - 7 * r) / 18},
+        {0: 1 / 20, 7: 49 / 180, 8: 16 / 45, 9: 49 / 180, 10: 1 / 20},
+    ]
+    table = np.array([past for row in rows for past in row])
+    weights = np.array([weight for row in rows for weight in row.values()])
+    return table, np.cumsum([0, *(len(row) for row in rows)]), weights
+
+
+_TABLE, _BEGINS, _WEIGHTS = _cooper_verner()
+
+
+@inlined
+def _combine(z, slopes, scaled, stage, rows, out):  # type: ignore[no-untyped-def]
+    """Write a stage's state: ``z`` plus weighted slopes; four numbers at a time, which the processor does at once."""
+    begin, end = _BEGINS[stage - 1], _BEGINS[stage]
+    for row in range(rows):
+        for c in range(0, z.shape[1], 4):
+            t0, t1, t2, t3 = z[row, c], z[row, c + 1], z[row, c + 2], z[row, c + 3]
+            for j in range(begin, end):
+                weight, k = scaled[j], slopes[_TABLE[j], row]
+                t0 += weight * k[c]
+                t1 += weight * k[c + 1]
+                t2 += weight * k[c + 2]
+                t3 += weight * k[c + 3]
+            out[row, c], out[row, c + 1], out[row, c + 2], out[row, c + 3] = t0, t1, t2, t3
+
+
+@part
+def _step(stepper, system, here, there, mode, h, rows):  # type: ignore[no-untyped-def]
+    """Write the state ``h`` after ``here``, its rates and what is told there to ``there``."""
+    slopes, scaled = stepper.slopes, stepper.scaled
+    for j in range(scaled.size):
+        scaled[j] = h * _WEIGHTS[j]
+    for stage in range(1, 12):
+        z, f = (there.z, there.f) if stage == 11 else (stepper.trial, slopes[stage])
+        _combine(here.z, slopes, scaled, stage, rows, z)
+        state = held(State(z, f, there.told))
+        mass = state_rates(state, system, mode)
+        if rows > 1:
+            derivative_rates(state, rows, system.which, system, mode, mass)
+
+
+@part
+def reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
+    _step(stepper, system, motion.here, motion.there, motion.mode, h, rows)
+
+
+@part
+def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
+    here, mode, memory, limits = motion.here, motion.mode, stepper.memory, stepper.limits
+    rates(here, system.which.size + 1, system.which, system, mode)
+    mode_at = _mode_at(mode, forward)
+    longest, swing = limits[SAFE + mode_at], limits[SWINGS + mode_at]
+    memory[EVER] = max(longest, min(_RADIANS / swing, limits[EFFECTS]) if swing > 0.0 else longest)
+    memory[LONGEST], memory[STEP], memory[HELD], memory[SIXTH] = longest, longest * limits[SHORTEST], 0.0, -1.0
+    return True
+
+
+@inlined
+def _mode_at(mode, forward):  # type: ignore[no-untyped-def]
+    """Return the place of a mode among the limits."""
+    if not forward:
+        return 3
+    return 0 if mode[PHASE] != FREE else (1 if mode[PLATE] > 0.5 else 2)
+
+
+@inlined
+def _fifth(one, other, place, row, h):  # type: ignore[no-untyped-def]
+    """Return the size of the fifth derivative over 120 of the quintic through two states."""
+    x0, v0, a0 = one.z[row, place], one.z[row, place + 1], one.f[row, place + 1]
+    x1, v1, a1 = other.z[row, place], other.z[row, place + 1], other.f[row, place + 1]
+    d = x1 - x0 - h * (v0 + 0.5 * h * a0)
+    return abs((6.0 * d - 3.0 * h * (v1 - v0 - h * a0) + 0.5 * h * h * (a1 - a0)) / h**5)
+
+
+@inlined
+def _still_enough(stepper, system, here, there, swing, h):  # type: ignore[no-untyped-def]
+    """Return whether a step was right to what is allowed, and note how long the next one may be.
+
+    What swings at ``swing`` bends the quintic by its sixth derivative and is followed by the method to its ninth; a
+    step that is no longer than safe is always right.  Derivatives by parameters count as a change of a thousandth.
+    """
+    memory, allowed = stepper.memory, stepper.limits[RIGHT]
+    longest, ever = memory[LONGEST], memory[EVER]
+    if h < 0.5 * longest or ever <= longest:  # too short to tell, or nothing to be gained
+        return True
+    fifth = max(_fifth(here, there, 0, 0, h), _PLATE * _fifth(here, there, 2, 0, h))
+    for row in range(1, system.which.size + 1):
+        by = system.which[row - 1]
+        if by >= 0:
+            fifth = max(fifth, _CHANGE * abs(system.p[by]) * _fifth(here, there, 0, row, h))
+    sixth, known = fifth * swing / 6.0, memory[SIXTH]
+    memory[SIXTH] = max(sixth, known / (1.0 + _FORGOTTEN * swing * h))
+    error = _MIDWAY * sixth * h**6 * max(1.0, (swing * h) ** 3)
+    return h <= longest or (error <= _REFUSED * allowed and sixth <= _SUDDEN * known)
+
+
+@inlined
+def _next(stepper, swing):  # type: ignore[no-untyped-def]
+    """Return the longest step that the motion allows now."""
+    memory = stepper.memory
+    longest, sixth = memory[LONGEST], memory[SIXTH]
+    if sixth < 0.0:
+        return longest
+    long = memory[EVER]
+    if sixth > 0.0:
+        long = (stepper.limits[RIGHT] / (_MIDWAY * sixth)) ** (1.0 / 6.0)
+        if long * swing > 1.0:  # there the ninth power of the step counts
+            long = (swing * long) ** (2.0 / 3.0) / swing
+    return max(longest, min(long, memory[EVER]))
+
+
+@inlined
+def _crossed(motion, system, h):  # type: ignore[no-untyped-def]
+    """Return whether a guard function has passed zero in a step, or may have gone there and come back."""
+    signs = motion.signs
+    for item in range(signs.size):
+        if signs[item] != 0.0 and guard(item, motion.there, system) * signs[item] < 0.0:
+            return True
+    for item in range(3):
+        sign = signs[item]
+        if sign != 0.0:
+            value, rate = guard(item, motion.here, system) * sign, guard_rate(item, motion.here, system) * sign
+            if may_touch(value, rate, guard_rate(item, motion.there, system) * sign, h):
+                return True
+    return False
+
+
+@part
+def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
+    here, there, signs, memory = motion.here, motion.there, motion.signs, stepper.memory
+    rows, i, times, cleared = system.which.size + 1, ahead.i, record.times, ahead.cleared
+    growth, nearing, longest = stepper.limits[GROWTH], stepper.limits[NEARING], memory[LONGEST]
+    shortest = longest * stepper.limits[SHORTEST]
+    swing = stepper.limits[SWINGS + _mode_at(motion.mode, ahead.forward)]
+    omega, way = math.sqrt(system.p[0] / system.p[1]), 1.0 if ahead.forward else -1.0
+    while (i <= ahead.last) if ahead.forward else (i >= ahead.last):
+        far = ahead.forward and may_be_gone(here.z[0, 0], here.z[0, 2], motion.mode)
+        if far and is_gone(here.z[0], motion.mode, system, omega):
+            return i, 0.0, GONE
+        t = motion.clock[TIME]
+        remaining = abs(times[ahead.last] - t)
+        if remaining <= 0.0:
+            remaining = longest
+        h = min(memory[STEP], _next(stepper, swing))
+        if (nearing > 0.0 or h > longest) and here.told[0, 1] * signs[0] < 0.0 < here.told[0, 0] * signs[0]:
+            least = shortest if nearing > 0.0 else longest  # a touch or release is met in safe steps
+            h = min(h, max((nearing or _NEARING) * abs(here.told[0, 0] / here.told[0, 1]), least))
+        h = min(h, remaining)
+        signed = way * h
+        _step(stepper, system, here, there, motion.mode, signed, rows)
+        if not cleared and _crossed(motion, system, signed):
+            if h <= 1.000001 * shortest:
+                return i, signed, AT_A_GUARD
+            memory[STEP], memory[HELD] = max(h * _SHRINK, shortest), _SLOWLY
+            continue
+        cleared = False
+        if not math.isfinite(there.z[0, 0] + there.z[0, 1] + there.z[0, 3]):
+            return i, signed, AWAY
+        if not _still_enough(stepper, system, here, there, swing, h):  # what bends there was not foreseen
+            memory[STEP] = longest
+            continue
+        if (times[i] - t) * way <= h:
+            i = show(stepper, system, motion, record, i, signed)
+        take(here, there, rows)
+        motion.clock[TIME] = t + signed
+        if memory[HELD] > 0.0:
+            memory[HELD] -= 1.0
+            memory[STEP] = h
+        else:
+            memory[STEP] = h * growth
+    return i, 0.0, DONE
+
+
+@inlined
+def _quintic(one, other, place, row, h, at):  # type: ignore[no-untyped-def]
+    """Return (x, v) at ``at`` in [0, h] of the quintic through two states' position, velocity and acceleration."""
+    x0, v0, a0 = one.z[row, place], one.z[row, place + 1], one.f[row, place + 1]
+    x1, v1, a1 = other.z[row, place], other.z[row, place + 1], other.f[row, place + 1]
+    u = at / h
+    d = x1 - x0 - h * (v0 + 0.5 * h * a0)
+    e = h * (v1 - v0 - h * a0)
+    g = h * h * (a1 - a0)
+    c3 = 10.0 * d - 4.0 * e + 0.5 * g
+    c4 = -15.0 * d + 7.0 * e - g
+    c5 = 6.0 * d - 3.0 * e + 0.5 * g
+    x = x0 + at * (v0 + 0.5 * at * a0) + u * u * u * (c3 + u * (c4 + u * c5))
+    v = v0 + at * a0 + u * u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)) / h
+    return x, v
+
+
+@inlined
+def _cubic(one, other, place, h, at):  # type: ignore[no-untyped-def]
+    """Return x at ``at`` in [0, h] of the cubic through two states' x and its rate."""
+    u = at / h
+    x0, x1, v0, v1 = one.z[0, place], other.z[0, place], one.f[0, place], other.f[0, place]
+    d = x1 - x0
+    return x0 + at * v0 + u * u * (3.0 * d - h * (2.0 * v0 + v1) + u * (h * (v0 + v1) - 2.0 * d))
+
+
+@part
+def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
+    here, there, slots, states = motion.here, motion.there, system.slots, record.states
+    t, way = motion.clock[TIME], 1 if h >= 0.0 else -1
+    while 0 <= i < record.times.size and (record.times[i] - t) * way <= h * way:
+        at = record.times[i] - t
+        for pair in range(2 + slots.shape[0]):  # block, plate, then each effect's hidden state
+            slot = pair - 2
+            room = pair < 2 or 6 + 2 * slot < states.shape[1]
+            moves = slots[slot, MOVES] if pair >= 2 else 0.0
+            if not room and moves == 0.0:
+                continue
+            q, w = here.z[0, 2 * pair], here.z[0, 2 * pair + 1]
+            if h != 0.0 and pair >= 2 and slots[slot, HIDDEN] == 1.0:
+                q = _cubic(here, there, 2 * pair, h, at)
+            elif h != 0.0:
+                q, w = _quintic(here, there, 2 * pair, 0, h, at)
+            if room:
+                first = 2 * pair if pair < 2 else 2 * pair + 1
+                states[i, first], states[i, first + 1] = q, w
+            if pair == 1:
+                states[i, 4] = q
+            states[i, 4] += moves * q
+        for j in range(1, system.which.size + 1):
+            record.d_x[i, j - 1] = here.z[j, 0] if h == 0.0 else _quintic(here, there, 0, j, h, at)[0]
+        if motion.mode[PLATE] < 0.5:  # left to itself, or still at its start: the plate rings freely
+            omega = math.sqrt(system.p[0] / system.p[1])
+            since = record.times[i] - motion.clock[LEFT_AT]
+            cosine, sine = math.cos(omega * since), math.sin(omega * since)
+            swing = sine / omega if omega > 0.0 else since
+            states[i, 3] = here.z[0, 3] * cosine - here.z[0, 2] * omega * sine
+            states[i, 2] = here.z[0, 2] * cosine + here.z[0, 3] * swing
+            states[i, 4] = states[i, 2]
+        i += way
+    return i
+
+
+@part
+def stepper_of(limits, rows, size, room, at):  # type: ignore[no-untyped-def]
+    """Return a stepper cut from ``room``, and where that goes on; ``limits`` are those of ``RungeKutta``."""
+    slopes, at = cut(room, at, (11, rows, size))
+    scaled, at = cut(room, at, (_WEIGHTS.size,))
+    trial, at = cut(room, at, (rows, size))
+    memory, at = cut(room, at, (_MEMORY,))
+    return RungeKutta(limits, scaled, slopes, trial, memory), at
+
+
+def room_for(rows: int, size: int) -> int:
+    """Return how many numbers the arrays of a stepper take."""
+    return 12 * rows * size + _WEIGHTS.size + _MEMORY

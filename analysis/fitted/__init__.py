@@ -1,0 +1,1 @@
+"""A shot with its fit, and the readings that rest on a fit."""

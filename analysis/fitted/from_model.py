@@ -1,0 +1,170 @@
+"""Readings of a collision that was seen too coarsely for derivatives: from the fitted model, with its covariance.
+
+A camera or an encoder gives positions; the force is their second derivative, and where its noise is of the size of the
+force, a peak read from it is the noise's.  The model's fit uses every position at once: what it says of peak, width,
+contact and impulse is known as well as its parameters are.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.free_parameters import trials_named
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.prepare import base_named
+from analysis.inference.fit.samples import take
+from analysis.shot.fit import Fit
+from analysis.shot.impact import Impact
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import NotSeen, Quantity, Reading
+from analysis.shot.shot import AnalysisError
+
+Floats = NDArray[np.float64]
+DROWNED = 0.1  # noise of the force over the model's peak: beyond it a direct reading is mostly noise
+FLAG = "read_from_model"  # peak, width, contact and deflection are the fitted model's
+INCONSISTENT = "pulse_disagrees"  # the direct reading's peak and width do not make the impulse
+IMPULSE_SHARES = (0.5, 1.3)  # peak x width over m (v_out - v_in): 0.94 of a half sine, 1 of a rectangle
+HOW = "the fitted model: derivatives of this record carry too little"
+_GRID = 1500
+_READ = ("force_peak_n", "force_fwhm_s", "contact_time_s", "impulse_ns", "deflection_max_m")
+
+
+@dataclass(frozen=True, slots=True)
+class _Pulse:
+    """The model's first contact: shape (5,), in the order of ``_READ``."""
+
+    values: Floats
+    covariance: Floats
+
+
+def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
+    """Return the impact with its pulse read from the fitted model, where the force is drowned in noise.
+
+    Elsewhere, and where the fit is no good, it comes back as it was, flagged where peak and width do not make the
+    impulse that velocities and mass do.
+    """
+    if motion.wavelength_m is not None or not fit.converged or len(fit.shots) != 1 or fit.model == "driven":
+        return impact
+    try:
+        pulse = _pulse(fit, motion)
+    except (AnalysisError, Infeasible, KeyError, ValueError, np.linalg.LinAlgError):
+        return _checked(impact, motion.moving_mass_kg)
+    noise_n = float(np.nanmedian(motion.force_std_n))
+    if not noise_n > DROWNED * pulse.values[0]:
+        return _checked(impact, motion.moving_mass_kg)
+    std = np.sqrt(np.maximum(np.diag(pulse.covariance), 0.0))
+    read = {name: Quantity(float(v), float(s), HOW) for name, v, s in zip(_READ, pulse.values, std, strict=True)}
+    seen = _checked(impact, motion.moving_mass_kg)
+    return replace(
+        seen,
+        force_peak_n=read["force_peak_n"],
+        force_fwhm_s=read["force_fwhm_s"],
+        contact_time_s=read["contact_time_s"],
+        deflection_max_m=read["deflection_max_m"],
+        cor_impulse=NotSeen("the force before and after the turn is drowned in noise"),
+        stiffness_slope_n_per_m=NotSeen("the force is drowned in noise; the fit gives the contact's stiffness"),
+        flags=tuple(dict.fromkeys((*seen.flags, FLAG))),
+    )
+
+
+def _checked(impact: Impact, mass_kg: float) -> Impact:
+    """Return the impact, flagged where peak times width is not what changed the block's velocity."""
+    needed: tuple[Reading, ...] = (
+        impact.force_peak_n, impact.force_fwhm_s, impact.velocity_in_m_per_s, impact.velocity_out_m_per_s,
+    )  # fmt: skip
+    known = [reading for reading in needed if isinstance(reading, Quantity)]
+    if len(known) < len(needed):
+        return impact
+    peak, width, before, after = known
+    impulse = mass_kg * (after.value - before.value)
+    if not impulse > 0.0:
+        return impact
+    share = peak.value * width.value / impulse
+    if IMPULSE_SHARES[0] <= share <= IMPULSE_SHARES[1]:
+        return impact
+    return replace(impact, flags=tuple(dict.fromkeys((*impact.flags, INCONSISTENT))))
+
+
+def _pulse(fit: Fit, motion: Motion) -> _Pulse:
+    """Return the model's first contact and how well it is known: derivatives by differences of a solved shot."""
+    shot = fit.shots[0]
+    data = JointData((take(motion),), base_named(fit.model))
+    hypothesis = Hypothesis(data, trials_named(fit.effects))
+    own = np.array([q.value for q in (shot.velocity_in_m_per_s, shot.touch_time_s, shot.offset_m)])
+    names = list(fit.parameters)
+    at = np.array([fit.parameters[name].value for name in names])
+    mine = {name: quantity.value for name, quantity in shot.own_parameters.items()}
+    fine = np.linspace(*_around(shot.touch_time_s.value, fit, motion), _GRID)
+    fine_shot = replace(data.shots[0], time_s=fine, used=np.ones(_GRID, dtype=np.bool_))
+    hypothesis = replace(hypothesis, data=replace(data, shots=(fine_shot,)))
+
+    def pulse(parameters: Floats, speed: float) -> Floats:
+        known = dict(zip(names, parameters, strict=True))
+        values: dict[str, dict[str, float]] = {row.name: dict(row.starts[0]) for row in hypothesis.effects}
+        for name, value in [*mine.items(), *known.items()]:
+            effect, _, parameter = name.partition(".")
+            if parameter:
+                values[effect][parameter] = float(value)
+        base = np.array([known[name] for name in data.base.names])
+        point = Point(base, np.array([[speed, *own[1:]]]), (values,))
+        run = hypothesis.run(0, point)
+        return _read(fine, run.velocity_m_per_s, run.displacement_m, run.changes_s, motion.moving_mass_kg)
+
+    here = pulse(at, own[0])
+    columns = _slopes(lambda z: pulse(z[:-1], float(z[-1])), np.array([*at, own[0]]), fit, shot.velocity_in_m_per_s.std)
+    covariance = np.zeros((at.size + 1,) * 2)
+    covariance[:-1, :-1] = fit.covariance[: at.size, : at.size]
+    covariance[-1, -1] = shot.velocity_in_m_per_s.std**2
+    return _Pulse(here, max(1.0, fit.reduced_chi2) * columns @ covariance @ columns.T)
+
+
+def _slopes(function: Callable[[Floats], Floats], at: Floats, fit: Fit, speed_std: float) -> Floats:
+    steps = np.array([*(0.3 * np.sqrt(np.maximum(np.diag(fit.covariance)[: at.size - 1], 0.0))), 0.3 * speed_std])
+    out = []
+    for k, step in enumerate(steps):
+        if not step > 0.0:
+            out.append(np.zeros(len(_READ)))
+            continue
+        moved = [at.copy(), at.copy()]
+        moved[0][k] -= step
+        moved[1][k] += step
+        out.append((function(moved[1]) - function(moved[0])) / (2.0 * step))
+    return np.stack(out, axis=1)
+
+
+def _around(touch_s: float, fit: Fit, motion: Motion) -> tuple[float, float]:
+    """Return the span of the first contact, with room on both sides."""
+    released = [time for kind, time in fit.shots[0].overlay.events_s if kind == "release" and time > touch_s]
+    end = released[0] if released else float(motion.time_s[-1])
+    return touch_s - 0.25 * (end - touch_s), end + 0.5 * (end - touch_s)
+
+
+def _read(time_s: Floats, velocity: Floats, displacement: Floats, changes: tuple[float, ...], mass_kg: float) -> Floats:
+    """Return peak force, width at half of it, contact time, impulse and depth of a modelled contact, shape (5,)."""
+    force = mass_kg * np.gradient(velocity, time_s)
+    top = int(np.argmax(force))
+    above = force > 0.5 * force[top]
+    first, last = int(np.argmax(above)), int(above.size - 1 - np.argmax(above[::-1]))
+    if first == 0 or last == above.size - 1 or len(changes) < 2:
+        raise ValueError("the contact is not whole")
+
+    def crossing(a: int, b: int) -> float:
+        share = (0.5 * force[top] - force[a]) / (force[b] - force[a])
+        return float(time_s[a] + share * (time_s[b] - time_s[a]))
+
+    touch, release = changes[0], changes[1]
+    at_touch = float(np.interp(touch, time_s, displacement))
+    inside = (time_s >= touch) & (time_s <= release)
+    return np.array(
+        [
+            force[top],
+            crossing(last + 1, last) - crossing(first - 1, first),
+            release - touch,
+            mass_kg * float(np.interp(release, time_s, velocity) - np.interp(touch, time_s, velocity)),
+            at_touch - float(displacement[inside].min()),
+        ]
+    )

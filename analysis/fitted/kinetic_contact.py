@@ -1,0 +1,91 @@
+"""The kinetic COR of the fitted contact: how much relative velocity the first contact alone gives back.
+
+docs/physics.md: e = -(relative velocity out / in) at the first contact, the plate at rest before it.  The ratios
+of bounce times depend on how the plate swings between the contacts; this one is the contact's own.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.effects import named
+from analysis.collision.exact import Event, solve
+from analysis.collision.parameters import Collision, Variant
+from analysis.shot.fit import Fit
+from analysis.shot.quantity import NotSeen, Quantity, Reading
+
+Floats = NDArray[np.float64]
+
+_COLUMN = {
+    "plate_stiffness_n_per_m": 0,
+    "plate_mass_kg": 1,
+    "contact_stiffness_n_per_m": 2,
+    "contact_damping_n_s_per_m": 3,
+}
+_PERIODS = 3.0  # of the contact's own oscillation within which the first release must have come
+
+
+def contact_cor(collision: Collision) -> float:
+    """Return e = -(v_b - v_p)_out / (v_b - v_p)_in of the first contact; NaN where it never releases."""
+    out = _first_release(collision, derivatives=False)
+    return math.nan if out is None else _ratio(collision, out)
+
+
+def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
+    """Return e of the fitted contact with the standard uncertainty that the fit's covariance gives it.
+
+    The model is linear within a contact and its plate at rest before it, so e does not depend on the velocity, and a
+    wrong mass, which scales every parameter alike, leaves it untouched.
+    """
+    if not fit.converged:
+        return NotSeen("the fit did not converge")
+    if fit.model == "driven":
+        return NotSeen("a driven slider has no contact")
+    foreign = sorted(name for name in fit.effects if named(name).changes_contact)
+    if foreign:
+        return NotSeen(f"with {', '.join(foreign)} the first contact has no single COR of its own")
+    values = {name: quantity.value for name, quantity in fit.parameters.items()}
+    try:
+        collision = _collision(fit.model, values, values.get("moving_mass_kg", block_mass_kg))
+    except (KeyError, ValueError) as why:
+        return NotSeen(f"the fitted model has no contact: {why}")
+    release = _first_release(collision, derivatives=True)
+    if release is None:
+        return NotSeen("the fitted contact never lets go")
+    slope = -(release.state_derivatives[:4, 1] - release.state_derivatives[:4, 3]) / collision.velocity_in_m_per_s
+    names = list(fit.parameters)
+    gradient = np.array([slope[_COLUMN[name]] if name in _COLUMN else 0.0 for name in names])
+    variance = float(gradient @ fit.covariance[: len(names), : len(names)] @ gradient)
+    if not math.isfinite(variance) or variance < 0.0:
+        return NotSeen("the fit does not determine its contact")
+    return Quantity(_ratio(collision, release), math.sqrt(variance), "-(v_b - v_p) out / in of the fitted contact")
+
+
+def _collision(model: str, values: Mapping[str, float], block_mass_kg: float) -> Collision:
+    one_body = model == "contact"
+    return Collision(
+        block_mass_kg=block_mass_kg,
+        velocity_in_m_per_s=-1.0,
+        plate_stiffness_n_per_m=0.0 if one_body else values["plate_stiffness_n_per_m"],
+        plate_mass_kg=math.inf if one_body else values["plate_mass_kg"],
+        contact_stiffness_n_per_m=values["contact_stiffness_n_per_m"],
+        contact_damping_n_s_per_m=values["contact_damping_n_s_per_m"],
+        variant=Variant.PAPER if one_body else Variant.named(model),
+    )
+
+
+def _first_release(collision: Collision, *, derivatives: bool) -> Event | None:
+    """Return the end of the first contact: where the overlap is gone, or, without tension, where the force is."""
+    reduced = 1.0 / (1.0 / collision.block_mass_kg + 1.0 / collision.plate_mass_kg)
+    period = 2.0 * math.pi * math.sqrt(reduced / collision.contact_stiffness_n_per_m)
+    relaxation = collision.contact_damping_n_s_per_m / collision.contact_stiffness_n_per_m
+    reach = max(_PERIODS * (period + 5.0 * relaxation), 1.1 * collision.contact_time_estimate_s)
+    run = solve(collision, np.array([0.0, reach]), derivatives=derivatives)
+    return next((event for event in run.events if event.kind == "release"), None)
+
+
+def _ratio(collision: Collision, release: Event) -> float:
+    incoming = collision.velocity_in_m_per_s - collision.plate_velocity_m_per_s
+    return float(-(release.state[1] - release.state[3]) / incoming)

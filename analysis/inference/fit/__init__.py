@@ -1,0 +1,1 @@
+"""Models fitted to one shot or to several at once."""

@@ -1,0 +1,63 @@
+"""Fit the base model at the diagnosis' rate: where a search for effects begins."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.free_parameters import trials_named
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.hypothesis_fit import Fitted, first_floor, fit
+from analysis.inference.fit.quick_shot import too_fast
+from analysis.inference.noise.joint_data import parameters_of
+from analysis.shot.fit import Fit
+from analysis.shot.shot import AnalysisError, Stop
+
+_SOFTER = 8  # times a tenth of the contact stiffness, at most
+
+
+def base_fit(data: JointData, given: Fit, stop: Stop, taken_along: Sequence[str] = ()) -> Fitted:
+    """Return the base model's best fit at the diagnosis' rate, from one that is given.
+
+    ``taken_along`` are the effects that each shot has for itself and that are no finding.
+    """
+    along = trials_named(taken_along)
+    values = tuple({kind.name: kind.starts[0] for kind in along} for _ in data.shots)
+    point = Point(*parameters_of(given, data.base), values)
+    hypothesis = Hypothesis(data, along)
+    point = slow_enough(hypothesis, point)
+    quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in data.shots])
+    if quick.size < 100:
+        raise AnalysisError("too few samples for a diagnosis")
+    white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
+    z = hypothesis.pack(point)
+    try:
+        return fit(hypothesis, z, first_floor(hypothesis, z, white), anew=True, cancelled=stop)
+    except Infeasible as why:
+        raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
+
+
+def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:
+    """Return whether what each shot has for itself explains more than it costs, beside the effects of a fit."""
+    hypothesis, point = best.hypothesis, best.point
+    kinds = tuple(kind for kind in hypothesis.effects if kind.name not in taken_along)
+    bare = Hypothesis(hypothesis.data, kinds, hypothesis.fixed)
+    values = tuple({name: v for name, v in of.items() if name not in taken_along} for of in point.values)
+    try:
+        return best.bic < fit(bare, bare.pack(Point(point.base, point.own, values)), best.floor, cancelled=stop).bic
+    except Infeasible:
+        return True
+
+
+def slow_enough(hypothesis: Hypothesis, point: Point) -> Point:
+    """Return the point with a contact that samples can follow: one drawn to a wall is no place to begin."""
+    shot = hypothesis.data.shots[0]
+    for _ in range(_SOFTER):
+        here = hypothesis.shot_at(0, point)
+        if not too_fast(here.base, here.own, here.values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+            break
+        softer = point.base.copy()
+        softer[hypothesis.data.base.contact_at] *= [0.1, 0.3]
+        point = Point(softer, point.own, point.values)
+    return point

@@ -1,0 +1,139 @@
+"""The one way from what a search found to a Fit, whoever searched: quantities, covariance, overlays, remainders."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.moments import rings
+from analysis.collision.parameters import Floats
+from analysis.inference.fit.base import OWN_NAMES
+from analysis.inference.fit.overlay import lay_over
+from analysis.inference.fit.response import Response
+from analysis.shot.fit import Fit, ShotFit
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Where a search ended: every parameter's value, shape (p,), and their covariance, shape (p, p), NaN if unknown.
+
+    ``shared`` says where in them each parameter that all shots share stands, in the order of the model's derivatives;
+    ``chosen`` holds what was tried, not fitted.  ``free`` parameters were moved; ``how`` says by what.
+    """
+
+    model: str
+    effects: tuple[str, ...]
+    values: Floats
+    covariance: Floats
+    shared: Mapping[str, int]
+    free: int
+    converged: bool
+    how: str
+    chosen: Mapping[str, float] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+
+    def quantity(self, place: int) -> Quantity:
+        """Return the parameter that stands at a place."""
+        return Quantity(float(self.values[place]), float(np.sqrt(self.covariance[place, place])), self.how)
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """A shot as the model has it, on the motion's own grid, arrays of shape (n,).
+
+    ``displacement_m`` is what the optics would show.  ``velocity_out`` is that after the last release, with its
+    derivatives by (shared, own); None where the record ends in contact.
+    """
+
+    displacement_m: Floats
+    plate_m: Floats
+    gap_m: Floats
+    events_s: tuple[tuple[str, float], ...]
+    velocity_out: tuple[float, Floats] | None
+
+    @classmethod
+    def of(cls, response: Response, touch_time_s: float) -> "Path":
+        """Return the path of a solved shot."""
+        shown = tuple(
+            (e.kind, e.time_s + touch_time_s) for e in response.happened.events if e.kind in ("touch", "release")
+        )
+        return cls(response.displacement_m, response.plate_displacement_m, response.gap_m, shown, response.velocity_out)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One shot of a fit: where its own parameters stand (v_i, touch and offset first), its path and its remainder.
+
+    ``whitened`` has one value a fitted sample, of unit variance where the remainder is noise; ``used`` says of the
+    motion's samples which were fitted; ``frame_m_per_s`` how far the frame's own speed may be from nothing, before the
+    touch and after the release, ``sway_std_m`` what its sway leaves of each sample; None: it was not weighed.
+    """
+
+    motion: Motion
+    own: Mapping[str, int]
+    path: Path
+    used: NDArray[np.bool_]
+    whitened: Floats
+    plate_number: int = 0
+    frame_m_per_s: tuple[float, float] = (0.0, 0.0)
+    sway_std_m: Floats | None = None
+
+
+def build_fit(estimate: Estimate, parts: Sequence[Part], noise_std_m: float, seconds: float) -> Fit:
+    """Return the fit; ``noise_std_m`` is that of one sample of the motion.
+
+    Parameters of effects that differ from shot to shot are in the shots' own parts.
+    """
+    places = list(estimate.shared.values())
+    chi2 = float(sum(part.whitened @ part.whitened for part in parts))
+    samples = sum(part.whitened.size for part in parts)
+    parameters = {name: estimate.quantity(place) for name, place in estimate.shared.items()}
+    parameters |= {name: Quantity(value, 0.0, "chosen") for name, value in estimate.chosen.items()}
+    converged = estimate.converged and bool(np.all(np.isfinite(np.diag(estimate.covariance))))
+    return Fit(
+        model=estimate.model,
+        parameters=parameters,
+        covariance=np.pad(estimate.covariance[np.ix_(places, places)], (0, len(estimate.chosen))),
+        shots=tuple(_shot_fit(estimate, part) for part in parts),
+        reduced_chi2=chi2 / max(1, samples - estimate.free),
+        noise_std_m=noise_std_m,
+        converged=converged,
+        effects=estimate.effects,
+        flags=((() if converged else ("fit_not_converged",)) + estimate.flags),
+        seconds=seconds,
+        chi2=chi2,
+        samples=samples,
+        free_parameters=estimate.free,
+        on_frames=any(part.frame_m_per_s[0] > 0.0 for part in parts),
+    )
+
+
+def _shot_fit(estimate: Estimate, part: Part) -> ShotFit:
+    path, motion = part.path, part.motion
+    places = [*estimate.shared.values(), *part.own.values()]
+    own = {name: estimate.quantity(place) for name, place in part.own.items()}
+    velocity_in, touch_time, offset = (own.pop(name) for name in OWN_NAMES)
+    velocity_out = Quantity(math.nan, math.nan, "the record ends in contact")
+    if path.velocity_out is not None:
+        value, slope = path.velocity_out
+        variance = float(slope @ estimate.covariance[np.ix_(places, places)] @ slope)
+        velocity_out = Quantity(value, math.hypot(math.sqrt(max(variance, 0.0)), part.frame_m_per_s[1]), estimate.how)
+    # the model knows speeds against the frame, the reading those in space
+    velocity_in = replace(velocity_in, std=math.hypot(velocity_in.std, part.frame_m_per_s[0]))
+    return ShotFit(
+        velocity_in_m_per_s=velocity_in,
+        velocity_out_m_per_s=velocity_out,
+        touch_time_s=touch_time,
+        offset_m=offset,
+        overlay=lay_over(motion, path.displacement_m, path.plate_m, path.gap_m, path.events_s),
+        residual_m=np.where(part.used, motion.displacement_m - path.displacement_m, np.nan),
+        reduced_chi2=float(part.whitened @ part.whitened) / max(1, part.whitened.size - len(places)),
+        own_parameters=own,
+        rings=rings(part.whitened),
+        sway_std_m=part.sway_std_m,
+        plate_number=part.plate_number,
+    )

@@ -1,0 +1,98 @@
+"""The coordinates the search moves in: what a record determines one by one, so that its valleys run straight.
+
+A shot fixes the lowest frequency of block, contact and plate to parts in a million, the bounces' frequency well, the
+rest less; in k_p, m_p*, k_N, gamma_N these mix into a curved valley a thousand times longer than wide.  The search
+moves in log omega_1^2, log m_p*, log(k_N / m_p*), gamma_N / m_p*, and in the height of the flight line at the
+expected touch instead of the offset.  With omega_1^2 the lowest root of
+(k_N - omega^2 m_b)(k_p + k_N - omega^2 m_p) = k_N^2, k_p follows in closed form.  Further plates have an omega_1 and a
+mass of their own on the same contact.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.collision.parameters import Floats, Infeasible
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinates:
+    """The map between parameters (shared, then own and extra of each shot) and search coordinates.
+
+    ``plate`` says whether the first four parameters are plate and contact (else they are left as they are); stiffness
+    and mass of further plates stand at the places ``further_at`` and after them;
+    ``own_at`` holds where each shot's (v_i, touch time, offset) begin, ``reference_s`` its expected touch;
+    the parameters ``inverse_at`` are searched by their inverse, those ``logarithmic_at`` by their logarithm.
+    """
+
+    block_mass_kg: float
+    plate: bool
+    own_at: tuple[int, ...]
+    reference_s: tuple[float, ...]
+    inverse_at: tuple[int, ...] = ()
+    logarithmic_at: tuple[int, ...] = ()
+    further_at: tuple[int, ...] = ()
+
+    def to_search(self, parameters: Floats) -> Floats:
+        """Return the coordinates of ``parameters``, shape (p,)."""
+        z = parameters.copy()
+        if self.plate:
+            _, m_p, k_n, gamma_n = (float(value) for value in parameters[:4])
+            z[2:4] = [math.log(k_n / m_p), gamma_n / m_p]
+            for at in (0, *self.further_at):
+                z[at : at + 2] = self._searched(float(parameters[at]), float(parameters[at + 1]), k_n)
+        for at, reference in zip(self.own_at, self.reference_s, strict=True):
+            z[at + 2] = parameters[at + 2] + parameters[at] * (reference - parameters[at + 1])
+        for at in self.inverse_at:
+            z[at] = 1 / parameters[at]
+        for at in self.logarithmic_at:
+            z[at] = math.log(parameters[at])
+        return z
+
+    def to_parameters(self, z: Floats) -> tuple[Floats, Floats]:
+        """Return the parameters at ``z`` and their derivatives by ``z``, shape (p, p); Infeasible off the map."""
+        out = z.copy()
+        slope = np.eye(z.size)
+        if self.plate:
+            if np.any(np.abs(z[[0, 1, 2, *self.further_at, *(at + 1 for at in self.further_at)]]) > 60):
+                raise Infeasible("search coordinates beyond any plate")
+            m_p = math.exp(z[1])
+            k_n = math.exp(z[2]) * m_p
+            out[2:4] = [k_n, z[3] * m_p]
+            slope[2:4, :4] = [[0.0, k_n, k_n, 0.0], [0.0, z[3] * m_p, 0.0, m_p]]
+            for at in (0, *self.further_at):
+                out[at], out[at + 1], by_contact = self._plate(
+                    float(z[at]), float(z[at + 1]), k_n, slope[at, at : at + 2]
+                )
+                slope[at + 1, at + 1] = out[at + 1]
+                slope[at, 1:3] += by_contact * k_n
+        for at, reference in zip(self.own_at, self.reference_s, strict=True):
+            ahead = reference - z[at + 1]
+            out[at + 2] = z[at + 2] - z[at] * ahead
+            slope[at + 2, at] = -ahead
+            slope[at + 2, at + 1] = z[at]
+        for at in self.inverse_at:
+            out[at] = 1 / max(z[at], 1e-12)
+            slope[at, at] = -(out[at] ** 2)
+        for at in self.logarithmic_at:
+            out[at] = slope[at, at] = math.exp(min(z[at], 60.0))
+        return out, slope
+
+    def _searched(self, k_p: float, m_p: float, k_n: float) -> tuple[float, float]:
+        """Return log omega_1^2 and log m_p* of a plate on the contact k_N."""
+        # Roots of m_b m_p w^2 - (k_N m_p + (k_p + k_N) m_b) w + k_p k_N = 0; the small one without cancellation.
+        m_b = self.block_mass_kg
+        middle = k_n * m_p + (k_p + k_n) * m_b
+        inner = math.sqrt(middle * middle - 4 * m_b * m_p * k_p * k_n)
+        return math.log(2 * k_p * k_n / (middle + inner)), math.log(m_p)
+
+    def _plate(self, log_square: float, log_mass: float, k_n: float, slope: Floats) -> tuple[float, float, float]:
+        """Return k_p, m_p* and d k_p / d k_N; write d k_p by the two coordinates into ``slope``, shape (2,)."""
+        square, m_p, m_b = math.exp(log_square), math.exp(log_mass), self.block_mass_kg
+        rest = k_n - square * m_b
+        if rest <= 0:
+            raise Infeasible("the contact spring alone is softer than the record's slowest swing")
+        by_square = k_n * m_b / rest + k_n * square * m_b * m_b / rest**2 + m_p
+        slope[:] = square * by_square, square * m_p
+        return k_n * square * m_b / rest + square * m_p, m_p, -((square * m_b / rest) ** 2)

@@ -1,0 +1,82 @@
+"""Exact derivatives of a vector: the model's own tangents, chained to the coordinates of the search.
+
+The base model has directions in which the displacement moves ten thousand times less than in others.  A search that
+differences trajectories loses them in the error of the difference and stops in the middle of a valley; the tangents
+that the integrator carries along do not.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.effects import Effect
+from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.quick_shot import Values, fastest_shown, too_fast
+from analysis.inference.fit.response import Model, Response, respond
+from analysis.inference.fit.search_vector import SearchVector
+
+Floats = NDArray[np.float64]
+
+
+def solved(
+    vector: SearchVector,
+    index: int,
+    point: Point,
+    *,
+    derivatives: bool = False,
+    averaged: bool = True,
+    laws: Sequence[Effect] = (),
+) -> tuple[Model, Response]:
+    """Return one shot's motion, averaged like the data or on the motion's own grid; Infeasible where there is none.
+
+    ``laws`` act beside the vector's effects, with parameters that are not searched.
+
+    Cost: 0.3 ms, with derivatives 0.5 to 1 ms; where a law is not linear in the state 1 to 2 ms and 4 to 11 ms.
+    """
+    values, shot = point.values[index], vector.data.shots[index]
+    # What the model can follow and no sample can show is no place for a search.
+    fastest = fastest_shown(shot.spacing_s, shot.factor)
+    if laws:  # which are as fast as they are
+        at, fastest = vector.shot_at(index, point), math.inf
+        if too_fast(at.base, at.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+            raise Infeasible("something would swing faster than any record can show")
+    model = vector.model(_chosen(vector, values), laws)
+    shared = [*point.base, *(_value(values, name) for name in model.shared_effect_names)]
+    own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
+    block = shot.factor if averaged else 1
+    given = np.array(shared), np.array(own)
+    if any(np.isnan(one).any() for one in given):
+        raise Infeasible("a parameter is not a number")
+    return model, respond(
+        model,
+        shot.for_model,
+        *given,
+        derivatives=derivatives,
+        stride=vector.stride,
+        block=block,
+        fastest_rad_per_s=fastest,
+    )
+
+
+def linearised_shot(
+    vector: SearchVector, index: int, point: Point, slope: Floats, laws: Sequence[Effect] = ()
+) -> tuple[Floats, Floats]:
+    """Return one shot's averaged displacement, shape (n,), and its derivatives by a vector, shape (n, size).
+
+    ``point`` is that of the vector, ``slope`` the parameters' derivatives by it: for all shots the same.
+    """
+    _, response = solved(vector, index, point, derivatives=True, laws=laws)
+    return response.displacement_m, response.derivatives @ slope[vector.places(index)]
+
+
+def _chosen(vector: SearchVector, values: Values) -> tuple[tuple[str, float], ...]:
+    """Return what is not searched, as the point has it: a screen tries one order after another."""
+    return tuple((f"{name}.{key}", values[name][key]) for name, given in vector.fixed.items() for key in given)
+
+
+def _value(values: Values, full: str) -> float:
+    name, _, parameter = full.rpartition(".")
+    return values[name][parameter]

@@ -1,0 +1,80 @@
+"""One hypothesis: the base model with some effects, and what it gives at a search vector, derivatives included."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.compiled.side_by_side import side_by_side
+from analysis.inference.fit.derivatives import linearised_shot, solved
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.quick_shot import Run, respond
+from analysis.inference.fit.search_vector import JointData, SearchVector
+
+Floats = NDArray[np.float64]
+_REMEMBERED = 3
+
+
+@dataclass(frozen=True)
+class Hypothesis(SearchVector):
+    """Base and effects as a search tries them: what every shot would show at a vector of their parameters."""
+
+    _lately: dict[bytes, list[tuple[Floats, Floats]]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def full(self, point: Point) -> list[Floats]:
+        """Return every shot's displacement on the motion's grid."""
+        return [self.fine(i, point) for i in range(len(self.data.shots))]
+
+    def fine(self, index: int, point: Point) -> Floats:
+        """Return one shot's displacement on the motion's grid: what is compared with data."""
+        return solved(self, index, point, averaged=False)[1].displacement_m
+
+    def averaged(self, index: int, point: Point) -> Floats:
+        """Return one shot's displacement on the motion's grid, averaged like the data."""
+        return solved(self, index, point)[1].displacement_m
+
+    def coarse(self, index: int, point: Point) -> Floats:
+        """Return one shot's displacement at the averaged samples' centres, not averaged: near enough for a score."""
+        return self.run(index, point, coarse=True).displacement_m
+
+    def run(self, index: int, point: Point, coarse: bool = False) -> Run:
+        """Return one shot's motion on the motion's grid (``coarse``: at the averaged samples' centres)."""
+        shot = self.shot_at(index, point)
+        time_s = shot.time_s if coarse else self.data.shots[index].time_s
+        return respond(time_s, shot.base, shot.own, shot.values, shot.mass_kg, shot.optics)
+
+    def displacement(self, z: Floats) -> list[Floats]:
+        """Return every shot's averaged displacement at a vector; one of the last few is remembered, not solved anew."""
+        known = self._lately.get(z.tobytes())
+        if known is not None:
+            return [x for x, _ in known]
+        point = self.unpack(z)
+        return side_by_side(lambda i: self.averaged(i, point), range(len(self.data.shots)))
+
+    def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
+        """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
+
+        One of the last few is remembered: a search goes on where another ended, under another floor.
+        """
+        known = self._lately.get(z.tobytes())
+        if known is not None:
+            return known
+        point, slope = self.unpack(z), self.slope(z)
+        lines = side_by_side(lambda i: linearised_shot(self, i, point, slope), range(len(self.data.shots)))
+        self.remember(z, lines)
+        return self._lately[z.tobytes()]
+
+    def remember(self, z: Floats, lines: list[tuple[Floats, Floats]]) -> None:
+        """Take ``lines`` for what ``linearised`` is to return at ``z``: known from elsewhere, or solved."""
+        while len(self._lately) >= _REMEMBERED:
+            del self._lately[next(iter(self._lately))]
+        self._lately[z.tobytes()] = lines
+
+    def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
+        """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""
+        return linearised_shot(self, index, self.unpack(z), self.slope(z))
+
+
+__all__ = ["Hypothesis", "JointData"]

@@ -1,0 +1,220 @@
+"""Fit one hypothesis and say how likely it makes the data, the floor learnt anew from what it leaves over."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.least_squares import Hopeless, Minimum, Square, covariance, minimise
+from analysis.inference.noise import site_strengths
+from analysis.inference.noise.floor import Floor, learn, white_floor
+from analysis.shot.shot import Stop
+
+Floats = NDArray[np.float64]
+_ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of leading on: how often, with how many evaluations, for what of ln L
+_NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A hypothesis at its best: ``log_likelihood`` with its own ``floor``, ``residual_m`` averaged (shot by shot)."""
+
+    hypothesis: Hypothesis
+    z: Floats
+    floor: Floor
+    log_likelihood: float
+    residual_m: tuple[Floats, ...]
+    inverse: Floats
+    converged: bool
+
+    @property
+    def point(self) -> Point:
+        """Get the parameters."""
+        return self.hypothesis.unpack(self.z)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Get the names of the effects."""
+        return tuple(kind.name for kind in self.hypothesis.effects)
+
+    @property
+    def covariance(self) -> Floats:
+        """Get the covariance of the parameters, in the vector's order."""
+        slope = self.hypothesis.slope(self.z)
+        return np.asarray(slope @ self.inverse @ slope.T)
+
+    @property
+    def std(self) -> Floats:
+        """Get the standard deviations of the parameters, in the vector's order."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def samples(self) -> int:
+        """Get the number of valid averaged samples."""
+        return sum(int(shot.valid.sum()) for shot in self.hypothesis.data.shots)
+
+    def whitened(self, floor: Floor | None = None) -> list[Floats]:
+        """Return what is left over at the valid samples, shot by shot, in units of ``floor`` (its own)."""
+        shots = self.hypothesis.data.shots
+        return [
+            shot.whitened(floor or self.floor, left[:, None])[:, 0]
+            for left, shot in zip(self.residual_m, shots, strict=True)
+        ]
+
+    def chi2(self, floor: Floor) -> float:
+        """Return the sum of squares of what is left over, in units of ``floor``."""
+        return sum(float(left @ left) for left in self.whitened(floor))
+
+    @property
+    def bic(self) -> float:
+        """Get the Bayesian information criterion (Schwarz 1978): k ln n - 2 ln L; smaller is better."""
+        return self.hypothesis.size * math.log(self.samples) - 2 * self.log_likelihood
+
+
+def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
+    """Return the whitened sum of squares at ``z`` with its derivatives."""
+    data, lines = hypothesis.data, hypothesis.linearised(z)
+    left_m = data.left_m(x for x, _ in lines)
+    joined = data.whitened(floor, [np.column_stack([-left, j]) for left, (_, j) in zip(left_m, lines, strict=True)])
+    if not np.all(np.isfinite(joined)):
+        raise Infeasible("the trajectory is not finite")
+    left, jacobian = joined[:, 0], joined[:, 1:]
+    return Square(
+        float(left @ left),
+        jacobian.T @ jacobian,
+        jacobian.T @ left,
+        left.size,
+        left,
+        lambda step: np.asarray(jacobian @ step),
+        lambda vector: np.asarray(jacobian.T @ vector),
+    )
+
+
+def whitened_residual(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Floats:
+    """Return model minus measured at ``z``, whitened, all shots one after another."""
+    return hypothesis.data.whitened(floor, [-left[:, None] for left in residuals(hypothesis, z)])[:, 0]
+
+
+def residuals(hypothesis: Hypothesis, z: Floats) -> tuple[Floats, ...]:
+    """Return measured minus model, averaged, shot by shot."""
+    return hypothesis.data.left_m(hypothesis.displacement(z))
+
+
+def learn_floor(
+    data: JointData, left: Sequence[Floats], start: Floor | None = None, *, anew: bool = False
+) -> tuple[Floor, float]:
+    """Return the noise of what is left over, and the log-likelihood.
+
+    At a site the parts that wander keep the shape they have in ``start``, unless they are to be learnt ``anew``.
+    """
+    if data.site is not None:
+        return site_strengths.learn(left, data.shots, data.site, start=start, parts=data.parts if anew else 0)
+    return learn(
+        left,
+        [shot.valid for shot in data.shots],
+        data.shots[0].spacing_s,
+        weights=[shot.weight for shot in data.shots],
+        start=start,
+        parts=data.parts,
+    )
+
+
+def first_floor(hypothesis: Hypothesis, z: Floats, white_m: float) -> Floor:
+    """Return the floor under which a search from ``z`` begins: white noise, and what a building does there."""
+    if hypothesis.data.site is not None:
+        return learn_floor(hypothesis.data, residuals(hypothesis, z), anew=True)[0]
+    return white_floor(white_m, hypothesis.data.shots[0].spacing_s)
+
+
+def search(
+    hypothesis: Hypothesis,
+    z: Floats,
+    floor: Floor,
+    *,
+    evaluations: int = 25,
+    tolerance: float = 1e-2,
+    hopeless: Hopeless | None = None,
+    cancelled: Stop | None = None,
+) -> Minimum:
+    """Minimise with a given floor from ``z``, until chi^2 is to fall by less than ``tolerance`` or it is ``hopeless``.
+
+    Infeasible where not even the start has a trajectory.
+    """
+    low, high = hypothesis.bounds
+    low[hypothesis.unseen] = high[hypothesis.unseen] = z[hypothesis.unseen]
+    return minimise(
+        lambda at: square_of(hypothesis, floor, at),
+        z,
+        lower=low,
+        upper=high,
+        evaluations=evaluations,
+        tolerance=tolerance,
+        residual=lambda at: whitened_residual(hypothesis, floor, at),
+        hopeless=hopeless,
+        cancelled=cancelled,
+    )
+
+
+def finish(hypothesis: Hypothesis, found: Minimum, floor: Floor, *, anew: bool = False) -> Fitted:
+    """Learn the floor of what was found beside another ``floor``, and give it its likelihood; ``anew`` as there."""
+    left = residuals(hypothesis, found.parameters)
+    # What wanders has more than one likely floor: begun where another hypothesis ended, it would stay there.
+    floor, value = learn_floor(hypothesis.data, left, floor if floor.site else None, anew=anew)
+    inverse = covariance(found.square)
+    converged = found.converged
+    if inverse is None:
+        inverse = np.full((hypothesis.size, hypothesis.size), np.nan)
+    else:
+        gradient = found.square.gradient
+        converged = converged or float(gradient @ inverse @ gradient) < _NEAR * found.square.chi2 / found.square.samples
+    return Fitted(hypothesis, found.parameters, floor, value, left, inverse, converged)
+
+
+def fit(
+    hypothesis: Hypothesis,
+    z: Floats,
+    floor: Floor,
+    *,
+    evaluations: int = 25,
+    anew: bool = False,
+    cancelled: Stop | None = None,
+) -> Fitted:
+    """Fit from ``z``: with the floor given, then once more with the floor that this leaves, learnt ``anew`` or not."""
+    first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled), floor)
+    again = max(8, evaluations // 2)
+    second = search(hypothesis, first.z, first.floor, evaluations=again, cancelled=cancelled)
+    final = finish(hypothesis, second, first.floor, anew=anew)
+    return final if final.log_likelihood >= first.log_likelihood else first
+
+
+def lead_on(fitted: Fitted, *, cancelled: Stop | None = None) -> Fitted:
+    """Return a fit that had not come to its end led on, as long as that brings something.
+
+    Beside a law the valleys are long and bent: what is short of its end by a thousandth of chi^2 may be ten standard
+    deviations away from it.
+    """
+    for _ in range(_ROUNDS):
+        if fitted.converged:
+            break
+        found = search(fitted.hypothesis, fitted.z, fitted.floor, evaluations=_A_ROUND, cancelled=cancelled)
+        further = finish(fitted.hypothesis, found, fitted.floor)
+        if further.log_likelihood < fitted.log_likelihood + _BRINGS and not further.converged:
+            break
+        fitted = further if further.log_likelihood >= fitted.log_likelihood else fitted
+        if found.converged:
+            break
+    return _without_wander(fitted, cancelled)
+
+
+def _without_wander(fitted: Fitted, cancelled: Stop | None) -> Fitted:
+    """Return a fit that leaves no wander, where that is likelier: one that allows for some never misses it."""
+    floor = fitted.floor
+    if floor.site or max(floor.rms_m) < floor.white_m:
+        return fitted
+    still = fit(fitted.hypothesis, fitted.z, floor.still, evaluations=_A_ROUND, cancelled=cancelled)
+    return still if still.log_likelihood > fitted.log_likelihood else fitted

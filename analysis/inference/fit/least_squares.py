@@ -1,0 +1,214 @@
+"""Levenberg-Marquardt over a sum of squares whose derivatives are exact, with bounds that keep signs physical."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.collision.parameters import Floats, Infeasible
+from analysis.shot.shot import Stop
+
+
+@dataclass(frozen=True, slots=True)
+class Square:
+    """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and sample count.
+
+    ``residual``, shape (n,), and the products with its derivatives J, where the search is to keep to bent valleys:
+    ``along(step)`` = J step, ``pull(vector)`` = J^T vector.
+    """
+
+    chi2: float
+    curvature: Floats
+    gradient: Floats
+    samples: int
+    residual: Floats | None = None
+    along: Callable[[Floats], Floats] | None = None
+    pull: Callable[[Floats], Floats] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Minimum:
+    """Where a search ended; ``converged``: the next step would move no parameter by 1e-3 standard deviations."""
+
+    parameters: Floats
+    square: Square
+    converged: bool
+    evaluations: int
+    at_bound: tuple[int, ...] = ()
+
+
+Function = Callable[[Floats], Square]
+Residual = Callable[[Floats], Floats]
+Hopeless = Callable[[Floats, Square], bool]
+_CORRECTIONS = 6
+_STEEP = 1e-5  # of damping, relative: directions flatter than that are not corrected
+_LITTLE = 15.0  # of chi^2: a search that promises less is asked whether it may still matter
+_STRAIGHT = 1.0  # of chi^2: a step that is to bring less is too short for a valley to bend on the way
+
+
+def minimise(
+    function: Function,
+    start: Floats,
+    *,
+    lower: Floats | None = None,
+    upper: Floats | None = None,
+    evaluations: int = 60,
+    tolerance: float = 1e-6,
+    residual: Residual | None = None,
+    hopeless: Hopeless | None = None,
+    cancelled: Stop | None = None,
+) -> Minimum:
+    """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
+
+    With ``residual`` (whitened residuals at a point, without derivatives: cheap) and squares that carry theirs, a step
+    is led back to the floor of a bent valley before its derivatives are asked for: it may then be as long as the data
+    allow, not as short as the bend commands (a retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on
+    Matrix Manifolds", ch. 4).  A fall of 1e-6 is a move of 1e-3 standard deviations.  ``hopeless`` is asked, once
+    little is promised, whether the search is to be given up where it is.  The function may raise Infeasible anywhere
+    but at the start.
+    """
+    low = np.full(start.size, -np.inf) if lower is None else lower
+    high = np.full(start.size, np.inf) if upper is None else upper
+    here = np.clip(start, low, high)
+    square = function(here)
+    damping = 1e-6  # the base model has directions a million times softer than others: begin near Gauss-Newton
+    used = 1
+    refused = 0
+    while used < evaluations:
+        if cancelled is not None and cancelled():
+            break
+        free = _free(here, square.gradient, low, high)
+        if not free.any():
+            return Minimum(here, square, True, used, tuple(int(i) for i in np.flatnonzero(~free)))
+        newton = _step(square, free, 0.0)
+        if newton is not None:
+            fall = float(-newton @ square.gradient)
+            inside = np.all((here + newton >= low) & (here + newton <= high))
+            if inside and 0 <= fall < tolerance * max(1.0, square.chi2 / square.samples):
+                held = tuple(int(i) for i in np.flatnonzero(~free))
+                return Minimum(here, square, True, used, held)
+            if hopeless is not None and 0 <= fall < _LITTLE * max(1.0, square.chi2 / square.samples):
+                if hopeless(here, square):
+                    break
+                hopeless = None
+        step = _step(square, free, damping)
+        if step is None:
+            damping = max(10 * damping, 1e-8)
+            if damping > 1e12:
+                break
+            continue
+        there = np.clip(here + step, low, high)
+        moved = there - here
+        expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
+        back = None
+        if residual is not None and (expected > _STRAIGHT or refused):
+            back = _back_to_the_valley(residual, square, here, moved, free, (low, high))
+        try:
+            if back is not None and back[1] >= square.chi2:  # it will be refused: spare the derivatives there
+                raise Infeasible("the step leads out of the valley")
+            there = there if back is None else back[0]
+            trial = function(there)
+            fell = square.chi2 - trial.chi2
+        except Infeasible:
+            fell = -np.inf
+        used += 1
+        if fell > 0 and expected > 0:
+            here, square = there, trial
+            ratio = fell / expected
+            # Freedom regained step by step after a refusal, at once where none has been met.
+            easing = 0.3 if refused else 0.01
+            damping *= easing if ratio > 0.7 else (0.5 if ratio > 0.3 else 4.0)
+            damping = max(damping, 1e-14)
+            refused = max(0, refused - 1)
+        else:
+            # Rounding hides falls below 1e-12 of chi^2: a rejected step of that size is the end of the road.
+            if 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
+                return Minimum(here, square, True, used)
+            damping = max(10 * damping, 1e-9)
+            refused = 3
+            if damping > 1e12:
+                break
+    return Minimum(here, square, False, used)
+
+
+def _free(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarray:
+    """Return which parameters may move: not those that a bound holds against the pull of the gradient, or both do."""
+    held = (low >= high) | ((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0))
+    return np.asarray(~held)
+
+
+def _back_to_the_valley(
+    residual: Residual, square: Square, here: Floats, step: Floats, free: np.ndarray, bounds: tuple[Floats, Floats]
+) -> tuple[Floats, float] | None:
+    """Return ``here + step`` moved to where the residual is what the step was to make it, and chi^2 there.
+
+    Corrections by the derivatives at ``here``, which the steep directions keep; the flat ones, along which the step
+    was meant to go, are left out.  None where the way is lost.
+    """
+    if square.residual is None or square.along is None or square.pull is None:
+        return None
+    wanted = square.residual + square.along(step)
+    least = float(wanted @ wanted)
+    there, best, chi2 = here + step, None, np.inf
+    for _ in range(_CORRECTIONS):
+        try:
+            now = residual(there)
+        except Infeasible:
+            break
+        value = float(now @ now)
+        if best is not None and value > 0.9 * chi2 and value > square.chi2:
+            break
+        if value < chi2:
+            best, chi2 = there, value
+        if chi2 - least < 0.05 * max(square.chi2 - least, 0.0) or value > chi2:
+            break
+        correction = _step(square, free, _STEEP, square.pull(now - wanted))
+        if correction is None:
+            break
+        there = np.clip(there + correction, *bounds)
+    return None if best is None else (best, chi2)
+
+
+def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | None = None) -> Floats | None:
+    """Return the damped Gauss-Newton step (zero where not ``free``), or None where it is not determined."""
+    gradient = square.gradient if gradient is None else gradient
+    index = np.flatnonzero(free)
+    solution = damped_step(square.curvature[np.ix_(index, index)], -gradient[index], damping)
+    if solution is None:
+        return None
+    out = np.zeros(free.size)
+    out[index] = solution
+    return out
+
+
+def damped_step(curvature: Floats, pull: Floats, damping: float) -> Floats | None:
+    """Return the step s with (curvature + damping of each number's own) s = pull, or None where it is not determined.
+
+    Directions that the data hardly see are held back by it (Levenberg, Marquardt): there the valleys bend.
+    """
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    scaled = curvature / np.outer(scale, scale) + damping * np.eye(scale.size)
+    try:
+        factor = np.linalg.cholesky(scaled)
+    except np.linalg.LinAlgError:
+        return None
+    solution = np.linalg.solve(factor.T, np.linalg.solve(factor, pull / scale)) / scale
+    return solution if np.all(np.isfinite(solution)) else None
+
+
+def covariance(square: Square, free: np.ndarray | None = None) -> Floats | None:
+    """Return (J^T J)^-1, shape (p, p), zero rows where not ``free``; None where it is singular to rounding."""
+    p = square.gradient.size
+    index = np.arange(p) if free is None else np.flatnonzero(free)
+    curvature = square.curvature[np.ix_(index, index)]
+    scale = np.sqrt(np.diag(curvature))
+    if not np.all(scale > 0):
+        return None
+    scaled = curvature / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(scaled)
+    if values[0] < 1e-13 * values[-1]:
+        return None
+    inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
+    out = np.zeros((p, p))
+    out[np.ix_(index, index)] = inverse
+    return out

@@ -1,0 +1,120 @@
+"""One shot of the model: named parameters in, what the optics would show out."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision import general
+from analysis.collision.acting import acting
+from analysis.collision.effects import named, sensors
+from analysis.collision.effects.row import Sensed
+from analysis.collision.parameters import Collision, Infeasible
+from analysis.collision.slots import Active, swings
+
+Floats = NDArray[np.float64]
+Values = Mapping[str, Mapping[str, float]]
+_MOST_RADIANS = 60.0  # of the fastest swing between two samples
+_STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
+_AT_REST = {"displacement_m": 0.0, "velocity_m_per_s": 0.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Optics:
+    """What the sensor's effects need: wavelength in m (None: no optics) and the record's sample rate in Hz."""
+
+    wavelength_m: float | None
+    sample_rate_hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One shot's modelled motion, arrays of shape (n,).
+
+    ``displacement_m`` as the optics see it, with the offset; ``gap_m`` negative: overlap; ``changes_s`` are touch,
+    release, touch, ... on the record's clock.
+    """
+
+    displacement_m: Floats
+    velocity_m_per_s: Floats
+    plate_m: Floats
+    gap_m: Floats
+    changes_s: tuple[float, ...]
+
+
+def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_s: float, factor: int) -> bool:
+    """Return whether something swings faster than samples ``spacing_s / factor`` apart can show.
+
+    Or faster than ``respond`` follows, at samples ``spacing_s`` apart.
+    """
+    collision, active = situation(base, own, values, mass_kg)
+    rates = swings(collision, active)
+    return max(rates.contact, rates.every) > fastest_shown(spacing_s, factor)
+
+
+def fastest_shown(spacing_s: float, factor: int) -> float:
+    """Return the fastest swing in rad/s that ``too_fast`` allows."""
+    return min(math.pi * factor, _MOST_RADIANS) / spacing_s
+
+
+def respond(time_s: Floats, base: Floats, own: Floats, values: Values, mass_kg: float, optics: Optics) -> Run:
+    """Solve one shot; ``base`` is (k_p, m_p*, k_N, gamma_N), m_p* infinite for a locked plate.
+
+    ``own`` is (v_i, t, x_0) and, where the plate moves by then, its displacement and velocity at first touch.
+    Raises Infeasible where the parameters give no trajectory.
+    """
+    collision, active = situation(base, own, values, mass_kg)
+    rates = swings(collision, active)
+    if max(rates.contact, rates.every) * float(time_s[1] - time_s[0]) > _MOST_RADIANS:
+        raise Infeasible("something would swing faster than any record can show")
+    try:
+        run = general.solve(collision, active, time_s - own[1], stride=_STRIDE, rates=rates)
+    except (general.TooManyEvents, general.RunsAway) as why:
+        raise Infeasible(str(why)) from why
+    shown = seen(run.displacement_m, run.velocity_m_per_s, time_s, values, optics) + own[2]
+    changes = tuple(float(event.time_s + own[1]) for event in run.events if event.kind in ("touch", "release"))
+    return Run(shown, run.velocity_m_per_s, run.contact_point_m, run.gap_m, changes)
+
+
+def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tuple[Collision, list[Active]]:
+    """Return a shot's collision and what acts on its motion, effects with hidden states first: they lengthen the state.
+
+    Infeasible where there is no such collision.
+    """
+    start = values.get("plate_motion", _AT_REST)
+    try:
+        k_p, m_p, k_n, gamma_n = (float(value) for value in base)
+        y_0, u_0 = start["displacement_m"], start["velocity_m_per_s"]
+        if own.size > 3:
+            y_0, u_0 = y_0 + float(own[3]), u_0 + float(own[4])
+        collision = Collision(mass_kg, float(own[0]), k_p, m_p, k_n, gamma_n, y_0, u_0)
+    except ValueError as why:
+        raise Infeasible(str(why)) from why
+    rows = [named(name) for name in values]
+    active = acting(rows, values, collision, float(own[1]))
+    if any(math.isnan(value) for one in active for value in one.values):
+        raise Infeasible("a parameter is not a number")
+    return collision, sorted(active, key=lambda one: one.effect.hidden == 0)
+
+
+def seen(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Any:
+    """Return what the optics show of motions ``x``, shape (n,) or (n, k), about one of velocity ``v``, shape (n,).
+
+    These are the sensor's effects.  ``x`` may be complex, its imaginary part carrying a derivative.
+    """
+    wavelength = optics.wavelength_m
+    sensed = Sensed(time_s, v, math.nan if wavelength is None else wavelength, optics.sample_rate_hz)
+    out = x.reshape(x.shape[0], -1)
+    for row in sensors(values):
+        assert row.sensor is not None
+        given = values[row.name]
+        if (row.optical and wavelength is None) or given[row.amplitude] == 0.0:
+            continue
+        p = np.zeros((max(3, len(row.parameters)), out.shape[1]), dtype=out.dtype)
+        for place, parameter in enumerate(row.parameters):
+            p[place] = given[parameter.name]
+        out = row.sensor(sensed, out, p)
+    return np.asarray(out).reshape(x.shape)

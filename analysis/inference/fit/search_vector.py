@@ -1,0 +1,208 @@
+"""Where the parameters of a base model with effects stand in the vector of a search, and what they mean there."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.effects import named
+from analysis.collision.effects.row import Effect, Parameter
+from analysis.inference.fit.base import OWN_NAMES, Base
+from analysis.inference.fit.coordinates import Coordinates
+from analysis.inference.fit.effective_parameters import Point, slope, to_actual, to_effective
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.quick_shot import Optics, Values
+from analysis.inference.fit.response import Model
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.site import Site
+from analysis.inference.screen.first_order import Shot
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class JointData:
+    """The shots that are judged together, the base model, and how many wandering parts their floor may have.
+
+    ``site`` is what shook the frame under them, where anything did: their floor is its then.  ``like_kg`` is the block
+    mass that search coordinates reckon with, where that is not the first shot's: vectors of some of a set's shots then
+    mean what those of all of them mean.
+    """
+
+    shots: tuple[Samples, ...]
+    base: Base
+    parts: int = 2
+    site: Site | None = None
+    like_kg: float | None = None
+
+    @property
+    def band_hz(self) -> tuple[float, float]:
+        """Get the frequencies between which a line can be told from a drift and from an alias."""
+        return 2.5 / max(shot.length_s for shot in self.shots), 0.45 / self.shots[0].spacing_s
+
+    @property
+    def count(self) -> int:
+        """Get the number of shared base parameters."""
+        return len(self.base.names)
+
+    def left_m(self, displacement_m: Iterable[Floats]) -> tuple[Floats, ...]:
+        """Return measured minus modelled, averaged, shot by shot."""
+        return tuple(shot.displacement_m - x for shot, x in zip(self.shots, displacement_m, strict=True))
+
+    def whitened(self, floor: Floor, columns: Iterable[Floats]) -> Floats:
+        """Return ``columns``, shot by shot of shape (n, k), whitened: shape (rows, k), all shots one after another."""
+        return np.concatenate([shot.whitened(floor, c) for shot, c in zip(self.shots, columns, strict=True)])
+
+
+@dataclass(frozen=True)
+class SearchVector:
+    """The parameters of base and ``effects`` (in that order) laid out for a search over all shots at once.
+
+    The vector holds the base and own parameters in ``Coordinates``, then each effect's shared free parameters, then
+    each shot's own of every effect: all of them effective (``to_effective``).  ``fixed`` holds what is not searched (a
+    cyclic error's order).
+    """
+
+    data: JointData
+    effects: tuple[TrialEffect, ...]
+    fixed: Values = field(default_factory=dict)
+    stride: float = 2.0  # of ``general.solve``: a law that is not linear is right to 0.05 pm so, far below any noise
+
+    @cached_property
+    def free_parameters(self) -> list[tuple[str, Parameter, int]]:
+        """Get (effect, free, shot or -1) of every searched effect parameter, in order."""
+        out = [(kind.name, free, -1) for kind in self.effects for free in kind.shared]
+        for shot in range(len(self.data.shots)):
+            out += [(kind.name, free, shot) for kind in self.effects for free in kind.own]
+        return out
+
+    @cached_property
+    def _models(self) -> dict[tuple[tuple[str, float], ...], Model]:
+        return {}
+
+    def model(self, chosen: tuple[tuple[str, float], ...] = (), laws: Sequence[Effect] = ()) -> Model:
+        """Return the model of base and effects, ``laws`` beside them; one for all trajectories of as much chosen."""
+        rows = tuple(named(kind.name) for kind in self.effects)
+        if laws:
+            return Model(self.data.base, (*rows, *laws), chosen)
+        if chosen not in self._models:
+            self._models[chosen] = Model(self.data.base, rows, chosen)
+        return self._models[chosen]
+
+    @property
+    def offset(self) -> int:
+        """Get where the effects' free parameters begin in the vector."""
+        return self.data.count + 3 * len(self.data.shots)
+
+    @cached_property
+    def names(self) -> tuple[tuple[str, int], ...]:
+        """Get (name as a fit has it, shot or -1) of every entry."""
+        shared = [(name, -1) for name in self.data.base.names]
+        own = [(name, shot) for shot in range(len(self.data.shots)) for name in OWN_NAMES]
+        return (*shared, *own, *((f"{name}.{free.name}", shot) for name, free, shot in self.free_parameters))
+
+    def places(self, index: int) -> list[int]:
+        """Return where the parameters that a shot depends on stand: the shared ones, then its own."""
+        return [place for of in (-1, index) for place, (_, shot) in enumerate(self.names) if shot == of]
+
+    @cached_property
+    def unseen(self) -> list[int]:
+        """Get the places of what belongs to plates that none of these shots was taken on."""
+        base = self.data.base
+        seen = {place for shot in self.data.shots for place in base.places(shot.plate_number)}
+        return [place for place in range(self.data.count) if place not in seen]
+
+    def flat(self, point: Point) -> Floats:
+        """Return the parameters of a point in the vector's order, shape (size,)."""
+        free = [point.values[max(shot, 0)][name][free.name] for name, free, shot in self.free_parameters]
+        return np.concatenate([point.base, point.own.ravel(), free])
+
+    @property
+    def size(self) -> int:
+        """Get the length of the vector."""
+        return self.offset + len(self.free_parameters)
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """Get the map of base and own parameters."""
+        shots = self.data.shots
+        return Coordinates(
+            block_mass_kg=self.data.like_kg or shots[0].moving_mass_kg,
+            plate=not self.data.base.one_body,
+            own_at=tuple(self.data.count + 3 * i for i in range(len(shots))),
+            reference_s=tuple(shot.course.touch_time_s for shot in shots),
+            further_at=self.data.base.further_at,
+        )
+
+    def pack(self, point: Point) -> Floats:
+        """Return the search vector of a point."""
+        return self.pack_effective(to_effective(point))
+
+    def pack_effective(self, effective: Point) -> Floats:
+        """Return the search vector of a point as it is seen."""
+        z = np.empty(self.size)
+        z[: self.offset] = self.coordinates.to_search(np.concatenate([effective.base, effective.own.ravel()]))
+        for k, (name, free, shot) in enumerate(self.free_parameters):
+            z[self.offset + k] = free.to_search(effective.values[max(shot, 0)][name][free.name])
+        return z
+
+    def unpack(self, z: Floats) -> Point:
+        """Return the point of a search vector; Infeasible off the map."""
+        return to_actual(self._effective(z)[0])
+
+    def slope(self, z: Floats) -> Floats:
+        """Return the derivatives of the parameters, in the vector's order, by the vector, shape (size, size)."""
+        effective, of_base = self._effective(z)
+        out = np.diag(
+            [1.0] * self.offset
+            + [free.slope(float(z[self.offset + k])) for k, (_, free, _) in enumerate(self.free_parameters)]
+        )
+        out[: self.offset, : self.offset] = of_base
+        shared = {
+            (name, free.name): self.offset + k for k, (name, free, shot) in enumerate(self.free_parameters) if shot < 0
+        }
+        touches = [self.data.count + 3 * i + 1 for i in range(len(self.data.shots))]
+        return np.asarray(slope(effective, self.size, shared, touches) @ out)
+
+    def _effective(self, z: Floats) -> tuple[Point, Floats]:
+        """Return the point of a vector as it is seen, and the derivatives of base and own parameters."""
+        parameters, of_base = self.coordinates.to_parameters(z[: self.offset])
+        values: list[dict[str, dict[str, float]]] = []
+        for _ in self.data.shots:
+            values.append({kind.name: dict(self.fixed.get(kind.name, {})) for kind in self.effects})
+        for k, (name, free, shot) in enumerate(self.free_parameters):
+            value = free.to_value(float(z[self.offset + k]))
+            for index in range(len(values)) if shot < 0 else (shot,):
+                values[index][name][free.name] = value
+        own = parameters[self.data.count :].reshape(-1, 3)
+        return Point(parameters[: self.data.count], own, tuple(values)), of_base
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Get lower and upper bounds of the vector."""
+        low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        low[self.data.base.contact_at.stop - 1] = 0.0  # a dashpot never drives
+        for k, (_, free, _) in enumerate(self.free_parameters):
+            low[self.offset + k], high[self.offset + k] = free.bounds
+            if free.name == "frequency_hz":
+                slowest, fastest = self.data.band_hz
+                low[self.offset + k], high[self.offset + k] = np.log(slowest), np.log(fastest)
+        return low, high
+
+    def shot_at(self, index: int, point: Point) -> Shot:
+        """Return one shot's parameters, with the averaged samples' centres for its times."""
+        shot = self.data.shots[index]
+        base = point.base[list(self.data.base.places(shot.plate_number))]
+        base = base if not self.data.base.one_body else np.array([0.0, np.inf, *base])
+        optics = Optics(shot.wavelength_m, shot.factor / shot.spacing_s)
+        return Shot(
+            shot.centre_s,
+            base,
+            np.append(point.own[index], shot.plate),
+            point.values[index],
+            shot.moving_mass_kg,
+            optics,
+        )

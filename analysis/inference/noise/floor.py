@@ -1,0 +1,238 @@
+"""The noise of a whole shot: the optics' white noise and a floor that never rests, by maximum likelihood.
+
+Some milliseconds of quiet flight cannot show how far a floor wanders in fifty, so the floor is learnt from everything
+a model leaves over, anew for every model that is compared: white noise plus Ornstein-Uhlenbeck processes
+(d x = -x/tau dt + s dW; a long tau is a random walk), whose likelihood a Kalman filter gives exactly, gaps included
+(Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter", ch. 3).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from analysis.inference.noise.likeliest import (
+    LONGEST_TAU_S,
+    SHORTEST_TAU_S,
+    Series,
+    likeliest,
+    likelihood,
+    shape_at,
+    steps_of,
+)
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+_NOTHING = np.array([0.0, 1e-2, 0.0, 1e-2])  # of white noise alone: rms over white and tau of both parts
+_SIDE, _NEAR, _ALIKE = 0.6, 2e-2, 5e-2  # of a search's simplex, of where it ends, and of the log-likelihoods there
+_EVALUATIONS = 60  # of a search, for each part
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gains(valid, white, parts, gain, scale):  # type: ignore[no-untyped-def]
+    """Write the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,); about 15 ns a sample.
+
+    ``parts`` are step variance, memory of a step and variance of the one wandering part, then of the other.
+    """
+    q0, phi0, p0, q1, phi1, p1 = parts
+    a, b, c = p0, 0.0, p1
+    for i in range(valid.size):
+        if i > 0:
+            a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
+        if not valid[i]:
+            gain[i, 0], gain[i, 1], scale[i] = 0.0, 0.0, 0.0
+            continue
+        variance = a + 2 * b + c + white
+        k0, k1 = (a + b) / variance, (b + c) / variance
+        gain[i, 0], gain[i, 1], scale[i] = k0, k1, 1.0 / math.sqrt(variance)
+        a, b, c = a - k0 * (a + b), b - k0 * (b + c), c - k1 * (b + c)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-untyped-def]
+    """Write the innovations of every column over their std; about 5 ns a value."""
+    n, width = columns.shape
+    state = np.zeros((2, width))
+    row = 0
+    for i in range(n):
+        if scale[i] == 0.0:
+            for k in range(width):
+                state[0, k] *= phi0
+                state[1, k] *= phi1
+            continue
+        k0, k1, s = gain[i, 0], gain[i, 1], scale[i]
+        for k in range(width):
+            error = columns[i, k] - state[0, k] - state[1, k]
+            out[row, k] = error * s
+            state[0, k] = phi0 * (state[0, k] + k0 * error)
+            state[1, k] = phi1 * (state[1, k] + k1 * error)
+        row += 1
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """White noise of ``white_m`` a sample, up to two wandering parts of ``rms_m`` with memories ``tau_s``, and a site.
+
+    ``site``, where the shots stand in a building, says how much stronger each band of its spectrum is than it was read
+    (logarithms of powers).
+    """
+
+    white_m: float
+    rms_m: tuple[float, float]
+    tau_s: tuple[float, float]
+    spacing_s: float
+    site: tuple[float, ...] = ()
+
+    @property
+    def std_m(self) -> float:
+        """Get the standard deviation of one sample, floor and white noise together."""
+        return math.sqrt(self.white_m**2 + self.rms_m[0] ** 2 + self.rms_m[1] ** 2)
+
+    @property
+    def parameters(self) -> int:
+        """Get how many numbers were learnt."""
+        return 1 + 2 * sum(rms > 0 for rms in self.rms_m) + len(self.site)
+
+    @property
+    def wanders(self) -> bool:
+        """Get whether anything but white noise is in it."""
+        return self.rms_m[0] > 0 or bool(self.site)
+
+    @property
+    def without_site(self) -> "Floor":
+        """Get what stands beside the site's motion."""
+        return replace(self, site=()) if self.site else self
+
+    @property
+    def still(self) -> "Floor":
+        """Get the floor as if nothing but the white noise moved."""
+        return replace(self, rms_m=(0.0, 0.0), site=())
+
+    @property
+    def kalman(self) -> tuple[float, float, float, float, float, float, float]:
+        """Get white variance, then (step variance, memory of a step, variance) of each part."""
+        (one, two), (memory_s, other_s) = self.rms_m, self.tau_s
+        return (self.white_m**2, *steps_of(one, memory_s, two, other_s, self.spacing_s))
+
+    def whiten(self, columns: Floats, valid: Mask, weight: float = 1.0) -> Floats:
+        """Return ``columns``, shape (n, k), as unit white noise where their noise is this one; shape (m, k).
+
+        One row a valid sample; the first rows know the floor's own spread, so no sample is lost.  ``weight`` is the
+        shot's white noise over that of the floor.
+        """
+        gain, scale = self._filter(valid, weight)
+        out = np.empty((int(valid.sum()), columns.shape[1]))
+        _innovations(np.ascontiguousarray(columns), gain, scale, self.kalman[2], self.kalman[5], out)
+        return out
+
+    def log_variances(self, valid: Mask, weight: float = 1.0) -> float:
+        """Return the sum of the logarithms of the innovations' variances, in m^2: ln det of the covariance."""
+        _, scale = self._filter(valid, weight)
+        return float(-2.0 * np.log(scale[valid]).sum())
+
+    def _filter(self, valid: Mask, weight: float) -> tuple[Floats, Floats]:
+        """Return the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,), nothing where not valid."""
+        gain, scale = np.empty((valid.size, 2)), np.empty(valid.size)
+        _gains(valid, self.white_m**2 * weight**2, self.kalman[1:], gain, scale)
+        return gain, scale
+
+    def psd(self, frequency_hz: Floats) -> Floats:
+        """Return the one-sided power density in m^2/Hz."""
+        total = np.full(frequency_hz.shape, 2 * self.white_m**2 * self.spacing_s)
+        for rms, tau in zip(self.rms_m, self.tau_s, strict=True):
+            total += 4 * rms**2 * tau / (1 + (2 * np.pi * frequency_hz * tau) ** 2)
+        return total
+
+    def draw(self, samples: int, random: np.random.Generator) -> Floats:
+        """Return one realisation, shape (samples,), in m."""
+        total = self.white_m * random.standard_normal(samples)
+        for rms, tau in zip(self.rms_m, self.tau_s, strict=True):
+            if rms > 0:
+                phi = math.exp(-self.spacing_s / tau)
+                step = rms * math.sqrt(-math.expm1(-2 * self.spacing_s / tau)) * random.standard_normal(samples)
+                step[0] = rms * random.standard_normal()
+                for i in range(1, samples):
+                    step[i] += phi * step[i - 1]
+                total += step
+        return total
+
+
+def white_floor(white_m: float, spacing_s: float) -> Floor:
+    """Return the floor of white noise alone, ``white_m`` a sample."""
+    return Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), spacing_s)
+
+
+def learn(
+    series: Sequence[Floats],
+    valid: Sequence[Mask],
+    spacing_s: float,
+    *,
+    weights: Sequence[float] | None = None,
+    start: Floor | None = None,
+    parts: int = 2,
+) -> tuple[Floor, float]:
+    """Return the most likely floor of ``series`` (in m, one a shot) and its log-likelihood.
+
+    Up to ``parts`` wandering parts are taken, each only where it pays by the Bayesian information criterion.
+    ``weights`` are the shots' white noises relative to each other; ``start`` a floor near which to
+    begin.  About 1-5 ms for three shots.
+    """
+    values = [np.where(v, s, 0.0) for s, v in zip(series, valid, strict=True)]
+    all_of = _series(values, valid, weights, spacing_s)
+    best, best_value = _floor_of(all_of, _NOTHING)
+    begins = [(1.0, 5e-3), (0.3, 5e-2)]
+    if start is not None and start.rms_m[0] > 0:
+        begins[0] = (start.rms_m[0] / start.white_m, start.tau_s[0])
+        if start.rms_m[1] > 0:
+            begins[1] = (start.rms_m[1] / start.white_m, start.tau_s[1])
+    else:
+        begins[0] = (max(1.0, _roughness(values, valid)), 5e-3)
+    for number in range(1, parts + 1):
+        trial, value = _search(all_of, begins[:number])
+        if 2 * (value - best_value) < 2 * math.log(all_of.samples):
+            break
+        best, best_value = trial, value
+        if number == 1:
+            ratio, tau = best.rms_m[0] / best.white_m, best.tau_s[0]
+            begins[0] = (ratio, tau)
+            if start is None or start.rms_m[1] == 0:
+                begins[1] = (0.4 * ratio, 0.15 * tau if tau > 4e-3 else 8 * tau)
+    return best, best_value
+
+
+def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
+    """Return the spread of the values over that of their white part (third differences)."""
+    quick = np.concatenate([np.diff(s, 3)[v[3:] & v[:-3]] for s, v in zip(series, valid, strict=True)])
+    white = 1.4826 * float(np.median(np.abs(quick))) / math.sqrt(20) if quick.size else 0.0
+    spread = math.sqrt(float(np.mean(np.concatenate([s[v] ** 2 for s, v in zip(series, valid, strict=True)]))))
+    return spread / white if white > 0 else 1e3
+
+
+def _series(
+    series: Sequence[Floats], valid: Sequence[Mask], weights: Sequence[float] | None, spacing_s: float
+) -> Series:
+    """Return what floors of shots are weighed on, nothing where a value is not valid; arguments as ``learn``'s."""
+    held = np.concatenate(valid)
+    spread = np.ones(len(series)) if weights is None else np.asarray(weights, dtype=np.float64)
+    first = np.concatenate([[0], np.cumsum([s.size for s in series])]).astype(np.int64)
+    return Series(np.concatenate(series), held, first, spread**2, float(spacing_s), max(1, int(held.sum())))
+
+
+def _floor_of(series: Series, shape: Floats) -> tuple[Floor, float]:
+    """Return the floor whose parts have ``shape``, shape (4,), with the likeliest size, and its log-likelihood."""
+    value, white = likelihood(series, shape)
+    one, first, two, second = (float(part) for part in shape)
+    return Floor(white, (one * white, two * white), (first, second), series.spacing_s), value
+
+
+def _search(series: Series, begin: Sequence[tuple[float, float]]) -> tuple[Floor, float]:
+    span = math.log(LONGEST_TAU_S / SHORTEST_TAU_S)
+    z = []
+    for ratio, tau in begin:
+        share = min(max(math.log(tau / SHORTEST_TAU_S) / span, 1e-3), 1 - 1e-3)
+        z += [math.log(max(ratio, 1e-3)), math.log(share / (1 - share))]
+    found = likeliest(series, np.array(z), _SIDE, _EVALUATIONS * len(begin), _NEAR, _ALIKE)
+    return _floor_of(series, shape_at(found))

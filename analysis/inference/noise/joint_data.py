@@ -1,0 +1,75 @@
+"""The shots that are judged together: averaged, weighed against each other, and with what the site did to each."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.parameters import Infeasible
+from analysis.compiled.side_by_side import side_by_side
+from analysis.inference.fit.base import PLATE_START, Base
+from analysis.inference.fit.prepare import base_of
+from analysis.inference.fit.samples import RATE_HZ, Samples, together
+from analysis.inference.fit.search_vector import JointData
+from analysis.inference.noise.on_frame import can_tell
+from analysis.inference.noise.site import Site, on_site, site_of
+from analysis.reading.read import shaking_in
+from analysis.shot.disturbance import Shaking
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+
+Floats = NDArray[np.float64]
+_TRUSTED = 1.5  # chi^2 a sample, up to which a fit's plates are the site's doing
+
+
+def shakings_of(
+    motions: Sequence[Motion], model: str, known: Sequence[Shaking | None] | None
+) -> tuple[Shaking | None, ...]:
+    """Return what shook the frame of each shot, as ``known`` or as read here; nothing where ``model`` cannot tell.
+
+    Cost of reading: some 0.1 s a shot.
+    """
+    if model != "paper" or not all(can_tell(motion) for motion in motions):
+        return (None,) * len(motions)
+    return tuple(known if known is not None else side_by_side(shaking_in, motions))
+
+
+def site_under(motions: Sequence[Motion], shakings: Sequence[Shaking | None], least_nm: float) -> Site | None:
+    """Return the site that shots with these shakings tell of, None where less than ``least_nm`` rms shakes."""
+    return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm)
+
+
+def joint_data(motions: Sequence[Motion], given: Fit, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
+    """Return the shots as a diagnosis judges them; ``given`` is a fit of ``motions``, at whose motion the site acts.
+
+    A plate that a building swings far is no small matter: what the fit says of it is where the site's part begins,
+    unless something is missing, which plates would then have taken up.
+    """
+    base = base_of(given.model, motions)
+    plain = together(motions, rate_hz)
+    if site is None:
+        return JointData(plain, base)
+    try:
+        shots = on_site(with_plates(plain, _plates(given)), site, base, *parameters_of(given, base))
+        return JointData(shots, base, site=site)
+    except Infeasible:  # drawn to where nothing collides: nobody can say what a frame would do there
+        return JointData(plain, base)
+
+
+def with_plates(shots: Sequence[Samples], plates: Sequence[tuple[float, float]]) -> tuple[Samples, ...]:
+    """Return the shots with what is known of each one's plate at first touch, where there is any."""
+    return tuple(replace(s, plate=plate) for s, plate in zip(shots, plates, strict=True)) if plates else tuple(shots)
+
+
+def _plates(given: Fit) -> list[tuple[float, float]]:
+    if not given.reduced_chi2 < _TRUSTED:
+        return []
+    own = [shot.own_parameters for shot in given.shots]
+    return [(of[x].value, of[v].value) for of in own for x, v in (PLATE_START,) if x in of]
+
+
+def parameters_of(given: Fit, base: Base) -> tuple[Floats, Floats]:
+    """Return a fit's shared parameters of the base model, shape (k,), and (v_in, touch, offset) of each shot."""
+    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
+    return np.array([given.parameters[name].value for name in base.names]), np.array(own)

@@ -1,0 +1,109 @@
+"""Do the shots fly with accelerations of their own, which no law that they share could give?
+
+A camera looks at metres of track where an interferometer looks at millimetres of bearing: each shot meets another
+stretch of it, and its flights bend as that stretch does.  Drag, friction, tilt and gradient are laws of all shots; only
+what is left of the flights' bends beside all of them is the shots' own.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+from scipy.special import chdtri
+
+from analysis.collision.effects import TAKEN_ALONG
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import learn, white_floor
+
+Floats = NDArray[np.float64]
+FEWEST_SHOTS = 3  # two have no more flights than laws that could bend them
+_MARGIN = 0.15  # of a contact time, after the release
+_SHORTEST = 30  # samples of a flight
+_TURNS = 3  # of fitting and learning the floor
+_ONE_WAY = np.array([False, True, True, True, False])  # of the laws: friction and drags brake, they never drive
+
+
+@dataclass(frozen=True, slots=True)
+class _Flight:
+    """One flight: its samples, shape (n,), and what all laws of motion would make its acceleration go with."""
+
+    valid: NDArray[np.bool_]
+    displacement_m: Floats
+    columns: Floats  # offset, velocity and acceleration, shape (n, 3)
+    laws: Floats  # of tilt, friction, drag, drag of the square, gradient: the acceleration for a unit of each
+    weight: float
+
+
+def own_flights(shots: Sequence[Samples], chance: float) -> tuple[str, ...]:
+    """Return what each shot may have for itself beside whatever is searched: nothing, or its flights' bend.
+
+    The bends count as the shots' own where laws of all shots would leave them with less than ``chance``.
+    Of records without optics only.  Cost: some 0.1 s.
+    """
+    if len(shots) < FEWEST_SHOTS or any(shot.wavelength_m is not None for shot in shots):
+        return ()
+    flights = [flight for shot in shots for flight in _flights(shot)]
+    if len(flights) <= len(_ONE_WAY):
+        return ()
+    spacing_s = shots[0].spacing_s
+    shared, laws = _log_likelihood(flights, np.stack([flight.laws for flight in flights]), _ONE_WAY, spacing_s)
+    own, bends = _log_likelihood(flights, np.eye(len(flights)), np.zeros(len(flights), dtype=np.bool_), spacing_s)
+    limit = float(chdtri(bends - laws, chance))
+    return tuple(TAKEN_ALONG) if 2.0 * (own - shared) > limit else ()
+
+
+def _flights(shot: Samples) -> Iterator[_Flight]:
+    c, t = shot.course, shot.centre_s
+    before = t < c.touch_time_s - 3 * shot.spacing_s
+    after = t > c.release_time_s + _MARGIN * c.contact_time_s
+    for part in (before, after):
+        places = np.flatnonzero(part & shot.valid)
+        if places.size < _SHORTEST:
+            continue
+        some = slice(int(places[0]), int(places[-1]) + 1)
+        valid, x = shot.valid[some], shot.displacement_m[some]
+        u = t[some] - float(np.mean(t[places]))
+        speed, place = (float(value) for value in np.polyfit(u[valid], x[valid], 1))
+        away = place - c.touch_position_m
+        yield _Flight(
+            valid,
+            x,
+            np.stack([np.ones(u.size), u, 0.5 * u**2], axis=1),
+            np.array([1.0, -np.sign(speed), -speed, -speed * abs(speed), away]),
+            shot.weight,
+        )
+
+
+def _log_likelihood(
+    flights: Sequence[_Flight], bends: Floats, one_way: NDArray[np.bool_], spacing_s: float
+) -> tuple[float, int]:
+    """Return the log-likelihood of all flights, each a line and accelerations ``bends``, and how many of these act.
+
+    ``bends``, shape (flights, k), is multiplied by k numbers, those of ``one_way`` at least zero; the floor is learnt
+    from what is left.
+    """
+    count = len(flights)
+    series = [f.displacement_m for f in flights]
+    valid, weights = [f.valid for f in flights], [f.weight for f in flights]
+    least = np.concatenate([np.full(2 * count, -np.inf), np.where(one_way, 0.0, -np.inf)])
+    floor, value, acting = white_floor(1.0, spacing_s), -np.inf, 0
+    blocks = []
+    for index, flight in enumerate(flights):
+        lines = np.zeros((flight.displacement_m.size, 2 * count))
+        lines[:, 2 * index : 2 * index + 2] = flight.columns[:, :2]
+        blocks.append(np.column_stack([lines, flight.columns[:, 2:] * bends[index]]))
+    for _ in range(_TURNS):
+        white = np.concatenate(
+            [
+                floor.whiten(np.column_stack([x, block]), v, w)
+                for x, block, v, w in zip(series, blocks, valid, weights, strict=True)
+            ]
+        )
+        scale = np.maximum(np.linalg.norm(white[:, 1:], axis=0), 1e-300)
+        found = lsq_linear(white[:, 1:] / scale, white[:, 0], (least, np.inf), method="bvls")
+        acting = int(np.sum(found.active_mask[2 * count :] == 0))
+        left = [x - block @ (found.x / scale) for x, block in zip(series, blocks, strict=True)]
+        floor, value = learn(left, valid, spacing_s, weights=weights, start=floor)
+    return value, acting

@@ -1,0 +1,292 @@
+"""How strongly everything shook the shots: white noise, wandering parts and a site's bands, by maximum likelihood.
+
+One covariance holds them all.  White noise and what wanders are whitened by a Kalman filter; along a shot's directions,
+as that leaves them, the covariance is one plus each band's share, beside them one.  The bands' strengths have a prior:
+neighbouring bands are as the flights' readings say within a factor, their level is free, and a line is about as strong
+as it was read.  Given the shape of the wandering parts, strengths and white noise follow by Fisher scoring, all shots
+at once; the shape is searched for about that.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, solve_triangular
+from scipy.optimize import minimize
+
+from analysis.compiled.side_by_side import side_by_side
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import Floor, white_floor
+from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
+from analysis.inference.noise.site import Site
+
+Floats = NDArray[np.float64]
+_NEIGHBOURS = 1.0  # std of the logarithm of a strength beside its neighbour's
+_LEVEL = 6.0  # of each band's by itself
+_LINE = 2.0  # of a line's
+_ITERATIONS, _ENOUGH, _MOST = 20, 5e-3, 3.0  # steps, in log-likelihood, in the logarithm of a strength
+_AS_PROMISED = 0.15  # of what a step promises to first order: half of it is gained where the curvature is right
+_ADDS, _TAU_S = (2.0, 0.3), (4e-3, 2e-2)  # of a search for a shape: what a sample adds over white, memory, each part's
+_SIDE, _NEAR, _ALIKE = 0.7, 0.1, 0.3  # ... its simplex, where it ends, the log-likelihoods there
+_TRIALS = 15  # ... for each part
+
+
+@dataclass(frozen=True, slots=True)
+class _Shot:
+    """What is left of a shot under noise of a fixed shape: ``along`` its whitened directions, shape (r,), and beside.
+
+    ``factors``, shape (r, m), are what unit normal numbers do along these, ``shares``, shape (bands, r r), the
+    covariance along them that each band has at no strength; ``logs`` is ln det of what whitened it.
+    """
+
+    factors: Floats
+    band: NDArray[np.int64]
+    shares: Floats
+    along: Floats
+    beside: float
+    samples: int
+    logs: float
+
+
+@dataclass(slots=True)
+class _Curvature:
+    """The expected curvature of the log-likelihood by (ln white^2, strengths), as it was where it was last computed."""
+
+    value: Floats | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """The likeliest strengths beside wandering parts of a shape (an rms is over the white one)."""
+
+    shape: Floor
+    at: Floats  # ln white^2, then the strengths
+    value: float
+
+    @property
+    def floor(self) -> Floor:
+        """Get the noise."""
+        white_m = math.exp(0.5 * self.at[0])
+        one, two = self.shape.rms_m
+        strengths = tuple(float(a) for a in self.at[1:])
+        return replace(self.shape, white_m=white_m, rms_m=(one * white_m, two * white_m), site=strengths)
+
+
+@dataclass(frozen=True, slots=True)
+class _Set:
+    """What is left of shots at a site (``series``, in m, one a shot)."""
+
+    series: Sequence[Floats]
+    shots: Sequence[Samples]
+    site: Site
+    precision: Floats
+    curve: _Curvature = field(default_factory=_Curvature)
+
+    def found(self, shape: Floor, start: Floats | None) -> _Found:
+        """Return the likeliest strengths beside parts of this shape, from ``start``; some 20 ms for three shots."""
+        parts = side_by_side(lambda k: _under(shape, self.series[k], self.shots[k]), range(len(self.shots)))
+        if start is None:
+            start = np.zeros(1 + self.site.bands)
+            freedom = sum(part.samples - part.along.size for part in parts)
+            start[0] = math.log(max(sum(part.beside for part in parts) / freedom, 1e-40))
+        at, value = _likeliest(start, parts, self.precision, self.curve)
+        return _Found(shape, at, value)
+
+    def nearby(self, begin: _Found, parts: int) -> _Found:
+        """Return the likeliest strengths and shape of so many wandering parts, the shape begun at that of another."""
+        best = begin
+
+        def worth(z: Floats) -> float:
+            nonlocal best
+            trial = self.found(_shape_at(z, begin.shape.spacing_s), best.at)
+            best = trial if trial.value > best.value else best
+            return -trial.value
+
+        z = _coordinates(begin.shape, parts)
+        corners = np.vstack([z, z + _SIDE * np.eye(z.size)])
+        options = {"initial_simplex": corners, "xatol": _NEAR, "fatol": _ALIKE, "maxfev": _TRIALS * parts}
+        minimize(worth, z, method="Nelder-Mead", options=options)
+        return best
+
+
+def learn(
+    series: Sequence[Floats], shots: Sequence[Samples], site: Site, *, start: Floor | None = None, parts: int = 0
+) -> tuple[Floor, float]:
+    """Return the likeliest noise of what is left of shots (``series``, in m) at a site, and the log-likelihood.
+
+    White noise, up to ``parts`` wandering parts, each where it pays by the Bayesian information criterion, and the
+    site.  Without ``parts`` the wandering ones keep the shape that they have in ``start``.  Cost: some 10 ms for three
+    shots, a second for each part.
+    """
+    left = _Set(series, shots, site, _prior(site))
+    spacing_s = shots[0].spacing_s
+    start = start if start is not None and start.site else None
+    at = np.array([2.0 * math.log(start.white_m), *start.site]) if start is not None else None
+    if start is not None and not parts:
+        found = left.found(_shape_of(start), at)
+        return found.floor, found.value
+    best = left.found(white_floor(1.0, spacing_s), at)
+    most = parts if start is None else max(1, sum(rms > 0 for rms in start.rms_m))
+    for number in range(1, most + 1):
+        known = _shape_of(start, number) if start is not None and start.rms_m[number - 1] > 0 else None
+        trial = left.nearby(left.found(known or _with_a_part(best.shape, number), best.at), number)
+        samples = sum(int(shot.valid.sum()) for shot in shots)
+        if 2 * (trial.value - best.value) < 2 * math.log(samples):
+            break
+        best = trial
+    return best.floor, best.value
+
+
+def _with_a_part(shape: Floor, number: int) -> Floor:
+    """Return the shape with one wandering part more, its ``number``-th, as a search for it begins."""
+    tau_s = _TAU_S[number - 1]
+    rms = _ADDS[number - 1] / math.sqrt(2.0 * shape.spacing_s / tau_s)
+    first = (rms, tau_s) if number == 1 else (shape.rms_m[0], shape.tau_s[0])
+    second = (0.0, 1e-2) if number == 1 else (rms, tau_s)
+    return Floor(1.0, (first[0], second[0]), (first[1], second[1]), shape.spacing_s)
+
+
+def _shape_of(floor: Floor, parts: int = 2) -> Floor:
+    """Return a noise's white and wandering parts over its white noise; the first of them where ``parts`` is one."""
+    one, two = (rms / floor.white_m for rms in floor.rms_m)
+    return Floor(1.0, (one, two if parts > 1 else 0.0), floor.tau_s, floor.spacing_s)
+
+
+def _coordinates(shape: Floor, parts: int) -> Floats:
+    """Return where a search for a shape begins: of each part ln of what a sample adds to it over white, and ln tau.
+
+    What a sample adds is known well where a part's rms and its memory are not.
+    """
+    z = []
+    for rms, tau_s in zip(shape.rms_m[:parts], shape.tau_s[:parts], strict=True):
+        z += [math.log(rms * math.sqrt(2.0 * shape.spacing_s / tau_s)), math.log(tau_s)]
+    return np.array(z)
+
+
+def _shape_at(z: Floats, spacing_s: float) -> Floor:
+    tau = np.clip(np.exp(z[1::2]), SHORTEST_TAU_S, LONGEST_TAU_S)
+    rms = np.exp(np.clip(z[::2], -14.0, 14.0)) / np.sqrt(2.0 * spacing_s / tau)
+    one, two = [*rms, 0.0][:2]
+    first, second = [*tau, 1e-2][:2]
+    return Floor(1.0, (float(one), float(two)), (float(first), float(second)), spacing_s)
+
+
+def _under(shape: Floor, values: Floats, shot: Samples) -> _Shot:
+    """Return what is left of a shot as noise of this shape whitens it."""
+    assert shot.sway is not None
+    white = shape.whiten(values[:, None], shot.valid, shot.weight)[:, 0]
+    seen = shot.sway.seen(shape)
+    along = seen.along(white)
+    beside = max(float(white @ white - along @ along), 0.0)
+    factors, band = seen.root @ shot.sway.factors, shot.sway.band
+    every = [factors[:, band == k] for k in range(int(band.max()) + 1)]
+    shares = np.stack([(some @ some.T).ravel() for some in every])
+    logs = shape.log_variances(shot.valid, shot.weight)
+    return _Shot(factors, band, shares, along, beside, white.size, logs)
+
+
+def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Curvature) -> tuple[Floats, float]:
+    """Return the likeliest (ln white^2, strengths) from ``at``, and the log-likelihood with the prior's.
+
+    The ``curve`` of a noise of nearly this shape serves until it does not.
+    """
+    value, slope = _likelihood(at, shots, precision)
+    if not math.isfinite(value):
+        return at, value
+    fresh = curve.value is None
+    if curve.value is None:
+        curve.value = _curvature(at, shots, precision)
+    for _ in range(_ITERATIONS):
+        step = np.linalg.solve(curve.value, slope)
+        promise = float(step @ slope)
+        if promise < _ENOUGH:
+            break
+        step *= min(1.0, _MOST / float(np.abs(step).max()))
+        for _ in range(5):
+            found = _likelihood(at + step, shots, precision)
+            if found[0] > value:
+                break
+            step = 0.3 * step
+        else:
+            if fresh:
+                break
+            curve.value, fresh = _curvature(at, shots, precision), True
+            continue
+        gained, at = found[0] - value, at + step
+        value, slope = found
+        fresh = False
+        if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature is another one here
+            curve.value, fresh = _curvature(at, shots, precision), True
+    return at, value
+
+
+def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> tuple[float, Floats]:
+    """Return log-likelihood with the prior's and its gradient by (ln white^2, strengths); below all where it has none.
+
+    Cost: (bands + r) r^2 multiply-adds a shot, r directions.
+    """
+    pull = precision @ at[1:]
+    value = -0.5 * float(at[1:] @ pull)
+    slope = np.concatenate([[0.0], -pull])
+    variance = math.exp(at[0])
+    size = np.exp(at[1:] - at[0])
+
+    def weighed(shot: _Shot) -> tuple[float, float, Floats, Floats]:
+        root = _root(shot, size)
+        inverse = np.asarray(cho_solve((root, True), np.eye(root.shape[0]), check_finite=False))
+        pulled = inverse @ shot.along
+        seen = size * (shot.shares @ np.outer(pulled, pulled).ravel()) / variance
+        told = size * (shot.shares @ inverse.ravel())
+        square = (float(shot.along @ pulled) + shot.beside) / variance
+        return 2.0 * float(np.log(np.diag(root)).sum()), square, seen, told
+
+    try:
+        weights = side_by_side(weighed, shots)
+    except np.linalg.LinAlgError:  # a motion a billion times the white noise: rounding decides
+        return -math.inf, slope
+    for shot, (logs, square, seen, told) in zip(shots, weights, strict=True):
+        logs += shot.logs + shot.samples * math.log(2 * math.pi * variance)
+        value -= 0.5 * (logs + square)
+        slope[1:] += 0.5 * (seen - told)
+        slope[0] += 0.5 * (square - float(seen.sum()) - (shot.samples - float(told.sum())))
+    return value, slope
+
+
+def _root(shot: _Shot, size: Floats) -> Floats:
+    """Return the Cholesky factor of the covariance along a shot's directions over the white variance, shape (r, r)."""
+    r = shot.along.size
+    covariance = (size @ shot.shares).reshape(r, r)
+    covariance[np.diag_indices_from(covariance)] += 1.0
+    return np.asarray(np.linalg.cholesky(covariance))
+
+
+def _curvature(at: Floats, shots: Sequence[_Shot], precision: Floats) -> Floats:
+    """Return the expected curvature by (ln white^2, strengths); cost: (r + m) r m multiply-adds a shot."""
+    curve = np.zeros((1 + precision.shape[0],) * 2)
+    curve[1:, 1:] = precision
+    size = np.exp(at[1:] - at[0])
+
+    def of_shot(shot: _Shot) -> Floats:
+        root = _root(shot, size)
+        waves = solve_triangular(root, shot.factors * np.sqrt(size)[shot.band], lower=True, check_finite=False)
+        of = (shot.band[:, None] == np.arange(precision.shape[0])).astype(np.float64)
+        shared = of.T @ (waves.T @ waves) ** 2 @ of
+        told = of.T @ np.einsum("ij,ij->j", waves, waves)
+        across = 0.5 * (told - shared.sum(axis=1))
+        both = np.empty_like(curve)
+        both[1:, 1:] = 0.5 * shared
+        both[0, 1:] = both[1:, 0] = across
+        both[0, 0] = 0.5 * (shot.samples - 2.0 * float(told.sum()) + float(shared.sum()))
+        return both
+
+    return np.asarray(curve + sum(side_by_side(of_shot, shots)))
+
+
+def _prior(site: Site) -> Floats:
+    """Return the precision of the strengths' logarithms before anything is seen, shape (bands, bands)."""
+    precision = np.diag(np.where(np.arange(site.bands) < site.random_bands, _LEVEL, _LINE) ** -2.0)
+    for k in range(site.random_bands - 1):
+        precision[k : k + 2, k : k + 2] += np.array([[1.0, -1.0], [-1.0, 1.0]]) / _NEIGHBOURS**2
+    return precision

@@ -1,0 +1,102 @@
+"""A fit made linear about its best point, and what its own parameters could do taken out of anything else."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.slots import swings
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.quick_shot import situation
+from analysis.inference.noise.floor import Floor
+
+Floats = NDArray[np.float64]
+_NEARBY = 0.01  # of a radian of the contact's swing, and of a base parameter
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectories:
+    """What small effects do along the trajectories of a fit, which holds for every fit whose own lie close to them."""
+
+    fitted: Fitted
+    known: dict[str, Any] = field(default_factory=dict)
+
+    def serve(self, other: Fitted) -> bool:
+        """Return whether another fit of the same shots goes nearly the same way, its base parameters nearly these."""
+        mine, point = self.fitted, self.fitted.point
+        if mine is other:
+            return True
+        if mine.hypothesis.data is not other.hypothesis.data:
+            return False
+        if not np.allclose(point.base, other.point.base, rtol=_NEARBY, atol=0.0):
+            return False
+        for index, shot in enumerate(mine.hypothesis.data.shots):
+            at = mine.hypothesis.shot_at(index, point)
+            collision, _ = situation(at.base, at.own, {}, at.mass_kg)
+            swing_m = abs(shot.course.velocity_in_m_per_s) / swings(collision, []).contact
+            moved_m = np.abs(mine.residual_m[index] - other.residual_m[index])[shot.valid]
+            if not float(moved_m.max(initial=0.0)) < _NEARBY * swing_m:
+                return False
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class Projector:
+    """Takes out what the fitted parameters could do themselves; whitened rows of all shots, one after another."""
+
+    fitted: Fitted
+    floor: Floor
+    basis: Floats  # orthonormal columns, shape (rows, p)
+    left: Floats  # the whitened remainder, projected
+    tangents: Floats  # the whitened derivatives by the fitted parameters, shape (rows, p)
+    whole: Floats  # the whitened remainder, as it is
+    lines: tuple[tuple[Floats, Floats], ...]  # averaged displacement and derivatives, shot by shot
+    trajectories: Trajectories  # and columns of effects that are not whitened, which hold for others as well
+    done: dict[str, Any] = field(default_factory=dict)  # whitened columns of effects already computed here
+    _doing: dict[str, Lock] = field(default_factory=dict)
+
+    def whitened(self, columns: Sequence[Floats]) -> Floats:
+        """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
+        return self.fitted.hypothesis.data.whitened(self.floor, columns)
+
+    def once(self, key: str, make: Callable[[], Any], *, nearby: bool = False) -> Any:
+        """Return what is known under ``key``, made by the first who asks; others wait for it.
+
+        ``nearby``: it is nothing but what the trajectories make it, under any floor.
+        """
+        known = self.trajectories.known if nearby else self.done
+        with self._doing.setdefault(f"{key} nearby" if nearby else key, Lock()):
+            if key not in known:
+                known[key] = make()
+        return known[key]
+
+    def under(self, floor: Floor) -> "Projector":
+        """Return the projector of the same fit beside another floor, which shares what does not depend on it."""
+        return projector(self.fitted, floor, near=self)
+
+    def projected(self, rows: Floats) -> Floats:
+        """Return ``rows``, shape (rows, k), without what the fitted parameters span."""
+        return np.asarray(rows - self.basis @ (self.basis.T @ rows))
+
+
+def projector(fitted: Fitted, floor: Floor | None = None, *, near: Projector | None = None) -> Projector:
+    """Linearise a fit about its best point; what is known of one ``near`` is taken over as far as it serves."""
+    floor = floor or fitted.floor
+    data = fitted.hypothesis.data
+    lines = near.lines if near and near.fitted is fitted else tuple(fitted.hypothesis.linearised(fitted.z))
+    left_m = data.left_m(x for x, _ in lines)
+    rows = data.whitened(floor, [np.column_stack([left, j]) for left, (_, j) in zip(left_m, lines, strict=True)])
+    basis = orthonormal(rows[:, 1:])
+    left = rows[:, 0] - basis @ (basis.T @ rows[:, 0])
+    trajectories = near.trajectories if near and near.trajectories.serve(fitted) else Trajectories(fitted)
+    return Projector(fitted, floor, basis, left, rows[:, 1:], rows[:, 0], lines, trajectories)
+
+
+def orthonormal(columns: Floats) -> Floats:
+    """Return orthonormal columns that span what ``columns``, shape (rows, k), do; at most k."""
+    scale = np.linalg.norm(columns, axis=0)
+    basis, triangle = np.linalg.qr(columns / np.where(scale > 0, scale, 1.0))
+    return np.asarray(basis[:, np.abs(np.diag(triangle)) > 1e-9])

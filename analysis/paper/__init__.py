@@ -1,0 +1,1 @@
+"""The paper beside this program: its numbers, figures and simulation, audited."""

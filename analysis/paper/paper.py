@@ -1,0 +1,248 @@
+"""The paper beside this program: each number as printed, simulated, recomputed; what a difference was traced to."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from analysis.collision.parameters import Collision, Variant
+from analysis.shot.quantity import NotSeen, Reading, to_json
+from analysis.shot.recording import Plate
+from analysis.shot.shot import Shot
+from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.series import read
+
+if TYPE_CHECKING:
+    from analysis.paper.paper_audit import Computed, Ground
+
+
+class Status(StrEnum):
+    """How a number of the paper stands."""
+
+    AGREES = "agrees"  # as printed, within its digits
+    TRACED = "traced"  # it differs as printed, and agrees once the cause is taken into account
+    OPEN = "open"  # a difference remains that the published numbers do not settle
+    ADDED = "added"  # the paper does not give it; here because its reading needs it
+    INPUT = "input"  # the simulation was made with it
+
+
+@dataclass(frozen=True, slots=True)
+class PaperRow:
+    """One number of the paper beside this program's; differences are relative.
+
+    ``printed`` is what the paper's own numbers give, taken as they stand; ``simulated`` comes from solving its model,
+    ``recomputed`` from geometry or a closed form; ``recorded`` is a shot's own reading where one was given.
+    """
+
+    key: str
+    section: str
+    what: str
+    where: str
+    unit: str
+    paper: float | None
+    paper_words: str
+    printed: float | None
+    simulated: float | None
+    recomputed: float | None
+    recorded: Reading
+    error_before: float | None
+    error_after: float | None
+    traced_to: str
+    status: Status
+
+    @property
+    def program(self) -> float | None:
+        """Get this program's number: the recomputed one where there is one, else the simulated one."""
+        return self.recomputed if self.recomputed is not None else self.simulated
+
+
+@dataclass(frozen=True, slots=True)
+class Reproduction:
+    """The paper, number by number."""
+
+    title: str
+    authors: str
+    rows: tuple[PaperRow, ...]
+    recording: str | None
+
+    def of(self, key: str) -> PaperRow:
+        """Return one row by its key; KeyError where there is none."""
+        for row in self.rows:
+            if row.key == key:
+                return row
+        raise KeyError(key)
+
+    @property
+    def open_rows(self) -> tuple[PaperRow, ...]:
+        """Get what remains open."""
+        return tuple(row for row in self.rows if row.status is Status.OPEN)
+
+
+_RECORDED = {  # row: a shot's number of the same meaning
+    "velocity_out": "velocity_out_m_per_s",
+    "cor_quasi_static": "cor_quasi_static",
+    "cor_force_peaks": "cor_kinetic.force_peaks",
+    "cor_onsets": "cor_kinetic.onsets",
+    "cor_flights": "cor_kinetic.flights",
+    "cor_contact": "cor_kinetic.contact",
+    "force_peak": "force_peak_n",
+    "deflection": "deflection_max_m",
+    "contact_time": "contact_time_s",
+    "fwhm_measured": "force_fwhm_s",
+    "slope": "stiffness_slope_n_per_m",
+    "input.velocity_in_m_per_s": "velocity_in_m_per_s",
+    "input.plate_mass_kg": "plate_mass_kg",
+    "input.plate_stiffness_n_per_m": "plate_stiffness_n_per_m",
+    "input.contact_stiffness_n_per_m": "contact_stiffness_n_per_m",
+    "input.contact_damping_n_s_per_m": "contact_damping_n_s_per_m",
+}
+COLLISION = (
+    "block_mass_kg",
+    "velocity_in_m_per_s",
+    "plate_stiffness_n_per_m",
+    "plate_mass_kg",
+    "contact_stiffness_n_per_m",
+    "contact_damping_n_s_per_m",
+)
+_INPUTS = {
+    "arm_length_m": ("arm, length", "m"),
+    "arm_width_m": ("arm, width", "m"),
+    "disc_diameter_m": ("disc, diameter", "m"),
+    "density_kg_m3": ("density", "kg/m3"),
+    "block_mass_kg": ("m_b", "kg"),
+    "velocity_in_m_per_s": ("v_i", "m/s"),
+    "plate_mass_kg": ("m_p*", "kg"),
+    "plate_stiffness_n_per_m": ("k_p", "N/m"),
+    "contact_stiffness_n_per_m": ("k_N", "N/m"),
+    "contact_damping_n_s_per_m": ("γ_N", "N s/m"),
+    "step_s": ("integrator step", "s"),
+}
+
+
+def load() -> Mapping[str, Any]:
+    """Return the paper's numbers as they are bundled (resources/paper.toml)."""
+    with resources.files("resources").joinpath("paper.toml").open("rb") as file:
+        return tomllib.load(file)
+
+
+def ground(numbers: Mapping[str, Any]) -> Ground:
+    """Return the paper's rig and simulation as this program's own types."""
+    from analysis.paper.paper_audit import Ground  # with the model: the window shows the numbers without it
+
+    rig, simulation = numbers["rig"], numbers["simulation"]
+    fields = (
+        "arm_length_m",
+        "arm_width_m",
+        "thickness_m",
+        "disc_diameter_m",
+        "density_kg_m3",
+        "youngs_modulus_pa",
+    )
+    return Ground(
+        plate_printed=Plate(*(float(rig[name]) for name in fields)),
+        plate_mass_kg=float(rig["plate_mass_kg"]),
+        wavelength_m=float(rig["wavelength_m"]),
+        sample_rate_hz=float(rig["sample_rate_hz"]),
+        samples=float(rig["samples"]),
+        duration_s=float(rig["duration_s"]),
+        collision=Collision(**{name: float(simulation[name]) for name in COLLISION}, variant=Variant.PAPER),
+        claims={row["key"]: float(row["paper"]) for row in numbers["row"] if "paper" in row},
+    )
+
+
+def reproduce(shot: Shot | None = None) -> Reproduction:
+    """Compute every number of the paper; with a shot, its readings stand beside them.  About a second once compiled."""
+    from analysis.paper.paper_audit import computed
+
+    numbers = load()
+    results = computed(ground(numbers))
+    given = numbers["rig"] | numbers["simulation"]
+    rows = [_input_row(name, given[name], shot) for name in _INPUTS]
+    rows += [_row(entry, results[entry["key"]], shot) for entry in numbers["row"]]
+    return Reproduction(numbers["title"], numbers["authors"], tuple(rows), None if shot is None else shot.name)
+
+
+def to_result(result: Reproduction) -> dict[str, Any]:
+    """Return the reproduction for a result file (schema levimass.paper/1)."""
+    rows = []
+    for row in result.rows:
+        entry: dict[str, Any] = {entry.name: getattr(row, entry.name) for entry in fields(row)}
+        rows.append(entry | {"status": row.status.value, "recorded": to_json(row.recorded)})
+    return {
+        "schema": "levimass.paper/1",
+        "title": result.title,
+        "authors": result.authors,
+        "recording": result.recording,
+        "open": [row.key for row in result.open_rows],
+        "rows": rows,
+    }
+
+
+def _row(entry: Mapping[str, Any], value: Computed, shot: Shot | None) -> PaperRow:
+    paper = float(entry["paper"]) if "paper" in entry else None
+    program = value.recomputed if value.recomputed is not None else value.simulated
+    before, after = value.error_before, value.error_after
+    if paper is not None and after is None and value.settles and program is not None:
+        after = program / paper - 1.0
+    if before is None:
+        before = value.printed / paper - 1.0 if paper is not None and value.printed is not None else after
+    return PaperRow(
+        key=entry["key"],
+        section=entry["section"],
+        what=entry["what"],
+        where=entry["where"],
+        unit=entry["unit"],
+        paper=paper,
+        paper_words=entry.get("paper_words", ""),
+        printed=value.printed,
+        simulated=value.simulated,
+        recomputed=value.recomputed,
+        recorded=_recorded(entry["key"], shot),
+        error_before=before,
+        error_after=after,
+        traced_to=entry["traced_to"].format_map(value.words),
+        status=_status(paper, before, after, float(entry.get("within", math.inf))),
+    )
+
+
+def _status(paper: float | None, before: float | None, after: float | None, within: float) -> Status:
+    if paper is None:
+        return Status.ADDED
+    if after is None or not abs(after) <= within:
+        return Status.OPEN
+    return Status.AGREES if before is not None and abs(before) <= within else Status.TRACED
+
+
+def _input_row(name: str, value: float, shot: Shot | None) -> PaperRow:
+    what, unit = _INPUTS[name]
+    key = f"input.{name}"
+    return PaperRow(
+        key=key,
+        section="input",
+        what=what,
+        where="simulation" if name in COLLISION or name == "step_s" else "rig",
+        unit=unit,
+        paper=float(value),
+        paper_words="",
+        printed=None,
+        simulated=float(value),
+        recomputed=None,
+        recorded=_recorded(key, shot),
+        error_before=None,
+        error_after=None,
+        traced_to="",
+        status=Status.INPUT,
+    )
+
+
+def _recorded(key: str, shot: Shot | None) -> Reading:
+    name = _RECORDED.get(key)
+    if shot is None or name is None:
+        return NotSeen("no recording" if shot is None else "a recording does not show it")
+    reading = read(shot, name)
+    return stated(reading, name, combined_of(shot)) or reading

@@ -1,0 +1,265 @@
+"""The audit's arithmetic: what the paper's own numbers give as printed, and what they give once the cause is known."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from analysis.collision.parameters import Collision, Variant
+from analysis.paper.paper_simulation import Simulated, half_sine_time_s, simulate
+from analysis.shot import plate as plates
+from analysis.shot.air import STANDARD_AIR, refractive_index
+from analysis.shot.plate import Disc
+from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Plate
+
+_VACUUM_M = 632.991354e-9  # of the HP 5518A (docs/physics.md, "from beats to force")
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """The paper's numbers as this program's types, thickness as printed."""
+
+    plate_printed: Plate
+    plate_mass_kg: float
+    wavelength_m: float
+    sample_rate_hz: float
+    samples: float
+    duration_s: float
+    collision: Collision
+    claims: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Computed:
+    """What the program has to say to one row; errors None: relative to the paper's number."""
+
+    printed: float | None = None
+    simulated: float | None = None
+    recomputed: float | None = None
+    error_before: float | None = None
+    error_after: float | None = None
+    settles: bool = True  # False: nothing computed can settle it
+    words: Mapping[str, float] = field(default_factory=dict)
+
+
+def thickness_from_mass_m(plate: Plate, mass_kg: float) -> float:
+    """Return the thickness in m that gives a plate of this outline its mass."""
+    return plate.thickness_m * mass_kg / plates.mass_kg(plate)
+
+
+def computed(ground: Ground) -> dict[str, Computed]:
+    """Return every row's numbers by its key."""
+    simulated = simulate(ground.collision)
+    return _simulation(ground, simulated) | _widths(ground, simulated) | _plate(ground) | _instrument(ground)
+
+
+def _simulation(ground: Ground, run: Simulated) -> dict[str, Computed]:
+    paper = ground.claims
+    speed = abs(ground.collision.velocity_in_m_per_s)
+    clamped = simulate(replace(ground.collision, variant=Variant.CLAMPED))
+    no_tension = simulate(replace(ground.collision, variant=Variant.NO_TENSION))
+    peaks = run.force_peaks_s
+    first, second = peaks[1] - peaks[0], peaks[2] - peaks[1]
+    kinetic = paper["cor_force_peaks"]
+    laws = {
+        "gear": run.velocity_out_gear_m_per_s,
+        "clamped": clamped.velocity_out_m_per_s,
+        "no_tension": no_tension.velocity_out_m_per_s,
+        "clamped_kinetic": clamped.cor_force_peaks,
+    }
+    return {
+        "velocity_out": Computed(simulated=run.velocity_out_m_per_s, words=laws),
+        "cor_quasi_static": Computed(
+            simulated=run.cor_quasi_static, words={"paper_ratio": paper["velocity_out"] / speed}
+        ),
+        "clamp": Computed(printed=clamped.velocity_out_m_per_s, simulated=run.velocity_out_m_per_s, words=laws),
+        "cor_force_peaks": Computed(
+            simulated=run.cor_force_peaks,
+            words={"t1": first * 1e3, "t2": second * 1e3, "off_us": (kinetic * first - second) * 1e6},
+        ),
+        "cor_onsets": _beside(run.cor_onsets, kinetic),
+        "cor_flights": _beside(run.cor_flights, kinetic),
+        "cor_contact": Computed(simulated=run.cor_contact),
+        "force_peak": Computed(simulated=run.force_peak_n, words={"at_ms": run.force_peak_at_s * 1e3}),
+        "deflection": Computed(simulated=run.deflection_max_m),
+    }
+
+
+def _beside(value: float, kinetic: float) -> Computed:
+    return Computed(simulated=value, words={"against_paper": value / kinetic - 1.0, "paper_kinetic": kinetic})
+
+
+def _widths(ground: Ground, run: Simulated) -> dict[str, Computed]:
+    paper, c = ground.claims, ground.collision
+    half_sine = half_sine_time_s(c.plate_stiffness_n_per_m, c.block_mass_kg + c.plate_mass_kg)
+    smooth, outermost = run.fwhm_smooth_s, run.fwhm_outermost_s
+    low, high = run.fwhm_smooth_range_s
+    slope = run.slope_n_per_m
+    corrected = plates.stiffness_from_slope(
+        Quantity(slope, 0.0),
+        Quantity(c.plate_mass_kg, 0.0),
+        Quantity(c.contact_stiffness_n_per_m, 0.0),
+        Quantity(c.block_mass_kg, 0.0),
+    ).value
+    return {
+        "contact_time": Computed(
+            printed=half_sine,
+            simulated=run.contact_time_s,
+            words={"half_sine_ms": half_sine * 1e3, "simulated_ms": run.contact_time_s * 1e3},
+        ),
+        "fwhm_simulated": Computed(
+            simulated=smooth,
+            error_before=paper["fwhm_simulated"] / smooth - 1.0,
+            error_after=paper["fwhm_simulated"] / outermost - 1.0,
+            words={
+                "outermost_ms": outermost * 1e3,
+                "smooth_ms": smooth * 1e3,
+                "low_ms": low * 1e3,
+                "high_ms": high * 1e3,
+            },
+        ),
+        "fwhm_measured": Computed(
+            printed=paper["contact_time"],
+            simulated=smooth,
+            recomputed=2.0 / 3.0 * paper["contact_time"],
+            error_before=paper["fwhm_measured"] / paper["contact_time"] - 1.0,
+            error_after=paper["fwhm_measured"] / smooth - 1.0,
+            words={
+                "contact_ms": paper["contact_time"] * 1e3,
+                "half_sine_ms": 2.0 / 3.0 * paper["contact_time"] * 1e3,
+                "smooth_ms": smooth * 1e3,
+                "rest": paper["fwhm_measured"] / smooth - 1.0,
+            },
+        ),
+        "slope": Computed(
+            printed=slope,
+            simulated=slope,
+            recomputed=corrected,
+            words={
+                "slope": slope,
+                "bias": slope / c.plate_stiffness_n_per_m - 1.0,
+                "inertia": 1.0 - c.block_mass_kg / (c.block_mass_kg + c.plate_mass_kg),
+                "series": c.plate_stiffness_n_per_m / (c.plate_stiffness_n_per_m + c.contact_stiffness_n_per_m),
+                "corrected": corrected,
+            },
+        ),
+    }
+
+
+def _plate(ground: Ground) -> dict[str, Computed]:
+    printed, stated, k_p = ground.plate_printed, ground.plate_mass_kg, ground.claims["stiffness"]
+    thickness = thickness_from_mass_m(printed, stated)
+    plate = replace(printed, thickness_m=round(thickness, 4))  # the digits that the paper prints: 0.1 mm
+    millimetres = {"thickness_mm": plate.thickness_m * 1e3}
+    c_paper, c = ground.claims["coefficient_c"], plates.coefficient_c(plate)
+    needed_printed, needed = k_p / _beam(printed), k_p / _beam(plate)
+    rigid, bending, neck = (plates.stiffness_n_per_m(plate, disc) for disc in Disc)
+    modulus = {disc: plates.youngs_modulus_pa(Quantity(k_p, 0.0), plate, plates.EXACT, disc).value for disc in Disc}
+    return {
+        "thickness": Computed(
+            recomputed=thickness,
+            error_before=plates.mass_kg(printed) / stated - 1.0,
+            error_after=plates.mass_kg(plate) / stated - 1.0,
+            words=millimetres
+            | {
+                "printed_mm": printed.thickness_m * 1e3,
+                "mass_printed_g": plates.mass_kg(printed) * 1e3,
+                "mass_g": plates.mass_kg(plate) * 1e3,
+                "stated_g": stated * 1e3,
+            },
+        ),
+        "load_distance": Computed(recomputed=plate.arm_length_m + plate.disc_diameter_m / 2.0),
+        "coefficient_c": Computed(
+            printed=needed_printed,
+            recomputed=c,
+            error_before=c_paper / needed_printed - 1.0,
+            error_after=c / needed - 1.0,
+            words=millimetres | {"needed_printed": needed_printed, "needed": needed, "geometry": c},
+        ),
+        "stiffness": Computed(
+            printed=_beam(printed),
+            recomputed=rigid,
+            words={"factor": _beam(printed) / k_p, "after": rigid / k_p - 1.0},
+        ),
+        "stiffness_disc": Computed(
+            printed=_beam(printed), recomputed=bending, words={"softer": 1.0 - bending / rigid, "neck": neck}
+        ),
+        "modulus": Computed(
+            recomputed=modulus[Disc.RIGID],
+            words=millimetres
+            | {
+                "bending_gpa": modulus[Disc.BENDING] * 1e-9,
+            },
+        ),
+    } | _plate_masses(ground, plate)
+
+
+def _plate_masses(ground: Ground, plate: Plate) -> dict[str, Computed]:
+    stated, effective_paper = ground.plate_mass_kg, ground.claims["effective_mass"]
+    tuned, k_p = ground.claims["mass_ratio"], ground.claims["stiffness"]
+    mass, effective = plates.mass_kg(plate), plates.effective_mass_kg(plate)
+    arm = plates.arm_effective_mass_kg(plate)
+    bare = plates.bare_beam_mass_ratio()
+    root = math.sqrt(effective_paper / k_p)
+    return {
+        "mass_ratio": Computed(
+            printed=bare,
+            recomputed=effective / mass,
+            words={
+                "bare": bare,
+                "ratio": effective / mass,
+                "disc_share": 1.0 - arm / effective,
+                "disc_g": (effective - arm) * 1e3,
+                "arm_g": arm * 1e3,
+                "mass_g": mass * 1e3,
+                "rest": effective / mass / tuned - 1.0,
+            },
+        ),
+        "effective_mass": Computed(
+            printed=tuned * stated,
+            recomputed=tuned * stated,
+            words={
+                "stated_g": stated * 1e3,
+                "product_g": tuned * stated * 1e3,
+                "off": tuned * stated / effective_paper - 1.0,
+                "factor": effective_paper / stated,
+            },
+        ),
+        "plate_mass": Computed(
+            recomputed=mass,
+            words={"volume_mm3": mass / plate.density_kg_m3 * 1e9, "thickness_mm": plate.thickness_m * 1e3},
+        ),
+        "period": Computed(
+            printed=root,
+            recomputed=math.pi * root,
+            words={"root_ms": root * 1e3, "with_pi_ms": math.pi * root * 1e3},
+        ),
+    }
+
+
+def _instrument(ground: Ground) -> dict[str, Computed]:
+    seconds = ground.samples / ground.sample_rate_hz
+    index = refractive_index(_VACUUM_M, STANDARD_AIR)
+    wavelength = _VACUUM_M / index
+    return {
+        "record_length": Computed(
+            printed=seconds,
+            recomputed=seconds,
+            settles=False,
+            words={
+                "samples": ground.samples * 1e-6,
+                "rate": ground.sample_rate_hz * 1e-6,
+                "seconds": seconds,
+                "rate_needed": ground.samples / ground.duration_s * 1e-6,
+                "samples_needed": ground.sample_rate_hz * ground.duration_s * 1e-6,
+            },
+        ),
+        "wavelength": Computed(
+            recomputed=wavelength, words={"index": index, "ppm": (wavelength / ground.wavelength_m - 1.0) * 1e6}
+        ),
+    }
+
+
+def _beam(plate: Plate) -> float:
+    """Return E t^3 w / (4 l^3): an end-loaded cantilever of the arm alone, c = 1."""
+    return plate.youngs_modulus_pa * plate.thickness_m**3 * plate.arm_width_m / (4.0 * plate.arm_length_m**3)

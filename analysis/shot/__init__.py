@@ -1,0 +1,1 @@
+"""What a shot is: recording, motion, impact, fit, numbers with their units and uncertainties."""

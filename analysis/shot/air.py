@@ -1,0 +1,80 @@
+"""The wavelength of the laser in the air it measures in.
+
+Refractive index after P. E. Ciddor, "Refractive index of air: new equations for the visible and near infrared",
+Applied Optics 35 (1996) 1566-1573, with the water vapour pressure of Davis/Giacomo used there.
+"""
+
+import math
+
+from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Air, Setup
+
+STANDARD_AIR = Air(temperature_c=20.0, pressure_pa=101325.0, humidity_percent=50.0)
+CO2_PPM = 450.0
+_GAS_CONSTANT = 8.314510  # J/(mol K), the value Ciddor's densities were made with
+_WATER_MOLAR_MASS = 0.018015  # kg/mol
+
+
+def refractive_index(vacuum_wavelength_m: float, air: Air, co2_ppm: float = CO2_PPM) -> float:
+    """Return the phase refractive index n of moist air (Ciddor 1996, appendix B).
+
+    Valid for 300-1700 nm, -40..100 degC, 80-120 kPa, 0..100 % relative humidity; n(633.0 nm) = 1.000271373 at
+    20 degC, 101325 Pa, 50 %.  Raises ValueError outside of what air in a laboratory can be.
+    """
+    _check(vacuum_wavelength_m, air)
+    wavenumber2 = (1e-6 / vacuum_wavelength_m) ** 2  # um^-2
+    dry_standard = 1e-8 * (5792105.0 / (238.0185 - wavenumber2) + 167917.0 / (57.362 - wavenumber2))
+    dry_standard *= 1.0 + 0.534e-6 * (co2_ppm - 450.0)
+    vapour_standard = 1.022e-8 * (
+        295.235 + 2.6422 * wavenumber2 - 0.032380 * wavenumber2**2 + 0.004028 * wavenumber2**3
+    )
+    dry_molar_mass = 1e-3 * (28.9635 + 12.011e-6 * (co2_ppm - 400.0))
+    water = _water_fraction(air)
+    kelvin = air.temperature_c + 273.15
+
+    compressibility = _compressibility(air.temperature_c, air.pressure_pa, water)
+    dry = air.pressure_pa * dry_molar_mass * (1.0 - water) / (compressibility * _GAS_CONSTANT * kelvin)
+    vapour = air.pressure_pa * _WATER_MOLAR_MASS * water / (compressibility * _GAS_CONSTANT * kelvin)
+    dry_reference = 101325.0 * dry_molar_mass / (_compressibility(15.0, 101325.0, 0.0) * _GAS_CONSTANT * 288.15)
+    vapour_reference = 1333.0 * _WATER_MOLAR_MASS / (_compressibility(20.0, 1333.0, 1.0) * _GAS_CONSTANT * 293.15)
+    return 1.0 + dry / dry_reference * dry_standard + vapour / vapour_reference * vapour_standard
+
+
+def wavelength_in_air_m(setup: Setup) -> float:
+    """Return the wavelength in m that turns Doppler cycles into displacement.
+
+    A wavelength given in air wins; a vacuum wavelength is divided by the index of the air given, or of
+    ``STANDARD_AIR`` where none is given (a laboratory at 20 degC is within a few ppm of it, vacuum would be 271 ppm
+    off); with nothing given it is the paper's 632.8 nm.  Raises ValueError on a wavelength or air that cannot be.
+    """
+    if setup.wavelength_air_m is not None:
+        if not 1e-7 < setup.wavelength_air_m < 1e-5:
+            raise ValueError(f"wavelength_air_m: {setup.wavelength_air_m!r} m is not a wavelength of light")
+        return setup.wavelength_air_m
+    if setup.wavelength_vacuum_m is not None:
+        return setup.wavelength_vacuum_m / refractive_index(setup.wavelength_vacuum_m, setup.air or STANDARD_AIR)
+    return DEFAULT_WAVELENGTH_AIR_M
+
+
+def _check(vacuum_wavelength_m: float, air: Air) -> None:
+    for name, value, low, high in (
+        ("wavelength_vacuum_m", vacuum_wavelength_m, 3e-7, 1.7e-6),
+        ("temperature_c", air.temperature_c, -40.0, 100.0),
+        ("pressure_pa", air.pressure_pa, 1e4, 1.4e5),
+        ("humidity_percent", air.humidity_percent, 0.0, 100.0),
+    ):
+        if not low <= value <= high:  # also catches NaN
+            raise ValueError(f"{name}: {value!r} lies outside {low:g}..{high:g}, where the index of air is known")
+
+
+def _water_fraction(air: Air) -> float:
+    kelvin = air.temperature_c + 273.15
+    saturation_pa = math.exp(1.2378847e-5 * kelvin**2 - 1.9121316e-2 * kelvin + 33.93711047 - 6.3431645e3 / kelvin)
+    enhancement = 1.00062 + 3.14e-8 * air.pressure_pa + 5.6e-7 * air.temperature_c**2
+    return air.humidity_percent / 100.0 * enhancement * saturation_pa / air.pressure_pa
+
+
+def _compressibility(celsius: float, pressure_pa: float, water: float) -> float:
+    ratio = pressure_pa / (celsius + 273.15)
+    first = 1.58123e-6 - 2.9331e-8 * celsius + 1.1043e-10 * celsius**2
+    first += (5.707e-6 - 2.051e-8 * celsius) * water + (1.9898e-4 - 2.376e-6 * celsius) * water**2
+    return 1.0 - ratio * first + ratio**2 * (1.83e-11 - 0.765e-8 * water**2)

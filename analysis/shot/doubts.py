@@ -1,0 +1,101 @@
+"""Sanity that is always on: numbers that cannot be, or that contradict one another, are flagged as such.
+
+``CONCERNS`` tells which numbers a flag is about, by their names in Impact (``cor_kinetic`` stands for its four) and in
+the fit's parameters, so that the flag can be shown at the number.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from analysis.shot.fit import Fit
+from analysis.shot.impact import Impact
+from analysis.shot.quantity import Quantity
+
+ABOVE_SIGMAS = 2.0
+MOMENTUM_SIGMAS = 5.0
+FIT_SIGMAS = 5.0
+FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one", "plate_shaken", "knock_suspected")
+SHAKEN = "vibration"  # the reading's flag: where it stands, the plate swings before it is touched
+CHI2_FAR = 2.0  # times one, or this part of it
+_VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
+_PULSE = ("force_peak_n", "force_fwhm_s", "cor_impulse", "stiffness_slope_n_per_m")
+_BOUNCES = ("cor_kinetic.force_peaks", "cor_kinetic.onsets", "cor_kinetic.flights")
+_FITTED = (
+    "plate_stiffness_n_per_m",
+    "plate_mass_kg",
+    "contact_stiffness_n_per_m",
+    "contact_damping_n_s_per_m",
+    "cor_kinetic.contact",
+)
+
+CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "restitution_above_one": ("cor_quasi_static",),
+        "no_turn": ("velocity_out_m_per_s", "cor_quasi_static", "deflection_max_m", *_FITTED),
+        "no_release": ("velocity_out_m_per_s", "cor_quasi_static", "contact_time_s"),
+        "momentum_disagrees": ("force_peak_n", "velocity_in_m_per_s", "velocity_out_m_per_s"),
+        "impulse_disagrees": ("cor_quasi_static", "cor_impulse"),
+        "bounces_disturbed": _BOUNCES,
+        "flight_cut": _VELOCITIES,
+        "vibration": (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
+        "knock": (*_VELOCITIES, *_PULSE, *_FITTED, "contact_time_s", "deflection_max_m"),
+        "samples_lost": (*_PULSE, *_BOUNCES, "contact_time_s", "deflection_max_m"),
+        "cross_talk": ("deflection_max_m", "contact_time_s"),
+        "rate_contradicted": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
+        "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
+        "chi2_far_from_one": _FITTED,
+        "plate_shaken": _FITTED,
+        "knock_suspected": (*_PULSE, *_BOUNCES, *_FITTED),
+        "fit_not_converged": _FITTED,
+    }
+)
+
+
+def concerning(name: str, flags: tuple[str, ...]) -> tuple[str, ...]:
+    """Return those of a shot's flags that are about one number."""
+    return tuple(flag for flag in flags if name in CONCERNS.get(flag, ()))
+
+
+def doubts_of_reading(impact: Impact, momentum: tuple[Quantity, Quantity] | None) -> tuple[str, ...]:
+    """Return the flags of readings that cannot be.
+
+    ``momentum`` are the impulse of the whole force pulse and m (v_out - v_in), both in N s, where both were read.
+    """
+    flags = []
+    ratio = impact.cor_quasi_static
+    if isinstance(ratio, Quantity) and ratio.value - ABOVE_SIGMAS * ratio.std > 1.0:
+        flags.append("restitution_above_one")
+    if momentum is not None and _apart(*momentum) > MOMENTUM_SIGMAS:
+        flags.append("momentum_disagrees")
+    return tuple(flags)
+
+
+def doubts_of_fit(impact: Impact, fit: Fit) -> tuple[str, ...]:
+    """Return the flags of a shot whose fit contradicts its readings, or does not describe it at all."""
+    if not fit.converged:
+        return ()
+    # a plate that must be at rest until it is touched: the fit's own ± does not hold a swing
+    flags = [FIT_DOUBTS[2]] if SHAKEN in impact.flags and not fit.on_frames else []
+    if len(fit.shots) != 1:
+        return tuple(flags)
+    own = fit.shots[0]
+    # what a frame does all the time is weighed: this is something else
+    if fit.on_frames and (own.rings or fit.reduced_chi2 > CHI2_FAR):
+        flags.append(FIT_DOUBTS[3])
+    pairs = (
+        (impact.velocity_in_m_per_s, own.velocity_in_m_per_s),
+        (impact.velocity_out_m_per_s, own.velocity_out_m_per_s),
+    )
+    if any(isinstance(read, Quantity) and _apart(read, fitted) > FIT_SIGMAS for read, fitted in pairs):
+        flags.append(FIT_DOUBTS[0])
+    if np.isfinite(fit.reduced_chi2) and not 1.0 / CHI2_FAR <= fit.reduced_chi2 <= CHI2_FAR:
+        flags.append(FIT_DOUBTS[1])
+    return tuple(flags)
+
+
+def _apart(one: Quantity, other: Quantity) -> float:
+    """Return how far two quantities lie apart in their joint standard uncertainty; 0 where none is known."""
+    spread = float(np.hypot(one.std, other.std))
+    return abs(one.value - other.value) / spread if np.isfinite(spread) and spread > 0.0 else 0.0

@@ -1,0 +1,76 @@
+"""The motion of the block as the optics saw it: time, displacement and its derivatives, each with its noise."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.shot.quantity import NotSeen, Reading
+from analysis.shot.recording import Plate
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class BeatQuality:
+    """How good one beat is, as measured on the recording itself."""
+
+    frequency_hz: float  # mean over the first quiet part
+    amplitude_v: float
+    snr_db: float  # A^2 / (2 sigma^2) over the whole digitizer band
+    clipped_fraction: float
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A shot as motion, on one uniform time grid; right is positive, time zero is the recording's first sample.
+
+    All arrays have shape (n,) and are read-only; ``*_std_*`` are standard deviations of the sample beside them.
+    Displacement is low-passed only by the decimation (flat to ``displacement_band_hz``), its noise is white in that
+    band; velocity, acceleration and force are low-passed at ``bandwidth_hz`` and their noise is not white.
+    ``valid`` is False where a gap or a drop-out left nothing to measure: such samples are NaN, never zero.
+    """
+
+    time_s: Floats
+    displacement_m: Floats
+    velocity_m_per_s: Floats
+    acceleration_m_per_s2: Floats
+    force_n: Floats
+    displacement_std_m: Floats
+    velocity_std_m_per_s: Floats
+    acceleration_std_m_per_s2: Floats
+    force_std_n: Floats
+    valid: NDArray[np.bool_]
+    sample_rate_hz: float
+    bandwidth_hz: float
+    displacement_band_hz: float
+    moving_mass_kg: float
+    moving_mass_u_kg: float
+    wavelength_m: float | None  # in air; None for a motion record that did not come from the optics
+    rest_frequency_hz: Reading = field(default_factory=lambda: NotSeen("no optics"))
+    trigger_time_s: float | None = None
+    rate_error: float = 0.0  # by how much of itself the stated sample rate is contradicted; in no std of this
+    displacement_wander_m_per_sqrt_s: float = 0.0  # random walk beside the white noise; in the std of v, a and F
+    reference: BeatQuality | None = None
+    measurement: BeatQuality | None = None
+    flags: tuple[str, ...] = ()
+    force_measured: bool = False  # ``force_n`` came with the record; else it is mass times acceleration
+    plate: Plate | None = None  # as the recording states it
+
+    def __post_init__(self) -> None:
+        for name in ARRAYS:
+            getattr(self, name).flags.writeable = False
+
+
+ARRAYS = (
+    "time_s",
+    "displacement_m",
+    "velocity_m_per_s",
+    "acceleration_m_per_s2",
+    "force_n",
+    "displacement_std_m",
+    "velocity_std_m_per_s",
+    "acceleration_std_m_per_s2",
+    "force_std_n",
+    "valid",
+)

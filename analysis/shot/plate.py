@@ -1,0 +1,261 @@
+"""The spring plate: an arm clamped at one end, a disc at the other, loaded at the disc's centre.
+
+Both ways round: geometry and E give k_p and the effective mass m_p*; a measured k_p gives E.  Bending is that of
+slender beams (S. Timoshenko, "Strength of Materials", part I); the effective mass is Rayleigh's: the kinetic energy of
+the whole plate moving in its static shape, over half the square of the load point's velocity.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from typing import Any
+
+from uncertainties import ufloat, umath
+from uncertainties.core import AffineScalarFunc
+
+from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Plate
+
+# The formulas below take plain floats and numbers with uncertainty alike; the latter carry the correlations along.
+Number = Any
+
+
+class Disc(StrEnum):
+    """How the disc is taken to bend."""
+
+    RIGID = "rigid"  # the arm alone bends
+    BENDING = "bending"  # the disc bends where its chord is wider than the arm; the neck between stays rigid
+    BENDING_NECK = "bending_neck"  # the neck, arm_length to where the chord is as wide, bends as arm as well
+
+
+@dataclass(frozen=True, slots=True)
+class PlateTolerance:
+    """Standard uncertainties of a plate's geometry and material.
+
+    Defaults: a calliper to 0.05 mm and a micrometer to 0.005 mm (rectangular), density and modulus as tables give
+    them for an alloy whose temper is not known (0.5 % and 2 %).  ``beam_theory`` is the share of k_p that bending as
+    beams may miss: a plate in two dimensions, held flat across its clamp, is 0.9 % stiffer at Poisson's ratio 0.3
+    (the paper's plate, by thin-plate elements in the tests).
+    """
+
+    arm_length_m: float = 0.05e-3 / math.sqrt(3.0)
+    arm_width_m: float = 0.05e-3 / math.sqrt(3.0)
+    thickness_m: float = 0.005e-3 / math.sqrt(3.0)
+    disc_diameter_m: float = 0.05e-3 / math.sqrt(3.0)
+    density_kg_m3: float = 8.51e3 * 0.005
+    youngs_modulus_pa: float = 131e9 * 0.02
+    beam_theory: float = 0.01
+
+
+EXACT = PlateTolerance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class PlateReport:
+    """What geometry and material say of the plate, each number with its standard uncertainty."""
+
+    mass_kg: Quantity
+    effective_mass_kg: Quantity
+    effective_mass_ratio: Quantity
+    stiffness_n_per_m: Quantity  # disc rigid
+    stiffness_disc_bending_n_per_m: Quantity
+    stiffness_neck_bending_n_per_m: Quantity
+    coefficient_c: Quantity  # in k = c E t^3 w / (4 l^3), disc rigid
+
+
+def compliance_times_modulus_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
+    """Return E / k_p in 1/m: deflection of the disc's centre, times E, under a unit load there.
+
+    ValueError for a plate that cannot be (no length, an arm wider than its disc).
+    """
+    _check(plate)
+    return float(compliance_of(_numbers(plate, EXACT), disc))
+
+
+def stiffness_n_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
+    """Return k_p in N/m for a load at the disc's centre."""
+    return plate.youngs_modulus_pa / compliance_times_modulus_per_m(plate, disc)
+
+
+def stated_n_per_m(plate: Plate | None) -> float | None:
+    """Return k_p in N/m of a plate as a recording states it; None where it states none, or none that can be."""
+    try:
+        return None if plate is None else stiffness_n_per_m(plate)
+    except ValueError:
+        return None
+
+
+def coefficient_c(plate: Plate) -> float:
+    """Return c of k_p = c E t^3 w / (4 l^3), disc rigid: l^3 / (L^3 - (L - l)^3) with L the load's distance."""
+    _check(plate)
+    return float(_coefficient(_numbers(plate, EXACT)))
+
+
+def mass_kg(plate: Plate) -> float:
+    """Return the plate's whole mass: arm and disc, their overlap at the neck not taken off twice."""
+    return float(_masses(_numbers(plate, EXACT))[0])
+
+
+def effective_mass_kg(plate: Plate) -> float:
+    """Return m_p* of Rayleigh's method with the static shape of a load at the centre of a rigid disc."""
+    _check(plate)
+    return float(_masses(_numbers(plate, EXACT))[1])
+
+
+def arm_effective_mass_kg(plate: Plate) -> float:
+    """Return the arm's part of ``effective_mass_kg``; the rest is the disc's."""
+    _check(plate)
+    length, load, _ = _reach(_numbers(plate, EXACT))
+    arm = plate.density_kg_m3 * plate.thickness_m * plate.arm_width_m * plate.arm_length_m
+    return float(arm * _arm_ratio(length, load))
+
+
+def youngs_modulus_pa(
+    stiffness: Quantity, plate: Plate, tolerance: PlateTolerance | None = None, disc: Disc = Disc.RIGID
+) -> Quantity:
+    """Return E from a measured k_p in N/m and the plate's geometry (its own modulus is not used)."""
+    _check(plate)
+    numbers = _numbers(plate, tolerance or PlateTolerance())
+    return _quantity(_number(stiffness) * compliance_of(numbers, disc), f"k_p and geometry, disc {disc}")
+
+
+def report(plate: Plate, tolerance: PlateTolerance | None = None) -> PlateReport:
+    """Return everything that geometry and material say, uncertainties propagated with their correlations."""
+    _check(plate)
+    n = _numbers(plate, tolerance or PlateTolerance())
+    whole, effective = _masses(n)
+    modulus = n["youngs_modulus_pa"]
+    return PlateReport(
+        mass_kg=_quantity(whole, "volume times density"),
+        effective_mass_kg=_quantity(effective, "Rayleigh, static shape"),
+        effective_mass_ratio=_quantity(effective / whole, "Rayleigh, static shape"),
+        stiffness_n_per_m=_quantity(modulus / compliance_of(n, Disc.RIGID), "arm bends, disc rigid"),
+        stiffness_disc_bending_n_per_m=_quantity(modulus / compliance_of(n, Disc.BENDING), "arm and disc bend"),
+        stiffness_neck_bending_n_per_m=_quantity(modulus / compliance_of(n, Disc.BENDING_NECK), "arm, neck, disc bend"),
+        coefficient_c=_quantity(_coefficient(n), "l^3 / (L^3 - (L - l)^3)"),
+    )
+
+
+def slope_n_per_m(
+    stiffness_n_per_m: float, plate_mass_kg: float, contact_stiffness_n_per_m: float, block_mass_kg: float
+) -> float:
+    """Return dF/dy in N/m of the block's slow motion on plate and contact spring, F = m_b a, y the block's deflection.
+
+    The slow mode of the two bodies in contact (Eq. 4, damping left out): m_b omega^2.  It lies below k_p, to first
+    order by 1 + m_p*/m_b + k_p/k_N: the plate takes force to be accelerated, the contact spring yields in series.
+    """
+    if not (plate_mass_kg >= 0.0 and contact_stiffness_n_per_m > 0.0 and block_mass_kg > 0.0):
+        raise ValueError("masses and contact stiffness must be positive")
+    mu, soft = plate_mass_kg / block_mass_kg, 1.0 / contact_stiffness_n_per_m
+    # k_p = s / (1 - s/k_N) + mu s, solved for the smaller s
+    a, b, c = mu * soft, 1.0 + mu + stiffness_n_per_m * soft, stiffness_n_per_m
+    return 2.0 * c / (b + math.sqrt(b * b - 4.0 * a * c))
+
+
+def stiffness_from_slope(
+    slope: Quantity, plate_mass: Quantity, contact_stiffness: Quantity, block_mass: Quantity
+) -> Quantity:
+    """Return k_p in N/m from a measured slope dF/dy: ``slope_n_per_m`` turned round, in closed form.
+
+    Slope and block mass are taken as independent: give the slope's uncertainty without the mass's.  The mass then acts
+    twice, as F = m_b a scales the slope itself.
+    """
+    mass = _number(block_mass)
+    s = _number(slope) * mass / block_mass.value
+    k_p = corrected_slope(s, _number(plate_mass), _number(contact_stiffness), mass)
+    return _quantity(k_p, "slope, corrected for the plate's inertia and the contact in series")
+
+
+def corrected_slope(slope: Number, plate_mass: Number, contact_stiffness: Number, block_mass: Number) -> Number:
+    """Return k_p of a slope dF/dy, both in N/m; plain floats or numbers with uncertainty."""
+    return slope / (1 - slope / contact_stiffness) + plate_mass * slope / block_mass
+
+
+def _check(plate: Plate) -> None:
+    for field in fields(plate):
+        value = getattr(plate, field.name)
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"plate: {field.name} must be positive, not {value!r}")
+    if plate.arm_width_m > plate.disc_diameter_m:
+        raise ValueError("plate: the arm is wider than the disc at its end")
+
+
+def _numbers(plate: Plate, tolerance: PlateTolerance) -> dict[str, Number]:
+    numbers = {f.name: _number(Quantity(getattr(plate, f.name), getattr(tolerance, f.name))) for f in fields(plate)}
+    return numbers | {"beam_theory": _number(Quantity(1.0, tolerance.beam_theory))}
+
+
+def _reach(n: Mapping[str, Number]) -> tuple[Number, Number, Number]:
+    """Return arm length, distance of the load, disc radius."""
+    radius = n["disc_diameter_m"] / 2
+    return n["arm_length_m"], n["arm_length_m"] + radius, radius
+
+
+def compliance_of(n: Mapping[str, Number], disc: Disc = Disc.RIGID) -> Number:
+    """Return E / k_p in 1/m from a plate's fields and "beam_theory", a factor about 1, by name.
+
+    Plain floats or numbers with uncertainty.
+    """
+    return n["beam_theory"] * _bending(n, disc)
+
+
+def _bending(n: Mapping[str, Number], disc: Disc) -> Number:
+    length, load, radius = _reach(n)
+    width, cubed = n["arm_width_m"], n["thickness_m"] ** 3
+    arm = 4 * (load**3 - (load - length) ** 3) / (width * cubed)
+    if disc is Disc.RIGID:
+        return arm
+    # A chord at distance s from the centre is 2 sqrt(R^2 - s^2) wide and bends with the moment F s: the integral of
+    # s^2 / (I) over it is R^2/2 (arcsin u - u sqrt(1 - u^2)), u = s/R up to where the chord is as wide as the arm.
+    half = width / 2
+    neck = (radius**2 - half**2) ** 0.5
+    chords = radius**2 / 2 * (umath.asin(neck / radius) - neck * half / radius**2)
+    bending = 6 / cubed * chords
+    if disc is Disc.BENDING_NECK:
+        bending = bending + 4 * (radius**3 - neck**3) / (width * cubed)
+    return arm + bending
+
+
+def _coefficient(n: Mapping[str, Number]) -> Number:
+    length, load, _ = _reach(n)
+    return length**3 / (load**3 - (load - length) ** 3)
+
+
+def _masses(n: Mapping[str, Number]) -> tuple[Number, Number]:
+    """Return (whole mass, Rayleigh's effective mass)."""
+    length, load, radius = _reach(n)
+    sheet = n["density_kg_m3"] * n["thickness_m"]
+    disc = sheet * math.pi * radius**2
+    arm = sheet * n["arm_width_m"] * length
+    tilt = (load**2 - (load - length) ** 2) / 2 / _deflection(length, load)  # of the disc, per deflection of its centre
+    return arm + disc, arm * _arm_ratio(length, load) + disc * (1 + (tilt * radius) ** 2 / 4)
+
+
+def bare_beam_mass_ratio() -> float:
+    """Return m*/m of a uniform cantilever loaded at its very end, 33/140: the paper's 0.24, a plate without a disc."""
+    return float(_arm_ratio(1.0, 1.0))
+
+
+def _deflection(length: Number, load: Number) -> Number:
+    """Return the load point's deflection under a unit load, times E I."""
+    return (load**3 - (load - length) ** 3) / 3
+
+
+def _arm_ratio(length: Number, load: Number) -> Number:
+    """Return the mean of (shape / deflection of the load point)^2 along the arm.
+
+    The static shape x^2 (3 L - x) / 6 squared, x^4 (3 L - x)^2 / 36, integrates to l^5 (9 L^2/5 - L l + l^2/7) / 36.
+    """
+    squared = length**4 * (9 * load**2 / 5 - load * length + length**2 / 7) / 36
+    return squared / _deflection(length, load) ** 2
+
+
+def _number(quantity: Quantity) -> Number:
+    return quantity.value if quantity.std == 0.0 else ufloat(quantity.value, quantity.std)
+
+
+def _quantity(number: Number, how: str) -> Quantity:
+    if isinstance(number, AffineScalarFunc):
+        return Quantity(float(number.nominal_value), float(number.std_dev), how)
+    return Quantity(float(number), 0.0, how)

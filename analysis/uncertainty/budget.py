@@ -1,0 +1,208 @@
+"""Uncertainty budget of a shot in the sense of the GUM (JCGM 100:2008): source by source, type A and B apart."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from uncertainties.core import AffineScalarFunc
+
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Shot
+from analysis.uncertainty.budget_sources import ShotSources
+from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
+from analysis.uncertainty.measurement_equations import results
+from analysis.uncertainty.series import KEYS, ONE_SPEED, excess_spread, read, speed
+
+COVERAGE_FACTOR = 2.0
+ALIKE = 0.1  # shots whose impact speed differs by no more than this share tell the repeatability
+ENOUGH_FOR_A_LINE = 4
+COLUMNS = (
+    "shot",
+    "quantity",
+    "unit",
+    "value",
+    "source",
+    "type",
+    "u_x",
+    "u_x_unit",
+    "sensitivity",
+    "contribution",
+    "how",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetRow:
+    """One source: its standard uncertainty u(x), the sensitivity dy/dx, and their product in the result's unit.
+
+    ``std`` None: the source exists and this data cannot tell its size; it counts as nothing and is listed all the same.
+    """
+
+    source: str
+    kind: str  # "A": from repeated values of this very measurement; "B": from elsewhere
+    std: float | None
+    unit: str
+    sensitivity: float
+    how: str
+
+    @property
+    def contribution(self) -> float:
+        """Get |dy/dx| u(x) in the unit of the result."""
+        return abs(self.sensitivity) * (self.std or 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class QuantityBudget:
+    """One result with everything that makes it uncertain, the largest contribution first."""
+
+    key: str  # the result file's name; "cor_kinetic.onsets" for a nested one
+    words: str
+    unit: str
+    value: float
+    rows: tuple[BudgetRow, ...]
+
+    @property
+    def std_a(self) -> float:
+        """Get the combined standard uncertainty of type A."""
+        return math.hypot(*(row.contribution for row in self.rows if row.kind == "A"))
+
+    @property
+    def std_b(self) -> float:
+        """Get the combined standard uncertainty of type B."""
+        return math.hypot(*(row.contribution for row in self.rows if row.kind == "B"))
+
+    @property
+    def std(self) -> float:
+        """Get the combined standard uncertainty."""
+        return math.hypot(self.std_a, self.std_b)
+
+    @property
+    def expanded(self) -> float:
+        """Get the expanded uncertainty, k = 2 (about 95 %)."""
+        return COVERAGE_FACTOR * self.std
+
+    @property
+    def quantity(self) -> Quantity:
+        """Get the result with its combined standard uncertainty."""
+        return Quantity(self.value, self.std, "uncertainty budget")
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """The budgets of everything a shot gave; what it did not give has none."""
+
+    shot: str
+    quantities: tuple[QuantityBudget, ...]
+    instrument: InstrumentUncertainty
+
+    def of(self, key: str) -> QuantityBudget | None:
+        """Return the budget of one result by its key, or None."""
+        return next((q for q in self.quantities if q.key == key), None)
+
+
+def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: Sequence[Shot] = ()) -> Budget:
+    """Return the budget of a shot's velocities, force, stiffness and restitution.
+
+    ``others`` are shots of the same rig: those at a like speed tell the repeatability beyond the noise.  Sensitivities
+    are the derivatives that the ``uncertainties`` package takes of the measurement equations, so a source common to two
+    readings (wavelength, timebase, mass) cancels from their ratio as it does in truth.
+    """
+    known = instrument or InstrumentUncertainty()
+    sources = ShotSources(shot, known)
+    tables = []
+    for result in results(shot, sources):
+        number = result.number
+        if not isinstance(number, AffineScalarFunc) or not math.isfinite(number.nominal_value):
+            continue
+        size = abs(number.nominal_value)
+        rows = [_row(sources, variable, slope, size) for variable, slope in number.derivatives.items()]
+        if result.repeats:
+            rows.append(_repeatability(result.key, shot, others))
+        rows.sort(key=lambda row: -row.contribution)
+        tables.append(QuantityBudget(result.key, result.words, result.unit, float(number.nominal_value), tuple(rows)))
+    return Budget(shot.name, tuple(tables), known)
+
+
+def to_result(result: Budget) -> dict[str, Any]:
+    """Return the budget for a shot's entry in the result file (key "budget")."""
+    return {
+        "coverage_factor": COVERAGE_FACTOR,
+        "quantities": {
+            q.key: {
+                "value": q.value,
+                "unit": q.unit,
+                "std_a": q.std_a,
+                "std_b": q.std_b,
+                "std": q.std,
+                "expanded": q.expanded,
+                "sources": [
+                    {
+                        "source": row.source,
+                        "type": row.kind,
+                        "std": row.std,
+                        "unit": row.unit,
+                        "sensitivity": row.sensitivity,
+                        "contribution": row.contribution,
+                        "how": row.how,
+                    }
+                    for row in q.rows
+                ],
+            }
+            for q in result.quantities
+        },
+    }
+
+
+def to_rows(result: Budget) -> list[list[str]]:
+    """Return the budget as rows of CSV in the order of ``COLUMNS``; each result closes with its combined lines."""
+    rows: list[list[str]] = []
+    for q in result.quantities:
+        head = [result.shot, q.key, q.unit, repr(q.value)]
+        for row in q.rows:
+            std = "" if row.std is None else repr(row.std)
+            rows.append(
+                [*head, row.source, row.kind, std, row.unit, repr(row.sensitivity), repr(row.contribution), row.how]
+            )
+        for words, kind, value in (
+            ("combined, type A", "A", q.std_a),
+            ("combined, type B", "B", q.std_b),
+            ("combined", "", q.std),
+            (f"expanded, k = {COVERAGE_FACTOR:g}", "", q.expanded),
+        ):
+            rows.append([*head, words, kind, "", "", "", repr(value), ""])
+    return rows
+
+
+def _row(sources: ShotSources, variable: Any, slope: float, size: float) -> BudgetRow:
+    source, std = sources.ledger.source(variable), float(variable.std_dev)
+    if abs(slope) * std < 1e-15 * size:  # what cancels leaves a rounding behind
+        slope = 0.0
+    return BudgetRow(source.name, source.kind, std, source.unit, float(slope), source.how)
+
+
+def _repeatability(key: str, shot: Shot, others: Sequence[Shot]) -> BudgetRow:
+    """Return what like shots scatter beyond their own type A uncertainties."""
+    unit, own = KEYS[key][1], speed(shot)
+    readings = []
+    if isinstance(own, Quantity):
+        for other in (shot, *(o for o in others if o is not shot)):
+            v, reading = speed(other), read(other, key)
+            if (
+                isinstance(v, Quantity)
+                and isinstance(reading, Quantity)
+                and abs(v.value - own.value) <= ALIKE * own.value
+                and math.isfinite(reading.value)
+                and math.isfinite(reading.std)
+            ):
+                readings.append((v.value, reading.value, reading.std))
+    if len(readings) < 2:
+        return BudgetRow("repeatability", "A", None, unit, 1.0, "not seen: no other shot at a like speed")
+    speeds, values, stds = (np.array(column) for column in zip(*readings, strict=True))
+    # A number that changes with speed is not scatter: a line is taken off where the shots can tell one.
+    sloped = len(readings) >= ENOUGH_FOR_A_LINE and np.ptp(speeds) > ONE_SPEED * speeds.mean()
+    spread = excess_spread(values, stds, 1 if sloped else 0, speeds - speeds.mean())
+    about = " about their line over speed" if sloped else ""
+    how = f"scatter of {len(readings)} shots at a like speed{about}, beyond their own noise"
+    return BudgetRow("repeatability", "A", spread, unit, 1.0, how)

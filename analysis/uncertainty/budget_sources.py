@@ -1,0 +1,208 @@
+"""The sources a budget knows, as numbers with uncertainty that remember what they are and where they come from."""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+from uncertainties import ufloat
+
+from analysis.shot.air import STANDARD_AIR, refractive_index, wavelength_in_air_m
+from analysis.shot.plate import Number
+from analysis.shot.quantity import Quantity, Reading
+from analysis.shot.recording import Plate, Setup
+from analysis.shot.shot import Shot
+from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
+
+_DEFAULT_VACUUM_M = 632.991354e-9  # the HP 5518A's, for the sensitivity to the air where only air is spoken of
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What a variable stands for."""
+
+    name: str
+    kind: str
+    unit: str
+    how: str
+
+
+class Ledger:
+    """Makes variables and keeps what they stand for."""
+
+    def __init__(self) -> None:
+        self._sources: dict[Any, Source] = {}
+
+    def number(self, value: float, std: float, name: str, kind: str, unit: str, how: str) -> Number:
+        """Return a new independent variable; a source without uncertainty stays a plain number."""
+        if not std > 0.0 or not math.isfinite(std):
+            return value
+        variable = ufloat(value, std)
+        self._sources[variable] = Source(name, kind, unit, how)
+        return variable
+
+    def source(self, variable: Any) -> Source:
+        """Return what a variable stands for."""
+        return self._sources[variable]
+
+
+class ShotSources:
+    """The variables of one shot, each made once, so that results which share one are correlated through it.
+
+    Scales are ratios to the value used in the analysis, 1 with an uncertainty.
+    """
+
+    def __init__(self, shot: Shot, instrument: InstrumentUncertainty) -> None:
+        self.ledger = Ledger()
+        self._shot = shot
+        self._instrument = instrument
+        self._rate_error = shot.motion.rate_error if shot.motion is not None else 0.0
+        self.timebase = self._timebase()
+        self.mass_kg, self._mass_value = self._mass()
+        self.length_scale = self._length()  # of displacement; velocity also takes the timebase
+        self.velocity_scale = self.length_scale / self.timebase
+        self.rest_velocity_m_per_s = self._rest()
+
+    @property
+    def mass_scale(self) -> Number:
+        """Get the block's mass over the value used."""
+        return self.mass_kg / self._mass_value
+
+    def noisy(
+        self, reading: Reading | None, name: str, unit: str, *, without_mass: bool = False, per_time: int = 0
+    ) -> Number | None:
+        """Return a reading with its own type A uncertainty, or None where it was not seen.
+
+        ``without_mass`` takes the mass's part off a reading that carries it already; ``per_time``, the power of the
+        sample rate that it goes with, takes off what a contradicted rate put into it.
+        """
+        if not isinstance(reading, Quantity) or not (math.isfinite(reading.value) and math.isfinite(reading.std)):
+            return None
+        std = reading.std
+        motion = self._shot.motion
+        if without_mass and motion is not None:
+            carried = reading.value * motion.moving_mass_u_kg / motion.moving_mass_kg
+            std = math.sqrt(max(0.0, std**2 - carried**2))
+        if self._rate_error:
+            carried = per_time * reading.value * self._rate_error
+            std = math.sqrt(max(0.0, std**2 - carried**2))
+        return self.ledger.number(reading.value, std, name, "A", unit, reading.how)
+
+    def interval(self, value_s: float, std_s: float, name: str, how: str) -> Number:
+        """Return an interval between two read instants: its noise (type A) and the band limit's shift (type B)."""
+        noise = self.ledger.number(value_s, std_s, f"beat noise, {name}", "A", "s", how)
+        shift = self.ledger.number(
+            0.0, self._instrument.instant_u_s, f"bandwidth, {name}", "B", "s", "instants shifted alike but for this"
+        )
+        return (noise + shift) * self.timebase
+
+    def band_scale(self, contact_time: Reading) -> Number:
+        """Return how much of the pulse's height the band limit may take: (pi / T)^2 against (2 pi B)^2."""
+        motion = self._shot.motion
+        if motion is None or not isinstance(contact_time, Quantity) or not contact_time.value > 0.0:
+            return 1.0
+        lost = (0.5 / contact_time.value / motion.bandwidth_hz) ** 2
+        how = f"pulse of {contact_time.value * 1e3:.3g} ms in {motion.bandwidth_hz:g} Hz, rectangular limit"
+        return self.ledger.number(1.0, lost / math.sqrt(3.0), "bandwidth", "B", "1", how)
+
+    def plate(self, plate: Plate) -> dict[str, Number]:
+        """Return a plate's fields by name, its geometry and material as uncertain as stated; E itself left out."""
+        units = {"density_kg_m3": "kg/m3", "youngs_modulus_pa": "Pa"}
+        numbers: dict[str, Number] = {}
+        for field in fields(plate):
+            name, value = field.name, getattr(plate, field.name)
+            std = getattr(self._instrument.plate, name)
+            words = "plate: " + name.rsplit("_", 1)[0].replace("_", " ")
+            numbers[name] = self.ledger.number(value, std, words, "B", units.get(name, "m"), "stated tolerance")
+        theory = self._instrument.plate.beam_theory
+        how = "clamp and disc bend as a plate, not as beams"
+        return numbers | {"beam_theory": self.ledger.number(1.0, theory, "plate: beam theory", "B", "1", how)}
+
+    def _timebase(self) -> Number:
+        """Return the clock's time over the true one, 1 with an uncertainty."""
+        stated = self._instrument.timebase_u
+        if not self._rate_error:
+            return self.ledger.number(1.0, stated, "timebase", "B", "1", "digitizer's clock, rectangular limit")
+        std = math.hypot(stated, self._rate_error)
+        how = "PD0 or the computer's clock contradicts the sample rate by as much"
+        return self.ledger.number(1.0, std, "timebase", "B", "1", how)
+
+    def _mass(self) -> tuple[Number, float]:
+        setup, motion = self._shot.setup, self._shot.motion
+        value = motion.moving_mass_kg if motion is not None else setup.moving_mass_kg if setup is not None else 1.0
+        stated = max(motion.moving_mass_u_kg if motion else 0.0, setup.moving_mass_u_kg if setup else 0.0)
+        if stated > 0.0:
+            return self.ledger.number(value, stated, "mass", "B", "kg", "stated with the recording"), value
+        how = "balance read to 0.01 g (none stated with the recording)"
+        return self.ledger.number(value, self._instrument.mass_u_kg, "mass", "B", "kg", how), value
+
+    def _length(self) -> Number:
+        setup, motion = self._shot.setup, self._shot.motion
+        if setup is None or (motion is not None and motion.wavelength_m is None):
+            return 1.0  # a motion record: its length scale is its maker's
+        alignment = self.ledger.number(
+            1.0,
+            self._instrument.alignment_u,
+            "alignment (cosine)",
+            "B",
+            "1",
+            "1/cos a, a uniform in a cone, not corrected",
+        )
+        return self._wavelength(setup) * alignment
+
+    def _wavelength(self, setup: Setup) -> Number:
+        ledger, known = self.ledger, self._instrument
+        if setup.wavelength_air_m is None and setup.wavelength_vacuum_m is not None:
+            used = setup.wavelength_vacuum_m
+            std, name, how = used * known.wavelength_vacuum_relative, "wavelength in vacuum", "stabilised laser, stated"
+        else:
+            used = wavelength_in_air_m(setup)
+            std, name = _last_digit(used) / math.sqrt(3.0), "wavelength in air"
+            how = f"{used * 1e9:g} nm as stated, rounded to its last digit"
+        wavelength = ledger.number(used, std, name, "B", "m", how)
+        return wavelength / used * self._air(setup)
+
+    def _air(self, setup: Setup) -> Number:
+        """Return n of the air assumed over n of the air there was, linear in temperature, pressure and humidity."""
+        known, air = self._instrument, setup.air
+        if air is not None:
+            stds = (known.air_temperature_u_k, known.air_pressure_u_pa, known.air_humidity_u_percent)
+            how = "sensor beside the beam"
+        else:
+            air = STANDARD_AIR
+            stds = (known.room_temperature_u_k, known.room_pressure_u_pa, known.room_humidity_u_percent)
+            how = "laboratory whose air was not measured"
+        wavelength = setup.wavelength_vacuum_m or _DEFAULT_VACUUM_M
+        here = (air.temperature_c, air.pressure_pa, air.humidity_percent)
+        index = refractive_index(wavelength, air)
+        scale: Number = 1.0
+        names = (("air temperature", "K"), ("air pressure", "Pa"), ("air humidity", "%"))
+        for place, ((name, unit), std) in enumerate(zip(names, stds, strict=True)):
+            step = 1e-3 * here[place] if here[place] else 1e-3
+            moved = type(air)(*(v + step * (i == place) for i, v in enumerate(here)))
+            slope = -(refractive_index(wavelength, moved) - index) / step / index
+            scale = scale + slope * self.ledger.number(0.0, std, name, "B", unit, how)
+        return scale
+
+    def _rest(self) -> Number:
+        """Return the velocity in m/s that an error of the rest frequency adds to every velocity."""
+        motion = self._shot.motion
+        if motion is None or motion.wavelength_m is None:
+            return 0.0
+        rest = motion.rest_frequency_hz
+        if motion.reference is None:
+            own = self._shot.setup.rest_frequency_u_hz if self._shot.setup is not None else None
+            moved = self._rate_error * rest.value if isinstance(rest, Quantity) else 0.0
+            std, kind = math.hypot(own or self._instrument.rest_frequency_u_hz, moved), "B"
+            how = "given, not recorded beside the shot"
+        elif isinstance(rest, Quantity):
+            std, kind, how = rest.std, "A", rest.how
+        else:
+            return 0.0
+        return 0.5 * motion.wavelength_m * self.ledger.number(0.0, std, "rest frequency", kind, "Hz", how)
+
+
+def _last_digit(wavelength_m: float) -> float:
+    """Return half a unit of the last digit a wavelength is written with, at the least 0.1 pm."""
+    digits = f"{wavelength_m * 1e9:.6f}".rstrip("0")
+    decimals = min(4, max(1, len(digits.split(".")[1])))
+    return 0.5e-9 * 10.0**-decimals

@@ -1,0 +1,216 @@
+"""A law that a person wrote: it moves the block as the catalogue's row of the same equation does."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.collision import general
+from analysis.collision.effects import named
+from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
+from analysis.collision.parameters import PAPER, Collision
+from tests.law_rigs import Bodies, LawRig, Memory
+
+TIMES_S = np.arange(-1000, 4001) * 1e-5
+
+
+def law(where: str, formula: str, **start: float) -> OwnLaw:
+    parameters = {name: {"unit": "", "start": value} for name, value in start.items()}
+    return from_mapping({"name": "mine", "where": where, "formula": formula, "parameters": parameters})
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "where", "formula"),
+    [
+        ("coulomb_friction", (1e-4,), "block", "-a*sign(v)"),
+        ("viscous_drag", (1e-3,), "block", "-a*v"),
+        ("quadratic_drag", (1e-2,), "block", "-a*v*abs(v)"),
+        ("bearing_gradient", (5.0,), "block", "-a*x"),
+        ("cubic_stiffness", (2e5,), "plate", "-a*y**3"),
+        ("plate_damping", (1e-3,), "plate", "-a*u"),
+        ("nonlinear_contact_damping", (1e3,), "contact", "a*d*d_rate"),
+        ("contact_exponent", (0.1,), "contact", "1e4*d*((d/50e-6)**a - 1)"),
+    ],
+)
+def test_a_typed_law_is_the_row_of_its_equation(name: str, values: Any, where: str, formula: str) -> None:
+    row, own = named(name), law(where, formula, a=values[0]).effect
+    assert own.acts is row.acts
+    assert own.amplitude == "a"
+    directions = [0, 2, 4, general.direction(0, 0)]
+    if name == "contact_exponent":
+        directions.remove(2)  # the row scales the fitted contact stiffness, the typed law a number
+    theirs = general.solve(PAPER, [general.Active(row, values)], TIMES_S, directions=directions)
+    ours = general.solve(PAPER, [general.Active(own, values)], TIMES_S, directions=directions)
+    assert [e.kind for e in ours.events] == [e.kind for e in theirs.events]
+    assert ours.displacement_m == pytest.approx(theirs.displacement_m, abs=2e-15)
+    # Where a law is not smooth at the touch, derivatives are right to the strides by which each was followed.
+    part = 1e-5 if row.rough else 1e-8
+    for k in range(len(directions)):
+        size = np.max(np.abs(theirs.displacement_derivatives[:, k]))
+        assert ours.displacement_derivatives[:, k] == pytest.approx(
+            theirs.displacement_derivatives[:, k], abs=part * size
+        )
+
+
+@pytest.mark.parametrize(
+    "formula", ["-a*exp(b*x)*v", "a*tanh(v/b)", "-a*max(0, -x - b)", "a*cos(x/b)*u", "-a*sqrt(abs(y))*v + b*0"]
+)
+def test_derivatives_of_any_formula_are_those_of_differences(formula: str) -> None:
+    own = law("block", formula, a=1e-3, b=2e-3 if "b" in formula else 1.0).effect
+    values = (1e-3, 2e-3)
+    run = general.solve(
+        PAPER, [general.Active(own, values)], TIMES_S, directions=[general.direction(0, k) for k in (0, 1)]
+    )
+    for k in (0, 1):
+        moved = []
+        for sign in (-1, 1):
+            near = list(values)
+            near[k] *= 1 + sign * 1e-3  # past a cusp the speed depends to 1e-11 m/s on where the steps come to lie
+            moved.append(general.solve(PAPER, [general.Active(own, tuple(near))], TIMES_S).displacement_m)
+        slope = (moved[1] - moved[0]) / (2e-3 * values[k])
+        exact = run.displacement_derivatives[:, k]
+        assert np.max(np.abs(slope)) > 0 or "*0" in formula
+        assert np.max(np.abs(exact - slope)) <= 2e-3 * np.max(np.abs(slope)) + 1e-9
+
+
+def _collision(bodies: Bodies) -> Collision:
+    return Collision(
+        plate_stiffness_n_per_m=bodies.k_p,
+        plate_mass_kg=bodies.plate_kg,
+        contact_stiffness_n_per_m=bodies.k_n,
+        contact_damping_n_s_per_m=bodies.gamma_n,
+        velocity_in_m_per_s=-0.25,
+        block_mass_kg=bodies.block_kg,
+    )
+
+
+@pytest.mark.parametrize("where", ["block", "plate"])
+@pytest.mark.parametrize("hinge_m", [-1e-4, -6.6e-4, -1.4e-3])
+def test_a_law_that_begins_in_mid_contact_is_followed(where: str, hinge_m: float) -> None:
+    """By an integrator of its own, whose events lie on the hinge; wherever the law is nothing at first."""
+    bodies = Bodies()
+    collision = _collision(bodies)
+    place = {"block": 0, "plate": 2}[where]
+    letter = {"block": "x", "plate": "y"}[where]
+
+    def force(*state: float) -> float:
+        return 0.5 * max(0.0, hinge_m - state[place])
+
+    def kink(*state: float) -> float:
+        return state[place] - hinge_m
+
+    rig = LawRig(kinks=(kink,), bodies=bodies, **{f"on_{where}": force})
+    theirs = rig.displacement_m(TIMES_S, 0.25)
+    bare = LawRig(bodies=bodies).displacement_m(TIMES_S, 0.25)
+    own = law(where, f"a*max(0, c - {letter})", a=0.5, c=hinge_m).effect
+    ours = general.solve(collision, [general.Active(own, (0.5, hinge_m))], TIMES_S).displacement_m
+    assert np.max(np.abs(theirs - bare)) > 1e-7
+    assert ours == pytest.approx(theirs, abs=2e-12)  # the kink itself is stepped over
+
+
+@pytest.mark.parametrize("hinge_m", [-1e-4, -6.6e-4])
+def test_a_steep_kink_is_met_as_finely_by_a_fit_as_it_needs(hinge_m: float) -> None:
+    bodies = Bodies()
+
+    def force(_x: float, _v: float, y: float, _u: float) -> float:
+        return 5.0 * max(0.0, hinge_m - y)
+
+    rig = LawRig(kinks=(lambda _x, _v, y, _u: y - hinge_m,), bodies=bodies, on_plate=force)
+    theirs = rig.displacement_m(TIMES_S, 0.25, 2e-5)
+    own = law("plate", "a*max(0, c - y)", a=5.0, c=hinge_m).effect
+    ours = general.solve(_collision(bodies), [general.Active(own, (5.0, hinge_m))], TIMES_S, stride=2.0).displacement_m
+    assert ours == pytest.approx(theirs, abs=5e-12)  # averaged noise of the beat: 16e-12
+
+
+@pytest.mark.parametrize("where", ["block", "plate"])
+def test_a_law_of_time_counts_from_the_touch(where: str) -> None:
+    """By an integrator of its own, to which time is a memory that grows by a second a second; before, by hand."""
+    bodies = Bodies()
+    omega, size = 2 * math.pi * 90.0, 2e-3
+
+    def force(_x: float, _v: float, _y: float, _u: float, t: float) -> float:
+        return size * math.sin(omega * t)
+
+    memory = Memory(lambda *_: 1.0, **{f"on_{where}": force})
+    theirs = LawRig(bodies=bodies, memory=memory).displacement_m(TIMES_S, 0.25, 1e-5)
+    if where == "block":
+        t = TIMES_S[TIMES_S < 0]
+        swing = size / bodies.block_kg / omega
+        theirs[: t.size] = (swing - 0.25) * t - swing / omega * np.sin(omega * t)
+    own = law(where, f"a*sin(2*pi*{90.0}*t)", a=size).effect
+    ours = general.solve(_collision(bodies), [general.Active(own, (size,))], TIMES_S).displacement_m
+    assert np.max(np.abs(theirs - LawRig(bodies=bodies).displacement_m(TIMES_S, 0.25))) > 1e-8
+    assert ours == pytest.approx(theirs, abs=2e-12)
+
+
+def test_a_constant_in_contact_acts_while_they_touch_and_only_then() -> None:
+    bodies = Bodies()
+    theirs = LawRig(bodies=bodies, between=lambda *_: -2e-3).displacement_m(TIMES_S, 0.25, 1e-5)
+    own = law("contact", "-a", a=2e-3).effect
+    ours = general.solve(_collision(bodies), [general.Active(own, (2e-3,))], TIMES_S).displacement_m
+    assert np.max(np.abs(theirs - LawRig(bodies=bodies).displacement_m(TIMES_S, 0.25))) > 1e-9
+    assert ours == pytest.approx(theirs, abs=2e-12)
+
+
+def test_time_is_not_for_the_force_in_contact() -> None:
+    with pytest.raises(LawError, match="t is for laws of the block or the plate"):
+        from_mapping(table(where="contact", formula="-a*exp(-t/b)"))
+
+
+def table(**changes: Any) -> dict[str, Any]:
+    whole: dict[str, Any] = {
+        "name": "pull", "where": "block", "formula": "-a*exp(x/b)",
+        "parameters": {"a": {"unit": "N", "start": 1e-3, "lower": 0}, "b": {"unit": "m", "start": 1e-3, "lower": 1e-5}},
+    }  # fmt: skip
+    whole |= changes
+    return {key: value for key, value in whole.items() if value is not None}
+
+
+def test_what_was_written_is_read_again() -> None:
+    own = from_mapping(table(words="a pull that fades"))
+    assert from_mapping(own.written()) == own
+    assert own.effect is from_mapping(own.written()).effect  # compiled once
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"name": None}, "name: missing"),
+        ({"name": "two words"}, "name: 'two words'"),
+        ({"name": "adhesion"}, "already"),
+        ({"where": "floor"}, "where: 'floor'"),
+        ({"formula": "a*b"}, "names nothing of the motion"),
+        ({"formula": "a*b*q"}, "formula: column 5: no 'q'"),
+        ({"formula": "x**2 + a + b"}, "no parameter turns the law off"),
+        ({"formula": "a*log(x)*b"}, "no finite force"),
+        ({"formula": "a*b*0*x"}, "no force anywhere"),
+        ({"parameters": {}}, "one to 3"),
+        ({"parameters": {"a": 3}}, "write it as"),
+        ({"parameters": {"a": {"unit": "N", "start": 0}}}, "parameters.a.start"),
+        ({"parameters": {"a": {"unit": "N", "start": 1, "upper": 0.5}}}, "does not lie between"),
+        ({"parameters": {"a": {"unit": "N", "start": 10**400}}}, "parameters.a.start: beyond all size"),
+        ({"parameters": {"a": {"start": 1.0}}}, "parameters.a.unit: missing"),
+        ({"parameters": {"a": {"unit": "N", "start": 1.0, "own": 1}}}, "parameters.a.own: true"),
+        ({"formula": "a*x", "parameters": {"a": {"unit": "N/m", "start": 1.0, "own": True}}}, "that the shots share"),
+        ({"extra": 1}, "unknown key 'extra'"),
+    ],
+)
+def test_a_law_that_cannot_be_used_is_refused_in_one_line(changes: dict[str, Any], why: str) -> None:
+    with pytest.raises(LawError, match=why) as refused:
+        from_mapping(table(**changes))
+    assert "\n" not in str(refused.value)
+
+
+def test_derivatives_past_a_slope_without_bound_do_not_depend_on_where_the_steps_come_to_lie() -> None:
+    """A damping that goes as the root of the overlap has no bounded slope where the two bodies part."""
+    own = law("contact", "(a*abs(d)**n)*d_rate", a=21.2, n=0.5).effect
+    by = [0, 1, 2, 3, general.direction(0, 0), general.direction(0, 1)]
+    near = []
+    for change in (0.0, 1e-7, 3e-7):
+        collision = replace(PAPER, contact_stiffness_n_per_m=9e3 * (1 + change))
+        run = general.solve(collision, [general.Active(own, (21.2, 0.5))], TIMES_S, directions=by, stride=2.0)
+        near.append(run.displacement_derivatives / np.max(np.abs(run.displacement_derivatives), axis=0))
+    assert np.max(np.abs(near[1] - near[0])) < 2e-4
+    assert np.max(np.abs(near[2] - near[0])) < 2e-4

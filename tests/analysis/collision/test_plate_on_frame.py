@@ -1,0 +1,111 @@
+"""A frame that shakes optics and plate: the bench's motion in the foot's coordinates, and true derivatives."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.collision.effects import CATALOGUE, WIDER, named, on_sensor, sensors
+from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
+from analysis.collision.effects.on_sensor import of_plate_on_frame, plate_on_frame
+from analysis.collision.parameters import Variant
+from analysis.inference.fit.base import Base
+from analysis.inference.fit.response import Model, ShotData, respond
+from analysis.inference.fit.starts import Course
+from analysis.inference.noise.noise import Noise
+from instrument.bench import frame
+from instrument.bench.blind import Truth, clean_m, drawn, run
+from instrument.bench.mechanics import Trajectory
+
+NAME = "frame_vibration_with_plate"
+LINE = {"amplitude_m_per_s": 5e-5, "frequency_hz": 90.0, "phase_rad": 0.4, "plate_factor": 0.8}
+REACH = {"adhesion": {"force_n": 2e-3, "range_m": 1e-4}}
+
+
+def rig(effects: dict[str, dict[str, float]]) -> Truth:
+    return replace(drawn((), 3), effects=effects)
+
+
+def vectors(truth: Truth, trajectory: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """Return the model's shared and own parameters of a shot that the bench let happen."""
+    b, line = truth.bodies, truth.effects[NAME]
+    touch = trajectory.events[0][1]
+    omega = 2 * math.pi * line["frequency_hz"]
+    foot = -line["plate_factor"] * line["amplitude_m_per_s"] * math.sin(omega * touch + line["phase_rad"])
+    others = [v for name, values in truth.effects.items() if name != NAME for v in values.values()]
+    of_line = [line["amplitude_m_per_s"], line["frequency_hz"], line["plate_factor"]]
+    shared = [b.plate_stiffness_n_per_m, b.plate_mass_kg, b.contact_stiffness_n_per_m, b.contact_damping_n_s_per_m]
+    own = [trajectory.velocity_in_m_per_s + foot, touch, 0.0, line["phase_rad"]]
+    return np.array([*shared, *of_line, *others]), np.array(own)
+
+
+def shot_of(x: np.ndarray, truth: Truth) -> ShotData:
+    t = np.arange(x.size) * 1e-5
+    course = Course(0.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0, slice(0), slice(0))
+    return ShotData(
+        t, x, np.ones(x.size, bool), truth.bodies.block_mass_kg, course, Noise(1e-10, 0.0, 0.0, np.ones(1), 1e-5, 0)
+    )
+
+
+@pytest.mark.parametrize("hz", [47.0, 90.0, 165.0, 700.0])
+@pytest.mark.parametrize("factor", [0.0, 0.3, 1.0])
+def test_the_motion_is_the_benchs(hz: float, factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frame, "PLATE_QUALITY", 1e9)  # what a plate loses is for plates that lose
+    monkeypatch.setattr(on_sensor, "_PLATE_QUALITY", 1e9)
+    truth = rig({NAME: {**LINE, "frequency_hz": hz, "plate_factor": factor}})
+    x = clean_m(truth, 0)
+    model = Model(Base(Variant.PAPER, False), (named(NAME),))
+    response = respond(model, shot_of(x, truth), *vectors(truth, run(truth, 0)), derivatives=False)
+    off = x - response.displacement_m
+    assert np.ptp(off) < 4e-12  # of a swing of 100 nm and a motion of millimetres
+
+
+@pytest.mark.parametrize("beside", [{}, REACH])
+def test_derivatives_are_those_of_the_solution(beside: dict[str, dict[str, float]]) -> None:
+    truth = rig({NAME: LINE, **beside})
+    x = clean_m(truth, 0)
+    model = Model(Base(Variant.PAPER, False), (named(NAME), *map(named, beside)))
+    shared, own = vectors(truth, run(truth, 0))
+    shot, both = shot_of(x, truth), np.concatenate([shared, own])
+    of_all = respond(model, shot, shared, own).derivatives
+    out = respond(model, shot, shared, own).velocity_out
+    for place, name in enumerate((*model.shared_names, *model.own_names)):
+        h = {"touch_time_s": 2e-8, "offset_m": 1e-6}.get(name, 2e-5 * abs(both[place]))
+        h *= 200.0 if name.startswith(NAME) else 1.0
+        shifted, left = [], []
+        for times in (-2, -1, 1, 2):
+            moved = both.copy()
+            moved[place] += times * h
+            there = respond(model, shot, moved[: shared.size], moved[shared.size :])
+            shifted.append(there.displacement_m)
+            left.append(there.velocity_out[0])
+        difference = (shifted[0] - 8 * shifted[1] + 8 * shifted[2] - shifted[3]) / (12 * h)
+        column = of_all[:, place]
+        # Events cross the sampling instants between the four solutions; their kinks are what is left.
+        assert np.abs(difference - column).max() < 1e-3 * np.abs(column).max() + 4e-15 / h, name
+        slope = (left[0] - 8 * left[1] + 8 * left[2] - left[3]) / (12 * h)
+        assert slope == pytest.approx(out[1][place], rel=1e-3, abs=1e-9 * np.abs(out[1]).max() + 1e-13 / h), name
+
+
+def test_the_contact_point_swings_as_a_foot_moves_it() -> None:
+    values = (5e-5, 90.0, 0.4, 0.8)
+    at_rest, rate, omega = of_plate_on_frame(values, 221.4, 1.984e-4, 0.01)
+    ahead = [of_plate_on_frame(values, 221.4, 1.984e-4, 0.01 + h)[0] for h in (-1e-6, 1e-6)]
+    assert rate == pytest.approx((ahead[1] - ahead[0]) / 2e-6, rel=1e-6)
+    own = 221.4 / 1.984e-4
+    foot = 0.8 * 5e-5 / omega * math.cos(omega * 0.01 + 0.4)
+    assert at_rest == pytest.approx(foot * own / (own - omega**2), rel=1e-3)
+    s, out = np.zeros(15), np.zeros(6)
+    s[Q], s[W] = 1e-8, 2e-5
+    plate_on_frame(s, (at_rest, rate, omega), out)
+    assert out[Q_RATE] == 2e-5 and out[W_RATE] == pytest.approx(-(omega**2) * (1e-8 + at_rest))
+
+
+def test_it_stands_where_the_narrow_one_does() -> None:
+    names = [*CATALOGUE, *WIDER]
+    order = [row.name for row in sensors(names)]
+    assert order.index(NAME) == order.index("frame_vibration") + 1
+    for row in WIDER.values():
+        narrow = CATALOGUE[row.widens]
+        assert row.parameters[: len(narrow.parameters)] == narrow.parameters and row.amplitude == narrow.amplitude

@@ -1,0 +1,209 @@
+"""No kernel outlives a source it was made of, and none is compiled anew for anything else."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from numba.core import caching
+
+from analysis.compiled import kernel_cache, kernel_safety
+
+HOUSE = Path(__file__).resolve().parents[3]
+
+SOURCES = {
+    "__init__": "from analysis.compiled import kernel_cache\nkernel_cache.keep_true()\n",
+    "compiled/__init__": "",
+    "plain": "FACTOR = 2.0\n",
+    "small": (
+        "from numba import njit\nfrom analysis import plain\n\n"
+        "@njit(cache=True)\ndef small(x):\n    return plain.FACTOR * x + 1.0\n"
+    ),
+    "large": (
+        "from numba import njit\nfrom analysis.small import small\n\n@njit(cache=True)\ndef large(x):\n"
+        "    return small(x) * 10.0\n"
+    ),
+    "other": "WORDS = 'no kernel needs this'\n",
+}
+ASK = (
+    "import sys; sys.path.insert(0, sys.argv[1])\nfrom analysis.large import large\n"
+    "print(large(1.0), sum(large.stats.cache_hits.values()))"
+)
+
+
+def test_a_changed_helper_or_constant_is_seen_and_nothing_else_compiles(tmp_path: Path) -> None:
+    package = tmp_path / "house" / "analysis"
+    (package / "compiled").mkdir(parents=True)
+    for module in (kernel_cache, kernel_safety):
+        shutil.copy(module.__file__, package / "compiled")
+    for name, text in SOURCES.items():
+        (package / f"{name}.py").write_text(text)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "mine"), "PYTHONDONTWRITEBYTECODE": "1"}
+
+    def asked() -> str:
+        command = [sys.executable, "-c", ASK, str(package.parent)]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    assert asked() == "30.0 0"
+    (package / "other.py").write_text("WORDS = 'changed'\n")
+    assert asked() == "30.0 1"  # from the disk
+    (package / "plain.py").write_text("FACTOR = 3.0\n")
+    assert asked() == "40.0 0"
+    (package / "small.py").write_text(SOURCES["small"].replace("1.0", "-7.0"))
+    assert asked() == "-40.0 0"
+    assert any((tmp_path / "mine").rglob("*.nbi"))  # the folder the user chose is respected, and no less true
+
+
+def test_every_import_of_the_program_is_seen() -> None:
+    for path in [*(HOUSE / "analysis").rglob("*.py"), *(HOUSE / "instrument").rglob("*.py")]:
+        text = path.read_text(encoding="utf-8")
+        every = {ast.dump(n) for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Import | ast.ImportFrom)}
+        assert every <= {ast.dump(n) for n in kernel_cache.import_statements(text)}, path
+        holds_kernels = "numba" in text and path.name != "kernel_cache.py"
+        assert not (holds_kernels and ("import_module" in text or "__import__" in text)), f"{path}: no stamp sees it"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from a import (  # one (of two)\n    b,  # here)\n    c,\n)\n",
+        "if True: import a\n",
+        "import a; import b\n",
+        "from a \\\n    import b\n",
+        "def f():\n    from . import a as b, c\n",
+        '"""From here one may\n\nimport what (one\nlikes.\n"""\nimport a.b, c\n',
+    ],
+)
+def test_imports_of_any_form(text: str) -> None:
+    every = {ast.dump(n) for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Import | ast.ImportFrom)}
+    assert every <= {ast.dump(n) for n in kernel_cache.import_statements(text)}
+
+
+def test_a_source_that_changed_under_a_running_process_is_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert kernel_cache._text_digest("analysis.collision.gear") == kernel_cache._text_digest("analysis.collision.gear")
+    monkeypatch.setattr(kernel_cache, "_BEGAN_NS", 0)  # as though everything had changed since
+    assert kernel_cache._text_digest("analysis.collision.gear") != kernel_cache._text_digest("analysis.collision.gear")
+
+
+def test_without_sources_the_installation_stands_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_cache, "source_of", lambda module: None)
+    listed = kernel_cache._text_digest("analysis.collision.gear")
+    assert listed == kernel_cache._text_digest("analysis.collision.gear")
+    another = SimpleNamespace(read_text=lambda name: "another list", version="0")  # whoever finds distributions
+    monkeypatch.setattr(metadata, "distribution", lambda name: another)
+    kernel_cache._installation.cache_clear()
+    assert kernel_cache._text_digest("analysis.collision.gear") != listed
+    kernel_cache._installation.cache_clear()
+
+
+def test_two_types_compiled_at_once_do_not_share_a_name(tmp_path: Path) -> None:
+    one, two = (caching.IndexDataCacheFile(str(tmp_path), "kernel", "stamp") for _ in range(2))
+    both_began = {}
+    one._load_index = two._load_index = lambda: dict(both_began)
+    one.save("a float", "its code")
+    two.save("an integer", "other code")
+    index = caching.IndexDataCacheFile(str(tmp_path), "kernel", "stamp")
+    assert index.load("an integer") == "other code"
+    assert index.load("a float") in (None, "its code")
+    assert len(list(tmp_path.glob("*.nbc"))) == 2
+
+
+def _root(environment: dict[str, str]) -> str:
+    ask = "from analysis import kernel_cache; print(kernel_cache.root())"
+    command = [sys.executable, "-c", ask]
+    done = subprocess.run(command, cwd=HOUSE, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_a_home_that_cannot_be_written_to(tmp_path: Path) -> None:
+    wall = tmp_path / "a file, not a folder"
+    wall.write_text("")
+    environment = {"PATH": "/usr/bin:/bin", "HOME": str(wall), "XDG_CACHE_HOME": str(wall), "TMPDIR": str(tmp_path)}
+    kept = _root(environment)
+    assert kept.startswith(str(tmp_path / "levimass-kernels"))
+    environment["NUMBA_CACHE_DIR"] = str(wall)
+    assert _root(environment) == kept
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners here")
+def test_binaries_that_somebody_else_may_have_laid_are_not_run(tmp_path: Path) -> None:
+    wall, theirs = tmp_path / "a file", tmp_path / "theirs"
+    wall.write_text("")
+    theirs.mkdir()
+    (tmp_path / f"levimass-kernels-{os.getuid()}").symlink_to(theirs)
+    environment = {"PATH": "/usr/bin:/bin", "HOME": str(wall), "XDG_CACHE_HOME": str(wall), "TMPDIR": str(tmp_path)}
+    assert Path(_root(environment)).resolve() != theirs
+
+
+PLANTED = """
+import os, sys
+from pathlib import Path
+{first}
+import analysis
+import numba
+from analysis import kernel_cache
+from numba import njit
+
+@njit
+def doubled(x):
+    return 2 * x
+
+assert doubled(2) == 4  # numba looks for its configuration at every compilation
+print(numba.config.CACHE_DIR, numba.config.DISABLE_JIT, kernel_cache.root(), doubled.signatures)
+"""
+
+
+@pytest.mark.parametrize("first", ["", "import numba", "import yaml"])
+def test_a_configuration_in_the_working_folder_is_not_read(first: str, tmp_path: Path) -> None:
+    pytest.importorskip("yaml", reason="PyYAML comes with the extra 'cluster'")
+    planted = tmp_path / "beside the recordings"
+    planted.mkdir()
+    (planted / ".numba_config.yaml").write_text("cache_dir: crafted\ndisable_jit: 1\n")
+    environment = {name: text for name, text in os.environ.items() if not name.startswith("NUMBA_")}
+    environment |= {"PYTHONPATH": str(HOUSE), "XDG_CACHE_HOME": str(tmp_path / "own")}
+    environment["NUMBA_CACHE_DIR"] = str(tmp_path / "chosen")
+    command = [sys.executable, "-c", PLANTED.format(first=first)]
+    done = subprocess.run(command, cwd=planted, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    chosen = tmp_path / "chosen"
+    assert done.stdout == f"{chosen} 0 {chosen / 'levimass'} [(int64,)]\n" and done.stderr == ""
+    del environment["NUMBA_CACHE_DIR"]
+    done = subprocess.run(command, cwd=planted, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout == f" 0 {tmp_path / 'own' / 'levimass' / 'kernels'} [(int64,)]\n", done.stderr
+    assert not (planted / "crafted").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners here")
+def test_a_folder_that_others_may_write_to_is_not_loaded_from(tmp_path: Path) -> None:
+    open_to_all = tmp_path / "open"
+    (open_to_all / "levimass").mkdir(parents=True)
+    (open_to_all / "levimass").chmod(0o777)
+    environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "own")}
+    environment["NUMBA_CACHE_DIR"] = str(open_to_all)
+    assert _root(environment) == str(tmp_path / "own" / "levimass" / "kernels")
+    (open_to_all / "levimass").chmod(0o755)
+    assert _root(environment) == str(open_to_all / "levimass")
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners here")
+def test_nor_is_one_kernel_folder_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    module = "analysis.collision.gear"
+    folder = kernel_cache.folder_of(module)
+    assert folder.is_relative_to(tmp_path)
+    folder.mkdir(parents=True)
+    folder.chmod(0o777)
+    assert not kernel_cache.folder_of(module).is_relative_to(tmp_path)
+    folder.chmod(0o700)
+    assert kernel_cache.folder_of(module) == folder
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(folder).st_uid + 1)  # somebody else's, though closed
+    owned_by_root = os.stat(folder).st_uid == 0  # who may do everything anyway
+    assert (kernel_cache.folder_of(module) == folder) is owned_by_root

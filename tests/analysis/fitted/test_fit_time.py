@@ -1,0 +1,86 @@
+"""No record keeps a fit for ever: a span that no collision has is questioned, and every fit has its seconds."""
+
+import threading
+import time
+import warnings
+from dataclasses import replace
+
+import pytest
+
+from analysis.fitted import fit_time
+from analysis.fitted.fit_time import FitTime
+from analysis.fitted.fitted_shot import fit_again
+from analysis.pipeline import analyse_motion
+from analysis.shot.shot import AnalysisSettings, Cancelled, Shot
+from analysis.signal.record import motion_from_displacement
+from tests.analysis.collision import MASS_KG, Synthetic, motion_of
+
+
+def shot_of(rate_hz: float, unit_s: float, settings: AnalysisSettings) -> Shot:
+    """Return the analysis of a motion record whose times are in another unit than seconds."""
+    sharp = motion_of(Synthetic(noise_m=1e-9, rate_hz=rate_hz, bandwidth_hz=0.2 * rate_hz))
+    motion = motion_from_displacement(sharp.time_s / unit_s, sharp.displacement_m, None, None, MASS_KG)
+    return analyse_motion(motion, settings, name="record")
+
+
+def test_a_span_that_no_collision_has_is_questioned_before_anything_is_fitted() -> None:
+    shot = shot_of(1.7e3, 1e-6, AnalysisSettings())
+    assert shot.problem == "time_s: 102 samples over 5.94e+04 s: is the unit right?"
+    assert shot.fit is None and shot.seconds["fit"] < 0.1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        shot = shot_of(2e3, 1e-3, AnalysisSettings(fit=False))  # a minute: strange, and not impossible
+    assert shot.problem is None and shot.impact is not None
+
+
+def test_a_fit_that_finds_no_end_is_refused_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert shot_of(2e3, 1.0, AnalysisSettings()).fit is not None  # compiled from here on
+    monkeypatch.setattr("analysis.reading.sense.LONGEST_S", 1e9)
+    began = time.monotonic()
+    shot = shot_of(2e3, 1e-6, AnalysisSettings(fit_seconds=2.0))
+    assert time.monotonic() - began < 12.0
+    assert shot.fit is None and "no end of the fit after 2 s" in str(shot.fit_problem)
+    assert "fit_failed" in shot.flags and shot.impact is not None
+
+
+def test_who_asks_for_the_end_gets_it_at_once() -> None:
+    shot = shot_of(2e3, 1.0, AnalysisSettings(fit=False))
+    with pytest.raises(Cancelled):
+        fit_again(replace(shot, settings=AnalysisSettings()), (), lambda: True)
+
+
+def test_compiling_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Clock:
+        """Stands for the time of the machine."""
+
+        now, used = 100.0, 7.0
+
+        def monotonic(self) -> float:
+            return self.now
+
+        def process_time(self) -> float:
+            return self.used
+
+        def passes(self, seconds: float) -> None:
+            self.now += seconds
+            self.used += seconds
+
+    clock = Clock()
+    monkeypatch.setattr(fit_time, "time", clock)
+    counting = fit_time._compiling()
+    left = FitTime(5.0)
+    counting.on_start(None)
+    clock.passes(60.0)
+    assert not left()  # under way
+    counting.on_start(None)  # what is compiled for it, and in another thread
+    other = threading.Thread(target=counting.on_end, args=(None,))
+    other.start()
+    other.join()
+    clock.passes(60.0)
+    counting.on_end(None)
+    clock.passes(4.0)
+    assert not left() and not left.over
+    clock.now += 900.0  # others have the processor
+    assert not left()
+    clock.passes(2.0)
+    assert left() and left.over

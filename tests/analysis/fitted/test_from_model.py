@@ -1,0 +1,43 @@
+"""A collision seen by a camera: what derivatives cannot show is read from the fitted model, and said to be."""
+
+import numpy as np
+import pytest
+
+from analysis.pipeline import analyse_motion
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import AnalysisSettings, Shot
+from tests.analysis.camera import Camera
+
+
+def camera(noise_m: float, seed: int = 1) -> tuple[Motion, float, float]:
+    """Return what 500 frames a second show, the true peak force and its true width at half of it."""
+    time, _, force = Camera().course()
+    above = np.flatnonzero(force > 0.5 * force.max())
+    return Camera().motion(noise_m, seed), float(force.max()), float(time[above[-1]] - time[above[0]])
+
+
+def analysed(motion: Motion) -> Shot:
+    return analyse_motion(motion, AnalysisSettings(model="contact"), name="camera")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_camera_is_read_from_the_model(seed: int) -> None:
+    motion, peak_n, width_s = camera(30e-6, seed)
+    shot = analysed(motion)
+    assert shot.impact is not None
+    assert "read_from_model" in shot.flags
+    for reading, true in ((shot.impact.force_peak_n, peak_n), (shot.impact.force_fwhm_s, width_s)):
+        assert isinstance(reading, Quantity)
+        assert abs(reading.value - true) < 4.0 * reading.std < 0.3 * true
+        assert "model" in reading.how
+
+
+def test_what_derivatives_show_is_left_as_read() -> None:
+    motion, peak_n, _ = camera(1e-8)
+    shot = analysed(motion)
+    assert shot.impact is not None
+    assert "read_from_model" not in shot.flags
+    assert "pulse_disagrees" not in shot.flags
+    assert isinstance(shot.impact.force_peak_n, Quantity)
+    assert shot.impact.force_peak_n.value == pytest.approx(peak_n, rel=0.1)

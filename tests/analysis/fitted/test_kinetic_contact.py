@@ -1,0 +1,115 @@
+"""The fitted contact's COR against the closed form, the limits and brute-force differences."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+
+from analysis.collision.parameters import PAPER, Collision, Variant
+from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
+from analysis.shot.fit import Fit
+from analysis.shot.quantity import NotSeen, Quantity
+
+NAMES = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
+
+
+def fit_of(collision: Collision, covariance: np.ndarray, model: str = "paper", **changes: object) -> Fit:
+    names = NAMES[2:] if model == "contact" else NAMES
+    parameters = {
+        name: Quantity(getattr(collision, name), float(np.sqrt(covariance[i, i]))) for i, name in enumerate(names)
+    }
+    return replace(Fit(model, parameters, covariance, (), 1.0, 1e-10, True), **changes)  # type: ignore[arg-type]
+
+
+def damped_bounce(zeta: float) -> float:
+    """-v_out/v_in of a mass on spring and dashpot, released where the overlap is gone: exp(-pi zeta/sqrt(1-zeta^2))."""
+    return math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.05, 0.3, 0.8])
+def test_one_body_contact_is_the_damped_bounce(zeta: float) -> None:
+    stiffness, mass = 1e4, 17.85e-3
+    collision = Collision(mass, -0.265, 0.0, math.inf, stiffness, 2.0 * zeta * math.sqrt(stiffness * mass))
+    assert contact_cor(collision) == pytest.approx(damped_bounce(zeta), rel=1e-10)
+
+
+def test_a_soft_plate_bounces_with_the_reduced_mass() -> None:
+    """Without the plate's spring the two bodies are a damped bounce of their reduced mass."""
+    free = replace(PAPER, plate_stiffness_n_per_m=0.0)
+    reduced = 1.0 / (1.0 / free.block_mass_kg + 1.0 / free.plate_mass_kg)
+    zeta = free.contact_damping_n_s_per_m / 2.0 / math.sqrt(free.contact_stiffness_n_per_m * reduced)
+    assert contact_cor(free) == pytest.approx(damped_bounce(zeta), rel=1e-10)
+
+
+@examples(max_examples=30, deadline=None)
+@given(
+    speed=st.floats(0.05, 0.6),
+    stiffness=st.floats(50.0, 1000.0),
+    damping=st.floats(0.0, 0.6),
+    variant=st.sampled_from(list(Variant)),
+)
+def test_independent_of_speed(speed: float, stiffness: float, damping: float, variant: Variant) -> None:
+    rig = replace(PAPER, plate_stiffness_n_per_m=stiffness, contact_damping_n_s_per_m=damping, variant=variant)
+    assert contact_cor(rig.at_speed(-speed)) == pytest.approx(contact_cor(rig), rel=1e-9)
+
+
+def test_independent_of_a_mass_error() -> None:
+    scaled = Collision(
+        *(
+            1.03 * v if i != 1 else v
+            for i, v in enumerate(
+                (
+                    PAPER.block_mass_kg,
+                    PAPER.velocity_in_m_per_s,
+                    PAPER.plate_stiffness_n_per_m,
+                    PAPER.plate_mass_kg,
+                    PAPER.contact_stiffness_n_per_m,
+                    PAPER.contact_damping_n_s_per_m,
+                )
+            )
+        )
+    )
+    assert contact_cor(scaled) == pytest.approx(contact_cor(PAPER), rel=1e-11)
+
+
+@pytest.mark.parametrize("model", ["paper", "clamped", "no_tension"])
+def test_uncertainty_is_that_of_differences(model: str) -> None:
+    """Against derivatives taken by differences of the solver, with correlated parameters."""
+    collision = replace(PAPER, variant=Variant.named(model))
+    values = np.array([getattr(collision, name) for name in NAMES])
+    root = np.diag(1e-3 * values) @ (np.eye(4) + 0.3 * np.tril(np.ones((4, 4)), -1))
+    covariance = root @ root.T
+    gradient = []
+    for name, value in zip(NAMES, values, strict=True):
+        up, down = (contact_cor(replace(collision, **{name: value * f})) for f in (1 + 1e-5, 1 - 1e-5))
+        gradient.append((up - down) / (2e-5 * value))
+    expected = math.sqrt(np.array(gradient) @ covariance @ np.array(gradient))
+    reading = fitted_contact_cor(fit_of(collision, covariance, model), collision.block_mass_kg)
+    assert isinstance(reading, Quantity)
+    assert reading.value == pytest.approx(contact_cor(collision), rel=1e-9)
+    assert reading.std == pytest.approx(expected, rel=1e-5)
+
+
+def test_one_body_fit() -> None:
+    mass, damping = 0.09, 0.75
+    collision = Collision(mass, -0.2, 0.0, math.inf, 186.0, damping)
+    reading = fitted_contact_cor(fit_of(collision, np.diag([1.0, 1e-4]), "contact"), mass)
+    assert isinstance(reading, Quantity)
+    assert reading.value == pytest.approx(damped_bounce(damping / 2.0 / math.sqrt(186.0 * mass)), rel=1e-9)
+    assert reading.std > 0.0
+
+
+def test_what_has_no_contact_says_why() -> None:
+    fit = fit_of(PAPER, np.eye(4))
+    for other, word in (
+        (replace(fit, converged=False), "converge"),
+        (replace(fit, model="driven", parameters={}), "slider"),
+        (replace(fit, effects=("adhesion",)), "adhesion"),
+        (replace(fit, covariance=np.full((4, 4), np.nan)), "determine"),
+    ):
+        reading = fitted_contact_cor(other, PAPER.block_mass_kg)
+        assert isinstance(reading, NotSeen) and word in reading.reason

@@ -1,0 +1,61 @@
+"""First guesses: the same for every scale of the rig, whatever the record lacks, and cheap where it is plain."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.collision.parameters import PAPER, Collision
+from analysis.inference.fit import base_minimum, guesses
+from analysis.inference.fit.base_minimum import first_guesses
+from analysis.inference.fit.prepare import base_named, prepare
+from tests.analysis.collision.simulated import shot
+
+BASE = base_named("paper")
+
+
+def ranked(collision: Collision, displacement_gap: slice | None = None) -> list[guesses.Guess]:
+    motion = shot(collision, white_m=1e-10)
+    data = prepare(motion)
+    x = motion.displacement_m.copy()
+    if displacement_gap is not None:
+        x[displacement_gap] = np.nan
+    return guesses.rank(data.course, data.time_s, x, data.block_mass_kg, BASE.variant, BASE.one_body)
+
+
+def test_a_rig_of_another_scale_has_the_same_pattern_of_bounces() -> None:
+    heavy = replace(
+        PAPER,
+        plate_stiffness_n_per_m=2 * PAPER.plate_stiffness_n_per_m,
+        contact_stiffness_n_per_m=2 * PAPER.contact_stiffness_n_per_m,
+        plate_mass_kg=0.5 * PAPER.plate_mass_kg,
+        block_mass_kg=0.5 * PAPER.block_mass_kg,
+        velocity_in_m_per_s=2 * PAPER.velocity_in_m_per_s,
+    )  # twice as fast a swing, the same ratios
+    one, other = ranked(PAPER)[0], ranked(heavy)[0]
+    ratios = [g.collision.contact_stiffness_n_per_m / g.collision.plate_stiffness_n_per_m for g in (one, other)]
+    assert ratios[0] == pytest.approx(ratios[1], rel=1e-9)
+    assert other.left_m == pytest.approx(one.left_m, rel=0.02)  # half the time at twice the speed
+    assert one.collision.plate_mass_kg == pytest.approx(PAPER.plate_mass_kg, rel=0.6)
+
+
+def test_a_gap_in_contact_is_left_out_not_filled() -> None:
+    whole = ranked(PAPER)
+    touch = int(0.0123456 * 1e5)
+    torn = ranked(PAPER, slice(touch + 900, touch + 1300))
+    assert torn[0].collision == whole[0].collision
+    assert torn[0].left_m < 2 * whole[0].left_m
+
+
+def test_one_search_is_enough_where_the_pattern_of_bounces_is_plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    searches = []
+
+    def counted(*arguments, **options):
+        searches.append(arguments)
+        return search(*arguments, **options)
+
+    search = base_minimum.search
+    monkeypatch.setattr(base_minimum, "search", counted)
+    found = first_guesses(BASE, [prepare(shot(PAPER))], lambda: False)
+    assert len(searches) == 1
+    assert found[0] == pytest.approx(PAPER.vector[:4], rel=1e-3)

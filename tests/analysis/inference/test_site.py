@@ -1,0 +1,203 @@
+"""The diagnosis knows the site: one spectrum of all shots, weighed wherever displacements are whitened."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import residuals
+from analysis.inference.noise import site_strengths
+from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.joint_data import joint_data, parameters_of, shakings_of, site_under, with_plates
+from analysis.inference.noise.site import Site, Sway, site_of
+from analysis.shot.disturbance import Shaking
+from analysis.shot.quantity import Quantity
+from instrument.bench.blind import drawn
+from instrument.bench.effects import Effects
+from instrument.bench.noise import Noise, NoiseKind
+from instrument.bench.site import site_named
+from tests.analysis.diagnosis.shots import KINDS, WHITE_M, motions_of
+
+
+def shots_at(site: str, seed: int, effects: Effects | None = None):
+    truth = drawn((), seed, Noise(NoiseKind.WHITE, white_m=WHITE_M), 3, site_named(site))
+    return motions_of(replace(truth, effects=effects or {}))
+
+
+def a_sway(random: np.random.Generator, rows: int = 60) -> Sway:
+    """Return two bands of motion, far above noise of 1 and near it."""
+    columns = random.standard_normal((rows, 9)) * np.repeat([30.0, 1.0], [5, 4])
+    basis, _ = np.linalg.qr(columns)
+    return Sway(basis, basis.T @ columns, np.repeat([0, 1], [5, 4]), np.ones(rows, np.bool_))
+
+
+def a_noise(white_m: float, strengths: tuple[float, ...], wander_m: float = 0.0) -> Floor:
+    """Return white noise with a part that wanders and a site."""
+    return Floor(white_m, (wander_m, 0.0), (1e-3, 1e-2), 5e-5, strengths)
+
+
+def covariance_of(noise: Floor, rows: int) -> np.ndarray:
+    """Return what ``noise`` is without its site, written down."""
+    apart = np.abs(np.subtract.outer(np.arange(rows), np.arange(rows))) * noise.spacing_s
+    return noise.white_m**2 * np.eye(rows) + noise.rms_m[0] ** 2 * np.exp(-apart / noise.tau_s[0])
+
+
+@pytest.mark.parametrize("wander_m", [0.0, 2.0])
+@pytest.mark.parametrize(("white_m", "strengths"), [(1.0, (0.0, 0.0)), (0.3, (-2.0, 1.5))])
+def test_whitening_undoes_noise_wander_and_sway(
+    white_m: float, strengths: tuple[float, float], wander_m: float
+) -> None:
+    sway = a_sway(np.random.default_rng(1))
+    noise = a_noise(white_m, strengths, wander_m)
+    moved = sway.basis @ sway.factors * np.exp(0.5 * np.array(strengths))[sway.band]
+    root = np.linalg.cholesky(moved @ moved.T + covariance_of(noise, 60))
+    white = sway.whiten(noise.whiten(root, sway.valid), noise)
+    np.testing.assert_allclose(white @ white.T, np.eye(60), atol=1e-8)
+
+
+@pytest.mark.parametrize("wander_m", [0.0, 2.0])
+def test_what_the_site_likely_did_is_the_conditional_mean(wander_m: float) -> None:
+    sway, noise = a_sway(np.random.default_rng(2)), a_noise(0.3, (0.0, 0.0), wander_m)
+    moved = sway.basis @ sway.factors
+    left = np.random.default_rng(3).standard_normal(60)
+    expected = moved @ moved.T @ np.linalg.solve(moved @ moved.T + covariance_of(noise, 60), left)
+    np.testing.assert_allclose(sway.likely(left, noise), expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("wander_m", [0.0, 2.0])
+def test_the_likeliest_plate_is_the_conditional_mean_wherever_it_was_taken_to_be(wander_m: float) -> None:
+    random = np.random.default_rng(4)
+    columns = random.standard_normal((60, 9)) * np.repeat([30.0, 5.0], [7, 2])
+    basis, _ = np.linalg.qr(columns)
+    valid = np.ones(60, np.bool_)
+    sway = Sway(basis, basis.T @ columns, np.repeat([0, 1], [7, 2]), valid, plate_std=(2e-7, 1e-4))
+    strengths = (0.4, -1.0)
+    noise = a_noise(0.3, strengths, wander_m)
+    sizes = np.exp(0.5 * np.array(strengths))[sway.band]
+    moved, left = columns * sizes, random.standard_normal(60)
+    numbers = moved.T @ np.linalg.solve(moved @ moved.T + covariance_of(noise, 60), left)
+    expected = (numbers * sizes)[-2:] * sway.plate_std
+    np.testing.assert_allclose(sway.likely_plate(left, (0.0, 0.0), noise), expected, rtol=1e-6)
+    known = (3e-7, -2e-4)  # what it does is taken off the remainder then
+    beside = left - columns[:, -2:] @ np.divide(known, sway.plate_std)
+    np.testing.assert_allclose(sway.likely_plate(beside, known, noise), expected, rtol=1e-6)
+
+
+def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shaking:
+    frequency = np.arange(2.0, 400.0, 4.0)
+    at, size = (np.array(column) for column in zip(*lines, strict=True)) if lines else (np.zeros(0), np.zeros(0))
+    random = np.arange(frequency.size + at.size) < frequency.size
+    power = np.concatenate([np.full(frequency.size, power_m2), size])
+    return Shaking(np.concatenate([frequency, at]), power, random)
+
+
+def test_what_falls_no_faster_than_a_path_wanders_is_none_of_the_frames() -> None:
+    frequency = np.arange(2.0, 1000.0, 4.0)
+    of_frame, of_path = 1e-15 * (frequency / 10.0) ** -5.0, 1e-19 * (frequency / 10.0) ** -2.0
+    site = site_of((Shaking(frequency, of_frame + of_path, np.ones(frequency.size, np.bool_)),), 0.06, CRITERIA.site_nm)
+    assert isinstance(site, Site)
+    both = 2.0 * 1e-19 / 1e-15  # of path over frame: where all is three times the path
+    fastest = 10.0 * both ** (-1 / 3)
+    assert site.shaking.frequency_hz[-1] == pytest.approx(fastest, rel=0.05)
+
+
+def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
+    one, other = flat(1e-16, ((100.0, 4e-18),)), flat(3e-16, ((101.0, 2e-18), (296.0, 1e-18)))
+    site = site_of((one, other), 0.06, CRITERIA.site_nm)
+    assert isinstance(site, Site)
+    lines = site.shaking.frequency_hz[~site.shaking.random]
+    assert list(lines) == [100.0, 101.0, 296.0]
+    assert list(site.band[~site.shaking.random] - site.random_bands) == [0, 0, 1]
+    assert site.shaking.power_m2[~site.shaking.random] == pytest.approx([2e-18, 1e-18, 0.5e-18])
+    assert site.shaking.density_m2_per_hz(200.0) == pytest.approx(2e-16 / 4.0, rel=0.02)
+
+
+def test_a_quiet_table_is_no_site() -> None:
+    assert site_of((None, None), 0.06, CRITERIA.site_nm) is None
+    assert site_of((flat(1e-18), flat(2e-18)), 0.06, CRITERIA.site_nm) is None  # 12 nm: a path that wanders by itself
+    assert site_of((flat(1e-22, ((100.0, 1e-15),)),), 0.06, CRITERIA.site_nm) is None  # the diagnosis tells
+
+
+@cache
+def at_vc_d():
+    """Return three clean shots at VC-D as a diagnosis judges them, and what the base fit leaves."""
+    motions = shots_at("VC-D", 31)
+    shakings = shakings_of(motions, "paper", None)
+    site = site_under(motions, shakings, CRITERIA.site_nm)
+    fit = fit_shots(motions, shakings=shakings)
+    data = joint_data(motions, fit, site)
+    hypothesis = Hypothesis(data, ())
+    z = hypothesis.pack(Point(*parameters_of(fit, data.base), ({},) * 3))
+    return data, residuals(hypothesis, z)
+
+
+def test_strengths_are_the_likeliest_and_leave_white_noise() -> None:
+    data, left = at_vc_d()
+    floor, value = site_strengths.learn(left, data.shots, data.site)
+    assert floor.white_m == pytest.approx(WHITE_M / math.sqrt(data.shots[0].factor), rel=0.05)
+    for shot, rest in zip(data.shots, left, strict=True):
+        white = shot.whitened(floor, rest[:, None])[:, 0]
+        assert np.mean(white**2) == pytest.approx(1.0, abs=0.12)
+    for scale in (0.9, 1.1):
+        other = replace(floor, white_m=scale * floor.white_m)
+        assert site_strengths.learn(left, data.shots, data.site, start=other)[1] == pytest.approx(value, abs=0.05)
+
+
+def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
+    data, _ = at_vc_d()
+    own = np.array([[s.course.velocity_in_m_per_s, s.course.touch_time_s, 0.0] for s in data.shots])
+    base = np.array([220.0, 1.7e-4, 1.2e4, 0.4])
+    swing = {"displacement_m": 3e-7, "velocity_m_per_s": -4e-4}
+    still = replace(data, shots=with_plates(data.shots, [(0.0, 0.0)] * 3))
+    moving = replace(data, shots=with_plates(data.shots, [tuple(swing.values())] * 3))
+    as_known, as_effect = Point(base, own, ({},) * 3), Point(base, own, ({"plate_motion": swing},) * 3)
+    known, effect = Hypothesis(moving, ()), Hypothesis(still, (KINDS["plate_motion"],))
+    np.testing.assert_allclose(known.averaged(0, as_known), effect.averaged(0, as_effect), atol=1e-15)
+    np.testing.assert_allclose(known.coarse(0, as_known), effect.coarse(0, as_effect), atol=1e-15)
+    assert np.abs(known.averaged(0, as_known) - Hypothesis(still, ()).averaged(0, as_known)).max() > 1e-8
+
+
+@pytest.mark.parametrize(("site", "seed"), [pytest.param("VC-B", 209, marks=pytest.mark.slow), ("VC-A", 226)])
+def test_a_joint_fit_in_a_building_is_not_drawn_to_other_bounces(site: str, seed: int) -> None:
+    """A swaying frame lets a first guess pass whose bounces are not the shots': from there no step leads back."""
+    motions = shots_at(site, seed)
+    fit = fit_shots(motions, shakings=shakings_of(motions, "paper", None))
+    assert fit.reduced_chi2 < 1.2
+
+
+def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
+    motions = shots_at("VC-D", 31)
+    fit = fit_shots(motions)
+    names = {"plate_stiffness_n_per_m": 3.8e6, "plate_mass_kg": 1.4e-6, "contact_stiffness_n_per_m": 280.0}
+    drawn_off = replace(fit, parameters={**fit.parameters, **{name: Quantity(v, 0.0) for name, v in names.items()}})
+    site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
+    assert site is not None
+    assert joint_data(motions, drawn_off, site).site is None
+
+
+@pytest.mark.slow  # quicker: friction alone is named there, below
+def test_a_clean_set_in_an_ordinary_building_is_adequate() -> None:
+    diagnosis = diagnose(shots_at("VC-D", 31))
+    assert diagnosis.verdict is Verdict.ADEQUATE
+    for shot in diagnosis.fit_after.shots:  # a speed in space is known no better than the frame's
+        assert shot.velocity_in_m_per_s.std > 2e-6
+    assert not {"frame_vibration", "plate_motion"} & {
+        candidate.name for candidate in diagnosis.candidates
+    }  # the site's
+
+
+def test_friction_is_named_in_an_ordinary_building() -> None:
+    diagnosis = diagnose(shots_at("VC-D", 31, {"coulomb_friction": {"force_n": 1e-3}}))
+    assert diagnosis.verdict is Verdict.EFFECT_FOUND
+    assert [effect.name for effect in diagnosis.effects] == ["coulomb_friction"]
+    force = diagnosis.effects[0].parameters["force_n"]
+    assert abs(force.value - 1e-3) < 4 * force.std
+    assert force.std < 5e-6

@@ -1,0 +1,125 @@
+"""What a swaying frame does to a shot, against the bench, whose plate and block are followed on a frame that moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.collision.exact import solve
+from analysis.collision.parameters import PAPER
+from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.noise.sway import STILL, plate_swing_std, responses
+from analysis.pipeline import analyse
+from analysis.shot.disturbance import Shaking, VibrationLine
+from analysis.shot.doubts import concerning
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Shot
+from instrument.bench import forces as slot
+from instrument.bench.bench import Bench
+from instrument.bench.frame import Frame, frame_of
+from instrument.bench.mechanics import Bodies, collide
+from instrument.bench.simulate import record_shot
+from instrument.bench.sines import Sines
+from instrument.bench.site import QUIET, Knock, Line, Site, site_named
+
+TRUTH = Bodies()
+SIGMAS = 4.5
+NAMES = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
+
+
+@pytest.mark.parametrize("frequency_hz", [3.0, 17.0, 60.0, 250.0])
+def test_the_sway_adds_what_the_two_bodies_make_of_it(frequency_hz: float) -> None:
+    omega, size = 2 * np.pi * frequency_hz, 1e-7
+    frame = Frame(QUIET, 1, Sines(np.array([omega]), np.array([size]), np.array([0.7])))
+    run = collide(-0.265, frame=frame)
+    touch = run.touch_time_s
+    at = int(np.searchsorted(run.time_s, touch))
+    x_p, v_p = (float(run.states[at, column]) for column in (slot.PLATE_X, slot.PLATE_V))
+    rig = PAPER.vector.copy()
+    rig[4:7] = float(run.states[at, slot.BLOCK_V]), x_p, v_p
+    collision = PAPER.with_vector(rig)
+    time_s = np.linspace(-0.006, 0.045, 400)
+    still = solve(collision, time_s).displacement_m
+    still += float(run.states[at, slot.BLOCK_X]) - solve(collision, np.zeros(1)).displacement_m[0]
+    unit, _ = responses(collision, time_s, np.array([omega]))
+    sway = size * (unit[:, 0] * np.exp(1j * (omega * touch + 0.7))).imag
+    left = run.block_m(touch + time_s) - still
+    assert np.abs(left).max() > 0.1 * size  # it is there to be explained
+    assert np.abs(left - sway).max() < 1e-3 * size
+
+
+def _shot(site: str, seed: int, *knocks: Knock) -> Shot:
+    rig = Bench(site=replace(site_named(site), knocks=knocks), seed=seed)
+    return analyse(record_shot(rig, 0, 0.27, 10e6, 0.06)[0])
+
+
+def test_closer_sines_stand_for_the_same_floor_over_longer() -> None:
+    frequency = np.arange(2.0, 1000.0, 20.0)
+    shaking = Shaking(frequency, 1e-15 / frequency**2, np.ones(frequency.size, dtype=np.bool_))
+    line = VibrationLine(Quantity(296.0, 0.1), Quantity(1e-8, 1e-10), 0.0)
+    close = shaking.with_lines([line]).closer(7.0)
+    assert np.diff(close.frequency_hz[close.random]).max() <= 7.0
+    assert np.array_equal(close.frequency_hz[~close.random], [295.9, 296.1])
+    assert close.power_m2[close.random].sum() == pytest.approx(shaking.power_m2.sum(), rel=0.2)
+    covariance = [s.power_m2[s.random] @ np.cos(2 * np.pi * s.frequency_hz[s.random] * 0.05) for s in (shaking, close)]
+    assert abs(covariance[1]) < 0.3 * abs(covariance[0])  # twenty hertz apart, all sines meet again after 50 ms
+
+
+def test_the_touch_is_found_under_a_strong_line() -> None:
+    rig = Bench(site=Site(lines=(Line(555.0, 65e-9),)), seed=11)
+    recording = record_shot(rig, 0, 0.236, 10e6, 0.06)[0]
+    shot = analyse(recording)
+    assert shot.fit is not None and shot.fit.converged and shot.fit.reduced_chi2 < 1.3
+    for name in NAMES:
+        found = shot.fit.parameters[name]
+        assert abs(found.value - getattr(TRUTH, name)) < SIGMAS * found.std
+
+
+@pytest.mark.parametrize("site", ["VC-C", "VC-F"])
+def test_fitted_parameters_hold_in_a_building(site: str) -> None:
+    shot = _shot(site, 3)
+    assert shot.fit is not None and shot.motion is not None and shot.impact is not None
+    assert shot.fit.converged and shot.fit.on_frames and "plate_shaken" not in shot.flags
+    for name in NAMES:
+        found = shot.fit.parameters[name]
+        assert abs(found.value - getattr(TRUTH, name)) < SIGMAS * found.std
+    # a fit that knows of no frame is off by more than it says, or says much less than it could
+    blind = fit_shots([shot.motion])
+    off = [abs(blind.parameters[n].value - getattr(TRUTH, n)) / blind.parameters[n].std for n in NAMES]
+    wide = [blind.parameters[n].std / shot.fit.parameters[n].std for n in NAMES]
+    assert max(off) > SIGMAS or min(wide) > 1.5
+
+
+def test_a_knock_during_the_contact_is_suspected_and_a_shaken_site_is_none() -> None:
+    knocked = _shot("VC-F", 3, Knock(30e-9, 120.0, at_s=0.015))  # 3 ms after the touch
+    assert "knock_suspected" in concerning("contact_stiffness_n_per_m", knocked.flags)
+    for site in ("VC-C", "VC-F"):
+        assert "knock_suspected" not in _shot(site, 3).flags
+
+
+def test_a_quiet_bench_is_fitted_as_ever() -> None:
+    shot = _shot("quiet", 3)
+    assert shot.fit is not None and not shot.fit.on_frames
+    assert shot.impact is not None and shot.impact.disturbance is not None and shot.impact.disturbance.shaking is None
+
+
+def test_a_plate_swings_with_what_shakes_it_near_its_own_note() -> None:
+    shot = _shot("VC-C", 4)
+    assert shot.impact is not None and shot.impact.disturbance is not None
+    shaking = shot.impact.disturbance.shaking
+    assert shaking is not None
+    rig = Bench(site=site_named("VC-C"), seed=4)
+    own = float(np.sqrt(PAPER.plate_stiffness_n_per_m / PAPER.plate_mass_kg))
+    swings = [frame_of(rig.site, seed).swing(own)[0] for seed in range(40)]
+    displacement, velocity = plate_swing_std(shaking, PAPER)
+    assert velocity == pytest.approx(own * displacement)
+    assert 0.4 < displacement / float(np.std(swings)) < 4.0
+
+
+def test_a_trial_plate_that_nothing_swings_is_still_weighed() -> None:
+    """A first guess may have hardly a mass: the swing that a frame gives it underflows."""
+    shot = _shot("VC-C", 4)
+    assert shot.impact is not None and shot.impact.disturbance is not None
+    shaking = shot.impact.disturbance.shaking
+    assert shaking is not None
+    assert plate_swing_std(shaking, replace(PAPER, plate_mass_kg=1e-300)) >= STILL

@@ -1,0 +1,141 @@
+"""The paper reproduced: the tables of docs/physics.md to their digits, every row computed, what is open said so."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from analysis.collision.parameters import PAPER, Variant
+from analysis.paper import paper as papers
+from analysis.paper.paper import Reproduction, Status, reproduce
+from analysis.paper.paper_audit import computed
+from analysis.paper.paper_simulation import Simulated, half_sine_time_s, simulate
+from analysis.shot.quantity import NotSeen, Quantity
+from tests.analysis.shots import shot_of
+
+
+@pytest.fixture(scope="module")
+def run() -> Simulated:
+    return simulate(PAPER)
+
+
+@pytest.fixture(scope="module")
+def table() -> Reproduction:
+    return reproduce()
+
+
+def test_reference_solution(run: Simulated) -> None:
+    """docs/physics.md, "the model", to the digits given there."""
+    assert run.onsets_s == pytest.approx((0.0, 1.56573968e-3, 2.34904083e-3), abs=5e-12)
+    assert run.releases_s == pytest.approx((0.45318387e-3, 2.16218652e-3, 28.70771255e-3), abs=5e-12)
+    assert run.velocity_out_m_per_s == pytest.approx(0.261702343, abs=5e-10)
+    assert run.cor_quasi_static == pytest.approx(0.987556, abs=5e-7)
+    assert run.force_peak_n == pytest.approx(0.511915, abs=5e-7)
+    assert run.force_peak_at_s == pytest.approx(14.3312e-3, abs=1.5e-7)
+    assert run.deflection_max_m == pytest.approx(2.388512e-3, abs=5e-10)
+    assert run.force_peaks_s == pytest.approx((0.16220e-3, 1.77080e-3, 2.67670e-3), abs=2e-8)
+    assert run.cor_force_peaks == pytest.approx(0.563, abs=5e-4)
+    assert run.cor_onsets == pytest.approx(0.500, abs=5e-4)
+    assert run.cor_flights == pytest.approx(0.168, abs=5e-4)
+    assert run.fwhm_smooth_s == pytest.approx(19.05e-3, abs=0.1e-3)
+    assert run.fwhm_smooth_range_s[0] > 18.9e-3 and run.fwhm_smooth_range_s[1] < 19.15e-3
+    assert run.fwhm_outermost_s == pytest.approx(23.81e-3, abs=5e-6)
+    assert run.slope_n_per_m == pytest.approx(214.33, abs=5e-3)
+    assert run.velocity_out_gear_m_per_s == pytest.approx(run.velocity_out_m_per_s, abs=1e-6)
+
+
+def test_clamped_solution() -> None:
+    clamped = simulate(replace(PAPER, variant=Variant.CLAMPED))
+    assert clamped.velocity_out_m_per_s == pytest.approx(0.261136, abs=6e-7)
+    assert clamped.force_peaks_s == pytest.approx((0.162e-3, 1.934e-3, 3.029e-3), abs=5e-7)
+    assert clamped.cor_force_peaks == pytest.approx(0.618, abs=5e-4)
+    assert clamped.onsets_s[:3] == pytest.approx((0.0, 1.737e-3, 2.792e-3), abs=5e-7)
+
+
+def test_the_audit_reaches_the_list(table: Reproduction) -> None:
+    """docs/physics.md, "the paper against itself", row by row: error before, what it was traced to, error after."""
+    thickness = table.of("thickness")
+    assert thickness.recomputed == pytest.approx(0.3e-3, rel=1e-3)
+    assert "0.277 g" in thickness.traced_to and "2.771 g at 3 mm" in thickness.traced_to
+    c = table.of("coefficient_c")
+    assert c.printed == pytest.approx(4.2e-4, rel=0.01) and c.recomputed == pytest.approx(3 / 7, rel=1e-12)
+    stiffness = table.of("stiffness")
+    assert stiffness.recomputed == pytest.approx(224.6, abs=0.05)
+    assert stiffness.error_before == pytest.approx(2400, rel=0.02) and stiffness.error_after == pytest.approx(
+        0.014, abs=5e-4
+    )
+    disc = table.of("stiffness_disc")
+    assert disc.recomputed == pytest.approx(223.3, abs=0.05) and disc.error_after == pytest.approx(0.009, abs=5e-4)
+    ratio = table.of("mass_ratio")
+    assert ratio.printed == pytest.approx(0.24, abs=0.005) and ratio.recomputed == pytest.approx(0.772, abs=5e-4)
+    assert "0.2069 g of disc, 0.0071 g of arm" in ratio.traced_to
+    product = table.of("effective_mass")
+    assert product.recomputed == pytest.approx(1.994e-4, abs=5e-8) and product.error_after == pytest.approx(
+        0.005, abs=5e-4
+    )
+    period = table.of("period")
+    assert period.printed == pytest.approx(0.947e-3, abs=5e-7) and period.recomputed == pytest.approx(2.97e-3, abs=5e-6)
+    contact = table.of("contact_time")
+    assert contact.printed == pytest.approx(28.4e-3, abs=5e-5)
+    fwhm = table.of("fwhm_measured")
+    assert fwhm.recomputed == pytest.approx(18.9e-3, abs=5e-5) and fwhm.error_after == pytest.approx(-0.05, abs=5e-3)
+    slope = table.of("slope")
+    assert slope.simulated == pytest.approx(214.3, abs=0.05) and slope.error_before == pytest.approx(-0.032, abs=5e-4)
+    assert slope.recomputed == pytest.approx(221.4, abs=0.05)
+    assert table.of("record_length").printed == pytest.approx(0.167, abs=5e-4)
+    assert table.of("velocity_out").error_after == pytest.approx(-0.0007, abs=5e-5)
+    wavelength = table.of("wavelength")
+    assert wavelength.recomputed == pytest.approx(632.820e-9, abs=5e-13) and "1.000271373" in wavelength.traced_to
+
+
+def test_what_remains_open_says_so(table: Reproduction) -> None:
+    assert {row.key for row in table.open_rows} == {
+        "velocity_out",
+        "cor_quasi_static",
+        "fwhm_measured",
+        "record_length",
+    }
+    for row in table.open_rows:
+        assert row.traced_to
+    assert table.of("thickness").status is Status.TRACED and table.of("plate_mass").status is Status.AGREES
+
+
+def test_rows_are_computed_not_quoted() -> None:
+    """Another rig must give other numbers in every row that is computed from it."""
+    numbers = papers.load()
+    ground = papers.ground(numbers)
+    other = replace(
+        ground,
+        plate_printed=replace(ground.plate_printed, arm_length_m=18e-3, youngs_modulus_pa=120e9),
+        plate_mass_kg=0.3e-3,
+        samples=4e6,
+        collision=replace(ground.collision, plate_stiffness_n_per_m=150.0, contact_damping_n_s_per_m=0.3),
+        claims=ground.claims | {"stiffness": 150.0, "effective_mass": 2.2e-4, "contact_time": 30e-3},
+    )
+    one, two = computed(ground), computed(other)
+    assert set(one) == {row["key"] for row in numbers["row"]}
+    same = {key for key in one if (one[key].printed, one[key].simulated, one[key].recomputed) == (
+        two[key].printed, two[key].simulated, two[key].recomputed)}  # fmt: skip
+    assert same == {"wavelength"}  # the air alone
+
+
+def test_a_recording_stands_beside() -> None:
+    table = reproduce(shot_of("taken"))
+    assert table.recording == "taken"
+    slope = table.of("slope").recorded
+    assert isinstance(slope, Quantity) and slope.value == 214.33
+    fitted = table.of("input.plate_stiffness_n_per_m").recorded
+    assert isinstance(fitted, Quantity) and fitted.value == 221.4
+    assert isinstance(table.of("thickness").recorded, NotSeen)
+    with pytest.raises(KeyError):
+        table.of("nothing")
+
+
+def test_result_is_json(table: Reproduction) -> None:
+    written = json.loads(json.dumps(papers.to_result(table), allow_nan=False))
+    assert written["schema"] == "levimass.paper/1" and len(written["rows"]) == len(table.rows)
+    assert {row["status"] for row in written["rows"]} <= {status.value for status in Status}
+
+
+def test_half_sine() -> None:
+    assert half_sine_time_s(221.4, 17.85e-3 + 1.984e-4) == pytest.approx(28.36e-3, abs=5e-6)

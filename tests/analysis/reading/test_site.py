@@ -1,0 +1,107 @@
+"""The floor of the site: criterion, lines and their causes, and what the next shot could be read to."""
+
+import numpy as np
+import pytest
+
+from analysis.reading.site import CENTRES_HZ, MachineLine, PlannedShot, expected_cor_std, likely_cause, read_site
+from instrument.bench.frame import frame_of
+from instrument.bench.site import Line, Site, site_named
+
+RATE = 2500.0
+TIME = np.arange(round(2 * RATE)) / RATE
+
+
+def _velocity(site, seed=1):
+    white = 2e-8 * np.diff(np.random.default_rng(seed).standard_normal(TIME.size + 1))
+    return frame_of(site, seed).motion(TIME)[1] + white
+
+
+@pytest.mark.parametrize("name", ["VC-A", "VC-F"])
+def test_a_site_is_known_by_its_curve(name):
+    plain = Site(third_octave_m_per_s=site_named(name).third_octave_m_per_s)
+    floors = [read_site(_velocity(plain, seed), RATE) for seed in range(3)]
+    band = (CENTRES_HZ > 7.9) & (CENTRES_HZ < 81)
+    rms = np.sqrt(np.mean([floor.third_octave_m_per_s**2 for floor in floors], axis=0))
+    assert rms[band] == pytest.approx(plain.third_octave_m_per_s, rel=0.5)  # 4 seeds of some bins each
+    assert not any(floor.lines for floor in floors[:3])
+
+
+@pytest.mark.parametrize("seconds", [1, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["VC-B", "VC-D", "VC-G"])
+def test_a_site_on_a_curve_is_told_by_it_though_some_band_lies_above(name, seconds):
+    level = site_named(name).third_octave_m_per_s
+    time_s = np.arange(round(seconds * RATE)) / RATE
+    told = []
+    for seed in range(8):
+        moved = frame_of(Site(third_octave_m_per_s=level), 40 + seed).motion(time_s)[1]
+        floor = read_site(moved + 2e-8 * np.random.default_rng(seed).standard_normal(time_s.size), RATE)
+        told.append(floor.criterion)
+        assert floor.third_octave_m_per_s.max() > level  # as every such record shows
+    assert told.count(name) >= 7
+
+
+def test_lines_are_found_named_and_taken_off_the_floor():
+    quiet = Site(third_octave_m_per_s=1e-6)
+    shaken = Site(third_octave_m_per_s=1e-6, lines=(Line(24.9, 80e-9), Line(100.0, 20e-9), Line(296.0, 10e-9)))
+    without, floor = read_site(_velocity(quiet), RATE), read_site(_velocity(shaken), RATE)
+    assert [line.frequency_hz for line in floor.lines] == pytest.approx([24.9, 100.0, 296.0], abs=0.04)
+    assert [line.amplitude_m for line in floor.lines] == pytest.approx([80e-9, 20e-9, 10e-9], rel=0.1)
+    assert "pump" in floor.lines[0].cause and "twice the mains" in floor.lines[1].cause
+    ratio = np.sqrt(floor.density_m2_per_hz / without.density_m2_per_hz)
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.1) and ratio.max() < 3
+    assert floor.criterion == "VC-C" and without.criterion == "VC-F"
+
+
+def test_the_pump_costs_what_is_gained_without_it():
+    floor = read_site(_velocity(Site(third_octave_m_per_s=1e-6, lines=(Line(24.9, 300e-9),))), RATE)
+    without = read_site(_velocity(Site(third_octave_m_per_s=1e-6)), RATE)
+    (pump,) = floor.lines
+    assert pump.cost == pytest.approx(floor.cor_std / without.cor_std, rel=0.2) and pump.cost > 1.2
+    assert floor.advice == (
+        f"A motor or pump (4 poles on 50 Hz) at 24.9 Hz costs you a factor {pump.cost:.1f} "
+        "in the uncertainty of the restitution",
+    )
+    assert without.advice == ()
+
+
+def test_the_expectation_is_what_weighted_lines_through_flights_scatter_by():
+    site, planned = Site(third_octave_m_per_s=12.5e-6), PlannedShot(before_s=0.012, after_s=0.018)
+    expected = np.mean([read_site(_velocity(site, seed), RATE, planned).cor_std for seed in range(4)])
+    step = 5e-4
+    time_s = np.arange(0, 0.06, step)
+    into, out = time_s < 0.012, time_s > 0.012 + 0.0287
+    off = []
+    for seed in range(60):  # least squares without weights: not better than the expectation, not three times worse
+        x = frame_of(site, 100 + seed).motion(time_s)[0]
+        off.append((np.polyfit(time_s[out], x[out], 1)[0] + 0.9876 * np.polyfit(time_s[into], x[into], 1)[0]) / 0.265)
+    assert 0.6 * expected < np.std(off) < 3 * expected
+
+
+def test_the_tremor_of_a_hand_is_named_and_belongs_to_neither_site_nor_shot():
+    site = Site(third_octave_m_per_s=3e-6)
+    held = _velocity(site) + 85e-6 * np.sin(2 * np.pi * 9.0 * TIME)
+    floor, free = read_site(held, RATE), read_site(_velocity(site), RATE)
+    (hand,) = floor.lines
+    assert "hand" in hand.cause and hand.cost == 1.0 and floor.advice == ()
+    assert floor.criterion == free.criterion and floor.cor_std == pytest.approx(free.cor_std, rel=0.3)
+
+
+def test_twice_the_floor_is_twice_the_uncertainty():
+    one, two = (read_site(size * _velocity(Site(third_octave_m_per_s=3e-6)), RATE) for size in (1.0, 2.0))
+    assert two.cor_std == pytest.approx(2 * one.cor_std, rel=1e-6)
+    more = expected_cor_std(one, PlannedShot(), (MachineLine(24.9, 1e-6, ""),))
+    assert more > one.cor_std
+
+
+@pytest.mark.parametrize(
+    ("frequency", "word"),
+    [(50.01, "mains (50"), (100.0, "transformer"), (150.0, "3 x 50"), (24.8, "4 poles on 50"), (60.0, "mains (60"),
+     (29.2, "4 poles on 60"), (9.0, "hand"), (3.0, "building"), (296.0, "fan")],
+)  # fmt: skip
+def test_likely_causes(frequency, word):
+    assert word in likely_cause(frequency, 0.05)
+
+
+def test_too_little_is_no_floor():
+    assert read_site(np.zeros(100), RATE) is None
+    assert read_site(np.full(TIME.size, np.nan), RATE) is None

@@ -1,0 +1,39 @@
+import pytest
+
+from analysis.shot.air import refractive_index, wavelength_in_air_m
+from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Air, Setup
+
+LABORATORY = Air(20.0, 101325.0, 50.0)
+ZEEMAN_VACUUM_M = 632.991354e-9
+
+
+def test_index_at_the_check_value() -> None:
+    assert refractive_index(633.0e-9, LABORATORY) == pytest.approx(1.000271373, abs=1.0e-9)
+
+
+@pytest.mark.parametrize(
+    ("air", "change", "tolerance"),
+    [
+        (Air(21.0, 101325.0, 50.0), -0.95e-6, 0.02e-6),
+        (Air(20.0, 101425.0, 50.0), 0.268e-6, 0.002e-6),
+        (Air(20.0, 101325.0, 51.0), -0.0085e-6, 0.0003e-6),
+    ],
+)
+def test_sensitivities(air: Air, change: float, tolerance: float) -> None:
+    base = refractive_index(ZEEMAN_VACUUM_M, LABORATORY)
+    assert refractive_index(ZEEMAN_VACUUM_M, air) - base == pytest.approx(change, abs=tolerance)
+
+
+def test_the_wavelength_in_air_wins_then_vacuum_with_air_then_the_papers() -> None:
+    given = Setup(0.01785, wavelength_vacuum_m=ZEEMAN_VACUUM_M, wavelength_air_m=632.8e-9, air=LABORATORY)
+    assert wavelength_in_air_m(given) == 632.8e-9
+    computed = wavelength_in_air_m(Setup(0.01785, wavelength_vacuum_m=ZEEMAN_VACUUM_M, air=LABORATORY))
+    assert computed == pytest.approx(632.8196e-9, abs=1e-13)
+    assert wavelength_in_air_m(Setup(0.01785, wavelength_vacuum_m=ZEEMAN_VACUUM_M)) == computed
+    assert wavelength_in_air_m(Setup(0.01785)) == DEFAULT_WAVELENGTH_AIR_M
+
+
+@pytest.mark.parametrize("air", [Air(float("nan"), 101325.0, 50.0), Air(20.0, -1.0, 50.0), Air(20.0, 1e5, 130.0)])
+def test_air_that_cannot_be_is_refused_by_name(air: Air) -> None:
+    with pytest.raises(ValueError, match=r"temperature_c|pressure_pa|humidity_percent"):
+        refractive_index(ZEEMAN_VACUUM_M, air)

@@ -1,0 +1,73 @@
+"""The band drawn about a residual is as wide as what noise and the building leave in it."""
+
+import numpy as np
+import pytest
+
+from analysis.shot.disturbance import Shaking
+from analysis.uncertainty.noise_band import band_of, noise_band
+from app.session.load import load_and_analyse
+from instrument.bench.simulate import simulate
+from instrument.bench.site import USUAL_SITE, site_named
+from tests.app import synthetic
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory):
+    (path,) = simulate(tmp_path_factory.mktemp("usual"), 1, 3, site=site_named(USUAL_SITE))
+    return load_and_analyse(path)
+
+
+def test_on_a_usual_floor_force_and_velocity_fill_their_bands(shot):
+    motion, overlay = shot.motion, shot.fit.shots[0].overlay
+    band = band_of(shot)
+    for left, std in (
+        (motion.force_n - overlay.force_n, band.force_n),
+        (motion.velocity_m_per_s - overlay.velocity_m_per_s, band.velocity_m_per_s),
+        (shot.fit.shots[0].residual_m, band.displacement_m),
+    ):
+        seen = np.isfinite(left) & np.isfinite(std)
+        size = float(np.sqrt(np.mean((left[seen] / std[seen]) ** 2)))
+        assert 0.5 < size < 2.0  # a slow floor is seen for few of its periods
+    force = motion.force_n - overlay.force_n
+    assert float(np.nanstd(force) / np.nanmedian(band.force_n)) == pytest.approx(1.0, abs=0.15)
+    assert np.nanmedian(motion.force_std_n) > 3 * np.nanmedian(band.force_n)  # a random walk has more of high tones
+
+
+def test_what_a_slow_floor_leaves_of_the_displacement_stays_inside_its_band(tmp_path):
+    """A fit that weighs the floor holds on to the contact: the ends of the record stray, and the band knows it."""
+    (path,) = simulate(tmp_path, 1, 24, site=site_named("VC-D"))
+    strayed = load_and_analyse(path)
+    assert strayed.fit.on_frames
+    left, std = strayed.fit.shots[0].residual_m, band_of(strayed).displacement_m
+    seen = np.isfinite(left)
+    inside = np.abs(left[seen]) < 2.0 * std[seen]
+    assert inside.mean() > 0.95  # place and speed chosen freely leave 0.62 of them inside
+    assert np.sqrt(np.mean((left[seen] / std[seen]) ** 2)) > 0.5  # and no wider than it must be
+    ends, middle = std[seen][[0, -1]], np.min(std[seen])
+    assert (ends > 2.0 * middle).all()
+
+
+def test_a_steady_line_is_in_the_band_with_its_own_velocity_and_force():
+    motion = synthetic.shot().motion
+    line = Shaking(np.array([100.0]), np.array([(5e-9) ** 2]), np.array([False]))
+    quiet, shaken = noise_band(motion, Shaking(*(np.empty(0),) * 3)), noise_band(motion, line)
+    for name, turns in (("displacement_m", 0), ("velocity_m_per_s", 1), ("force_n", 2)):
+        more = np.sqrt(getattr(shaken, name) ** 2 - getattr(quiet, name) ** 2)
+        mass = motion.moving_mass_kg if name == "force_n" else 1.0
+        assert np.nanmedian(more) == pytest.approx(mass * 5e-9 * (2 * np.pi * 100.0) ** turns, rel=1e-3)
+
+
+def test_where_nothing_is_known_of_the_path_the_motions_own_uncertainty_stands():
+    motion = synthetic.shot().motion
+    assert noise_band(motion, None).force_n is motion.force_std_n
+
+
+def test_a_path_that_wanders_is_in_the_band_of_the_displacement(tmp_path):
+    """The band was the samples' white noise: the residual of a shot without a fault left it for twenty ms on end."""
+    (path,) = simulate(tmp_path, 1)
+    calm = load_and_analyse(path)
+    left = calm.fit.shots[0].residual_m
+    seen = np.isfinite(left)
+    assert np.sqrt(np.mean(left[seen] ** 2)) > 1.5 * np.nanmedian(calm.motion.displacement_std_m)  # it does wander
+    inside = np.abs(left[seen]) < 2.0 * band_of(calm).displacement_m[seen]
+    assert inside.mean() > 0.95

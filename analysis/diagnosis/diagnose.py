@@ -25,7 +25,8 @@ from analysis.diagnosis.verdict.other_names import other_names
 from analysis.diagnosis.verdict.residual import Residual, describe, errors, judge, looks_like
 from analysis.diagnosis.verdict.told_beside import blind_spots, candidates, separating
 from analysis.inference.fit.as_fit import as_fit, effect_parameters
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.begin import begin_of
+from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.free_parameters import TrialEffect, trial_effects
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted
@@ -73,8 +74,8 @@ def diagnose(
     shakings = shakings_of(motions, model, shakings)
     site = site_under(motions, shakings, CRITERIA.site_nm)
     asked = _Asked(motions, fit, model, hold_out, tell, stop, began)
-    fit_before = fit or fit_shots(motions, model=model, cancelled=stop, shakings=shakings)
-    search = Search(motions, fit_before, catalogue, accepted, tell, stop)
+    begin = first_fit(motions, model, site, stop) if fit is None else begin_of(fit, motions)
+    search = Search(motions, begin, catalogue, accepted, tell, stop)
     under_site = [search.under(site)] if site is not None else []
     for searched in under_site:
         if not searched.rest.significant:

@@ -13,13 +13,14 @@ from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
+from analysis.inference.fit.begin import begin_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, finish, first_floor, fit, search
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
 from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.joint_data import joint_data, parameters_of, shakings_of, site_under
+from analysis.inference.noise.joint_data import joint_data, shakings_of, site_under
 from analysis.inference.screen.projector import projector
 from analysis.inference.screen.screening import fixed_of
 from analysis.shot.fit import Fit
@@ -142,12 +143,12 @@ def again(given: Fit, motions: Sequence[Motion], stop: Stop, beside: Sequence[st
     kinds = trials_named(given.effects)
     finely = any(named(name).ripples for name in (*given.effects, *beside))
     site = site_under(motions, shakings_of(motions, given.model, None), CRITERIA.site_nm)
-    data = joint_data(motions, given, site, FINE_RATE_HZ if finely else RATE_HZ)
-    base, own = parameters_of(given, data.base)
+    begin = begin_of(given, motions)
+    data = joint_data(motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
     values = tuple({kind.name: _values(given, kind.name, shot) for kind in kinds} for shot in range(len(motions)))
     fixed = {kind.name: fixed_of(kind, values[0][kind.name]) for kind in kinds}
     hypothesis = Hypothesis(data, kinds, fixed)
-    z = hypothesis.pack(Point(base, own, values))
+    z = hypothesis.pack(Point(begin.shared, begin.own, values))
     white_m = given.noise_std_m / np.sqrt(data.shots[0].factor)
     try:
         return fit(hypothesis, z, first_floor(hypothesis, z, float(white_m)), cancelled=stop)

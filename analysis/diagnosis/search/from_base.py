@@ -10,6 +10,7 @@ from analysis.diagnosis.search.wider import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.base_fit import slow_enough
 from analysis.inference.fit.base_minimum import first_guesses
+from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
@@ -17,7 +18,6 @@ from analysis.inference.fit.hypothesis_fit import Fitted, finish, search
 from analysis.inference.fit.prepare import prepare_set
 from analysis.inference.fit.response import Model
 from analysis.inference.fit.search import own_start
-from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Stop
 
@@ -45,15 +45,15 @@ def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[st
 
 def explored(
     before: Fitted,
-    given: Fit,
+    given: Begin,
     motions: Sequence[Motion],
     catalogue: Sequence[TrialEffect],
     stop: Stop,
     *,
     most: int = CRITERIA.most_effects,
 ) -> tuple[Fitted, Trail]:
-    """Return the best fit with ``most`` effects, and what was tried from where; ``given`` is the base fit."""
-    if not before.converged and given.reduced_chi2 > CRITERIA.drawn_far:
+    """Return the best fit with ``most`` effects, and what was tried from where; ``given`` is where the base began."""
+    if not before.converged and given.left > CRITERIA.drawn_far:
         return _from_the_guess(before, motions, catalogue, stop)
     best, trail = explore(before, catalogue, stop, most=most)
     again = trail.of(before.names)

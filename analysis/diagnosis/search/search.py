@@ -15,12 +15,12 @@ from analysis.diagnosis.search.full_rate import swayed_from_there
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, judge
 from analysis.inference.fit.base_fit import base_fit, pays_along
+from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.noise.joint_data import joint_data
 from analysis.inference.noise.own_flights import own_flights
 from analysis.inference.noise.site import Site, may_be_of_a_site
-from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Progress, Stop
 
@@ -56,10 +56,10 @@ class Searched:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What is searched: ``given`` is a base fit of ``motions``, ``accepted`` effects are part of the model."""
+    """What is searched: the base of ``motions`` begins as ``given``, ``accepted`` effects are part of the model."""
 
     motions: Sequence[Motion]
-    given: Fit
+    given: Begin
     catalogue: Sequence[TrialEffect]
     accepted: Sequence[str]
     tell: Progress

@@ -1,41 +1,47 @@
 """Fit the base model at the diagnosis' rate: where a search for effects begins."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, first_floor, fit
 from analysis.inference.fit.quick_shot import too_fast
-from analysis.inference.noise.joint_data import parameters_of
-from analysis.shot.fit import Fit
+from analysis.inference.fit.samples import Samples
 from analysis.shot.shot import AnalysisError, Stop
 
+_SAMPLES = 100  # at least
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
 
-def base_fit(data: JointData, given: Fit, stop: Stop, taken_along: Sequence[str] = ()) -> Fitted:
-    """Return the base model's best fit at the diagnosis' rate, from one that is given.
+def base_fit(data: JointData, begin: Begin, stop: Stop, taken_along: Sequence[str] = ()) -> Fitted:
+    """Return the base model's best fit at the diagnosis' rate, from where it ``begin``s.
 
     ``taken_along`` are the effects that each shot has for itself and that are no finding.
     """
     along = trials_named(taken_along)
     values = tuple({kind.name: kind.starts[0] for kind in along} for _ in data.shots)
-    point = Point(*parameters_of(given, data.base), values)
+    point = Point(begin.shared, begin.own, values)
     hypothesis = Hypothesis(data, along)
     point = slow_enough(hypothesis, point)
-    quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in data.shots])
-    if quick.size < 100:
-        raise AnalysisError("too few samples for a diagnosis")
-    white = max(1.4826 * float(np.median(np.abs(quick))) / np.sqrt(20.0), 1e-15)
     z = hypothesis.pack(point)
     try:
-        return fit(hypothesis, z, first_floor(hypothesis, z, white), anew=True, cancelled=stop)
+        return fit(hypothesis, z, first_floor(hypothesis, z, white_of(data.shots)), anew=True, cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
+
+
+def white_of(shots: Sequence[Samples]) -> float:
+    """Return the white noise of an averaged sample in m, by third differences; AnalysisError where they are too few."""
+    quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in shots])
+    if quick.size < _SAMPLES:
+        raise AnalysisError("too few samples for a diagnosis")
+    return max(1.4826 * float(np.median(np.abs(quick))) / math.sqrt(20.0), 1e-15)
 
 
 def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:

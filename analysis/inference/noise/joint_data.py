@@ -8,19 +8,16 @@ from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
-from analysis.inference.fit.base import PLATE_START, Base
-from analysis.inference.fit.prepare import base_of
+from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.samples import RATE_HZ, Samples, together
 from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.on_frame import can_tell
 from analysis.inference.noise.site import Site, on_site, site_of
 from analysis.reading.read import shaking_in
 from analysis.shot.disturbance import Shaking
-from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
-_TRUSTED = 1.5  # chi^2 a sample, up to which a fit's plates are the site's doing
 
 
 def shakings_of(
@@ -40,18 +37,17 @@ def site_under(motions: Sequence[Motion], shakings: Sequence[Shaking | None], le
     return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm)
 
 
-def joint_data(motions: Sequence[Motion], given: Fit, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
-    """Return the shots as a diagnosis judges them; ``given`` is a fit of ``motions``, at whose motion the site acts.
+def joint_data(motions: Sequence[Motion], begin: Begin, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
+    """Return the shots as a diagnosis judges them; the site acts at the motion that ``begin`` says.
 
-    A plate that a building swings far is no small matter: what the fit says of it is where the site's part begins,
-    unless something is missing, which plates would then have taken up.
+    A plate that a building swings far is no small matter: what is known of it is where the site's part begins.
     """
-    base = base_of(given.model, motions)
+    base = begin.base
     plain = together(motions, rate_hz)
     if site is None:
         return JointData(plain, base)
     try:
-        shots = on_site(with_plates(plain, _plates(given)), site, base, *parameters_of(given, base))
+        shots = on_site(with_plates(plain, begin.plates), site, base, begin.shared, begin.own)
         return JointData(shots, base, site=site)
     except Infeasible:  # drawn to where nothing collides: nobody can say what a frame would do there
         return JointData(plain, base)
@@ -60,16 +56,3 @@ def joint_data(motions: Sequence[Motion], given: Fit, site: Site | None, rate_hz
 def with_plates(shots: Sequence[Samples], plates: Sequence[tuple[float, float]]) -> tuple[Samples, ...]:
     """Return the shots with what is known of each one's plate at first touch, where there is any."""
     return tuple(replace(s, plate=plate) for s, plate in zip(shots, plates, strict=True)) if plates else tuple(shots)
-
-
-def _plates(given: Fit) -> list[tuple[float, float]]:
-    if not given.reduced_chi2 < _TRUSTED:
-        return []
-    own = [shot.own_parameters for shot in given.shots]
-    return [(of[x].value, of[v].value) for of in own for x, v in (PLATE_START,) if x in of]
-
-
-def parameters_of(given: Fit, base: Base) -> tuple[Floats, Floats]:
-    """Return a fit's shared parameters of the base model, shape (k,), and (v_in, touch, offset) of each shot."""
-    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in given.shots]
-    return np.array([given.parameters[name].value for name in base.names]), np.array(own)

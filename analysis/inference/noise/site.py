@@ -187,7 +187,7 @@ def site_of(shakings: Sequence[Shaking | None], length_s: float, least_nm: float
     power = np.asarray(density * apart_hz)
     quick = _of_the_frame(frequency, power)
     frequency, power = frequency[:quick], power[:quick]
-    if 1e9 * float(np.sqrt(power.sum())) < least_nm:
+    if quick < 2 or 1e9 * float(np.sqrt(power.sum())) < least_nm:  # all that moves is the path itself
         return None
     third = np.floor(_IN_AN_OCTAVE * np.log2(np.maximum(frequency / frequency[1], 1.0)))
     band = np.unique(third, return_inverse=True)[1]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.inference.fit import base_fit as begin
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.free_parameters import trial_effects
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted
@@ -49,4 +49,5 @@ def calm() -> bool:
 
 def base_fit(motions: tuple[Motion, ...]) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate."""
-    return begin.base_fit(JointData(together(motions), base_named("paper")), fit_shots(motions), calm)
+    data = JointData(together(motions), base_named("paper"))
+    return begin.base_fit(data, first_fit(motions, "paper", None, calm), calm)

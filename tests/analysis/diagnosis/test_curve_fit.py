@@ -9,7 +9,7 @@ from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.diagnosis.learning import curve_fit
 from analysis.diagnosis.learning.curve_motion import Ground, ground_of
 from analysis.inference.fit.base_fit import base_fit
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.samples import together
@@ -28,7 +28,8 @@ def ground() -> Ground:
     """Return what a magnet is learned on: it moves the block by some micrometres."""
     rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-3 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
     motions = rig.shots()
-    return ground_of(base_fit(JointData(together(motions), base_named("paper")), fit_shots(motions), calm))
+    data = JointData(together(motions), base_named("paper"))
+    return ground_of(base_fit(data, first_fit(motions, "paper", None, calm), calm))
 
 
 def test_old_derivatives_lead_to_the_same_curve(ground: Ground, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from analysis.diagnosis.learning.law_learning import Discovery, learn_law, may_r
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws, learn_two
 from analysis.diagnosis.verdict.cross_validation import choose, predict
 from analysis.inference.fit.base_fit import base_fit
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.fit.prepare import base_named
@@ -18,7 +18,8 @@ from tests.law_rigs import LawRig
 
 def begun(rig: LawRig) -> Fitted:
     motions = rig.shots()
-    return base_fit(JointData(together(motions), base_named("paper")), fit_shots(motions), lambda: False)
+    data = JointData(together(motions), base_named("paper"))
+    return base_fit(data, first_fit(motions, "paper", None, lambda: False), lambda: False)
 
 
 def learned(rig: LawRig) -> tuple[Fitted, Discovery | None]:

@@ -5,7 +5,7 @@ import pytest
 from analysis.diagnosis.search.from_base import explored
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.base_fit import base_fit
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.samples import together
@@ -16,9 +16,9 @@ from tests.analysis.diagnosis.shots import KINDS, calm, shots
 def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collision_was_read() -> None:
     size = 2.9e5  # the contact that is read is drawn to a wall as well
     motions = shots({"cubic_stiffness": {"coefficient_n_per_m3": size}})
-    given = fit_shots(motions)
+    given = first_fit(motions, "paper", None, calm)
     before = base_fit(JointData(together(motions), base_named("paper")), given, calm)
-    assert given.reduced_chi2 > CRITERIA.drawn_far and not before.converged
+    assert given.left > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff
     best, trail = explored(before, given, motions, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
     assert trail.start is before and best.names == ("cubic_stiffness",)

@@ -10,13 +10,14 @@ import pytest
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference.fit.begin import begin_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.fitting import fit_shots
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import residuals
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.joint_data import joint_data, parameters_of, shakings_of, site_under, with_plates
+from analysis.inference.noise.joint_data import joint_data, shakings_of, site_under, with_plates
 from analysis.inference.noise.site import Site, Sway, site_of
 from analysis.shot.disturbance import Shaking
 from analysis.shot.quantity import Quantity
@@ -133,9 +134,10 @@ def at_vc_d():
     shakings = shakings_of(motions, "paper", None)
     site = site_under(motions, shakings, CRITERIA.site_nm)
     fit = fit_shots(motions, shakings=shakings)
-    data = joint_data(motions, fit, site)
+    begin = begin_of(fit, motions)
+    data = joint_data(motions, begin, site)
     hypothesis = Hypothesis(data, ())
-    z = hypothesis.pack(Point(*parameters_of(fit, data.base), ({},) * 3))
+    z = hypothesis.pack(Point(begin.shared, begin.own, ({},) * 3))
     return data, residuals(hypothesis, z)
 
 
@@ -180,7 +182,7 @@ def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
     drawn_off = replace(fit, parameters={**fit.parameters, **{name: Quantity(v, 0.0) for name, v in names.items()}})
     site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
-    assert joint_data(motions, drawn_off, site).site is None
+    assert joint_data(motions, begin_of(drawn_off, motions), site).site is None
 
 
 @pytest.mark.slow  # quicker: friction alone is named there, below

@@ -1,0 +1,143 @@
+"""Fit the base model to shots of which nothing is known but their motions: where a diagnosis begins.
+
+First guesses are read from what the fastest shot's contact resembles; the search from there sees the averaged samples
+that the diagnosis sees.  A remainder far above the noise is either an effect's or a wrong pattern of bounces: the first
+bounces alone tell which.  On a frame that sways, what is quick and small alone speaks for the bounces: the search takes
+the white noise for a hundred times what it is at first, and then for what it is.
+"""
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.base_fit import slow_enough, white_of
+from analysis.inference.fit.base_minimum import STRONG, first_guesses
+from analysis.inference.fit.begin import TRUSTED, Begin, Plates
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.hypothesis_fit import residuals, search
+from analysis.inference.fit.least_squares import Minimum
+from analysis.inference.fit.prepare import base_of, prepare_set
+from analysis.inference.fit.response import Model
+from analysis.inference.fit.samples import Samples, together
+from analysis.inference.fit.search import own_start
+from analysis.inference.noise.floor import Floor, white_floor
+from analysis.inference.noise.site import Site, on_site
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError, Cancelled, Stop
+
+Floats = NDArray[np.float64]
+_EARLY = 0.3  # of the contact time: the bounces
+_EVALUATIONS, _ROUGHLY = 60, 30
+_TOLERANCE = 1e-3  # of chi^2
+_FOLLOWED = 3  # guesses
+_LOUDER = 100.0
+
+
+def first_fit(motions: Sequence[Motion], model: str, site: Site | None, stop: Stop) -> Begin:
+    """Return where the base ``model`` comes nearest to ``motions``.
+
+    Raises ValueError for an unknown model, NoCollision (an AnalysisError) where a motion shows none, AnalysisError
+    where no motion of the model comes near, Cancelled when asked to stop.  Cost: 0.1 s for three shots, on a frame
+    that sways 0.3 s more.
+    """
+    base = base_of(model, motions)
+    shots = together(motions)
+    prepared = prepare_set(motions)
+    own = np.array([own_start(shot, Model(base)) for shot in prepared])
+    white_m = white_of(shots)
+    guesses = first_guesses(base, prepared, stop, site.shaking.rms_m if site is not None else 0.0)
+    ends = []
+    why: Infeasible | None = None
+    try:
+        if site is None:
+            return _nearest(JointData(shots, base), guesses, own, white_m, stop)
+        for shared in guesses[:_FOLLOWED]:
+            with contextlib.suppress(Infeasible):
+                ends.append(_on_frames(JointData(shots, base, site=site), shared, own, white_m, stop))
+                if ends[-1].left < TRUSTED:
+                    break
+        if not ends or min(end.left for end in ends) > STRONG:
+            # a start that is not near is drawn to no collision at all where an effect is missing, too
+            still = _nearest(JointData(shots, base), guesses, own, white_m, stop)
+            ends.append(still)
+            with contextlib.suppress(Infeasible):
+                ends.append(_on_frames(JointData(shots, base, site=site), still.shared, still.own, white_m, stop))
+    except Infeasible as reason:
+        why = reason
+    if stop():
+        raise Cancelled
+    if not ends:
+        raise AnalysisError(f"no motion of the {model} model comes near these shots: {why}") from why
+    return min(ends, key=lambda end: end.left)
+
+
+def _nearest(data: JointData, guesses: Sequence[Floats], own: Floats, white_m: float, stop: Stop) -> Begin:
+    """Return the best end of the searches from first guesses, or from what the first bounces alone suggest."""
+    floor = white_floor(white_m, data.shots[0].spacing_s)
+    best = _ended(data, guesses[0], own, floor, stop)
+    if best.left < STRONG:
+        return best
+    early = replace(data, shots=tuple(_bounces(shot) for shot in data.shots))
+    with contextlib.suppress(Infeasible):
+        there = _ended(early, best.shared, best.own, floor, stop, _ROUGHLY)
+        if there.left < STRONG:
+            guesses = [guesses[0], there.shared]
+    for shared in guesses[1:_FOLLOWED]:
+        with contextlib.suppress(Infeasible):
+            trial = _ended(data, shared, own, floor, stop)
+            best = min(best, trial, key=lambda end: end.left)
+            if best.left < STRONG:
+                break
+    return best
+
+
+def _bounces(shot: Samples) -> Samples:
+    until_s = shot.course.touch_time_s + _EARLY * shot.course.contact_time_s
+    return replace(shot, valid=shot.valid & (shot.centre_s < until_s))
+
+
+def _on_frames(data: JointData, shared: Floats, own: Floats, white_m: float, stop: Stop) -> Begin:
+    """Return where a search on frames that sway ends, coarse to fine, with the likeliest plate of each shot."""
+    assert data.site is not None
+    strengths = (0.0,) * data.site.bands
+    spacing_s = data.shots[0].spacing_s
+    here = Begin(data.base, shared, own)
+    for louder in (_LOUDER, 1.0):
+        floor = replace(white_floor(louder * white_m, spacing_s), site=strengths)
+        there = replace(data, shots=on_site(data.shots, data.site, data.base, here.shared, here.own))
+        here = _ended(there, here.shared, here.own, floor, stop, _ROUGHLY if louder > 1.0 else _EVALUATIONS)
+    return here
+
+
+def _ended(
+    data: JointData, shared: Floats, own: Floats, floor: Floor, stop: Stop, evaluations: int = _EVALUATIONS
+) -> Begin:
+    """Return where a search ends; Infeasible where it cannot begin."""
+    hypothesis = Hypothesis(data, ())
+    values: tuple[dict[str, dict[str, float]], ...] = tuple({} for _ in data.shots)
+    point = slow_enough(hypothesis, Point(shared, own, values))
+    z = hypothesis.pack(point)
+    found = search(hypothesis, z, floor, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
+    if stop():
+        raise Cancelled
+    end = hypothesis.unpack(found.parameters)
+    left = found.square.chi2 / found.square.samples
+    return Begin(data.base, end.base, end.own, _plates(hypothesis, found, floor) if left < TRUSTED else (), left)
+
+
+def _plates(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Plates:
+    """Return each shot's likeliest plate at first touch, beside what is left there; none where no frame sways."""
+    shots = hypothesis.data.shots
+    if not floor.site:
+        return ()
+    left = residuals(hypothesis, found.parameters)
+    plates = []
+    for shot, rest in zip(shots, left, strict=True):
+        assert shot.sway is not None
+        plates.append(shot.sway.likely_plate(rest, shot.plate, floor))
+    return tuple(plates)

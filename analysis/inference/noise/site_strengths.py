@@ -28,8 +28,9 @@ _LEVEL = 6.0  # of each band's by itself
 _LINE = 2.0  # of a line's
 _ITERATIONS, _ENOUGH, _MOST = 20, 5e-3, 3.0  # steps, in log-likelihood, in the logarithm of a strength
 _AS_PROMISED = 0.15  # of what a step promises to first order: half of it is gained where the curvature is right
-_ADDS, _TAU_S = (2.0, 0.3), (4e-3, 2e-2)  # of a search for a shape: what a sample adds over white, memory, each part's
-_SIDE, _NEAR, _ALIKE = 0.7, 0.1, 0.3  # ... its simplex, where it ends, the log-likelihoods there
+_ADDS = 2.0, 0.2  # of a search for a shape: what a sample adds over white, of the first part and of the second ...
+_TAU_S = (4e-3,), (5e-4, 5e-2)  # ... memories that are tried
+_SIDE, _CLOSER, _NEAR, _ALIKE = 0.7, 0.3, 0.1, 0.3  # ... its simplex, one from nearby, where it ends, in ln L there
 _TRIALS = 15  # ... for each part
 
 
@@ -94,8 +95,8 @@ class _Set:
         at, value = _likeliest(start, parts, self.precision, self.curve)
         return _Found(shape, at, value)
 
-    def nearby(self, begin: _Found, parts: int) -> _Found:
-        """Return the likeliest strengths and shape of so many wandering parts, the shape begun at that of another."""
+    def nearby(self, begin: _Found, parts: int, side: float) -> _Found:
+        """Return the likeliest strengths and shape of so many wandering parts, begun a ``side`` from another's."""
         best = begin
 
         def worth(z: Floats) -> float:
@@ -105,7 +106,7 @@ class _Set:
             return -trial.value
 
         z = _coordinates(begin.shape, parts)
-        corners = np.vstack([z, z + _SIDE * np.eye(z.size)])
+        corners = np.vstack([z, z + side * np.eye(z.size)])
         options = {"initial_simplex": corners, "xatol": _NEAR, "fatol": _ALIKE, "maxfev": _TRIALS * parts}
         minimize(worth, z, method="Nelder-Mead", options=options)
         return best
@@ -130,8 +131,14 @@ def learn(
     best = left.found(white_floor(1.0, spacing_s), at)
     most = parts if start is None else max(1, sum(rms > 0 for rms in start.rms_m))
     for number in range(1, most + 1):
-        known = _shape_of(start, number) if start is not None and start.rms_m[number - 1] > 0 else None
-        trial = left.nearby(left.found(known or _with_a_part(best.shape, number), best.at), number)
+        if start is not None and start.rms_m[number - 1] > 0:
+            trial = left.nearby(left.found(_shape_of(start, number), best.at), number, _CLOSER)
+        else:
+            begins = [left.found(_with_a_part(best.shape, number, tau_s), best.at) for tau_s in _TAU_S[number - 1]]
+            begin = max(begins, key=lambda found: found.value)
+            if number > 1 and begin.value < best.value:  # not even roughly is there a second one
+                break
+            trial = left.nearby(begin, number, _SIDE)
         samples = sum(int(shot.valid.sum()) for shot in shots)
         if 2 * (trial.value - best.value) < 2 * math.log(samples):
             break
@@ -139,9 +146,8 @@ def learn(
     return best.floor, best.value
 
 
-def _with_a_part(shape: Floor, number: int) -> Floor:
+def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
     """Return the shape with one wandering part more, its ``number``-th, as a search for it begins."""
-    tau_s = _TAU_S[number - 1]
     rms = _ADDS[number - 1] / math.sqrt(2.0 * shape.spacing_s / tau_s)
     first = (rms, tau_s) if number == 1 else (shape.rms_m[0], shape.tau_s[0])
     second = (0.0, 1e-2) if number == 1 else (rms, tau_s)

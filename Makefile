@@ -67,6 +67,7 @@ bench-coverage: $(READY)
 
 # the diagnosis in buildings: 100 clean sets a site, and every effect at twelve norms of the site's noise: some hours
 bench-sites: $(READY)
+	$(BIN)/python -m tests.benchmarks.buildings --clean 43 --effects 3 --seed 2 --keep .bench/buildings.jsonl
 	$(BIN)/python -m tests.benchmarks.sites --clean 100 --effects 5 --seed 2 --keep .bench/sites.jsonl
 
 screenshots: $(READY)

@@ -12,6 +12,7 @@ from analysis.diagnosis.learning import contact_words
 from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.learning.law_learning import may_reach
+from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.competing_models import apart
 from analysis.diagnosis.search.forward_selection import Trail, without
@@ -49,6 +50,7 @@ def diagnose(
     laws: Sequence[str] = (),
     hold_out: int | None = None,
     shakings: Sequence[Shaking | None] | None = None,
+    seconds: float = SECONDS,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Diagnosis:
@@ -58,6 +60,7 @@ def diagnose(
     ``fit`` is a joint base fit of these motions, where there is one already; ``hold_out`` the index of the shot that
     is foretold from the others (default: the slowest, a middle one and the fastest in turn, of two the slower).
     ``shakings`` say what shook the frame of each shot, as its reading tells; where not given, they are read here.
+    After ``seconds`` on two cores what may be left out is left out: other ways through the catalogue, laws.
     Everything is judged in displacement.  Raises ValueError for an unknown model or effect, AnalysisError where there
     is nothing to judge, Cancelled when asked to stop.
     """
@@ -73,7 +76,7 @@ def diagnose(
     tell("fitting the base model", 0.0)
     shakings = shakings_of(motions, model, shakings)
     site = site_under(motions, shakings, CRITERIA.site_nm)
-    asked = _Asked(motions, fit, model, hold_out, tell, stop, began)
+    asked = _Asked(motions, fit, model, hold_out, tell, stop, Limit(seconds, stop), began)
     begin = first_fit(motions, model, site, stop) if fit is None else begin_of(fit, motions)
     search = Search(motions, begin, catalogue, accepted, tell, stop)
     under_site = [search.under(site)] if site is not None else []
@@ -82,6 +85,8 @@ def diagnose(
             told = _judged(asked, _standing(asked, searched, asked.law_alone(searched.trail.start)), laws=False)
             if told.explained:
                 return told.diagnosis
+    if under_site and asked.limit():
+        return _judged(asked, _standing(asked, searched, asked.law_alone(searched.trail.start))).diagnosis
     # The last effect that may join is asked where no law explains all: it seldom does.
     wandering = search.under(None, most=CRITERIA.most_effects - (site is None))
     likelier = min([wandering, *under_site], key=lambda searched: searched.best.bic)
@@ -114,12 +119,13 @@ class _Asked:
     hold_out: int | None
     tell: Progress
     stop: Stop
+    limit: Limit
     began: float
 
     def law_alone(self, start: Fitted) -> LawAlone:
         """Return the one law that may be what a fit lacks."""
         held = choose(start.hypothesis.data) if self.hold_out is None else (self.hold_out,)
-        return LawAlone(start, held, self.tell, self.stop)
+        return LawAlone(start, held, self.tell, self.stop, self.limit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +168,7 @@ def _standing(asked: _Asked, searched: Searched, alone: LawAlone) -> _Standing:
         alone = asked.law_alone(trail.start)
     data = trail.start.hypothesis.data
     held = choose(data, in_turn=best is not trail.start) if asked.hold_out is None else (asked.hold_out,)
-    return _Standing(searched.catalogue, trail, held, settle(best, trail, held, asked.tell, rest), alone)
+    return _Standing(searched.catalogue, trail, held, settle(best, trail, held, asked.tell, asked.limit, rest), alone)
 
 
 def _standing_before(beat: float, asked: _Asked, searched: Searched, alone: LawAlone) -> _Standing:
@@ -204,7 +210,7 @@ def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True, beat: floa
     if laws and verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
         in_turn = standing.alone.held
         beyond = (
-            beside(best, effects, before, in_turn, tell, stop, beat=beat)
+            beside(best, effects, before, in_turn, tell, stop, asked.limit, beat=beat)
             if effects
             else beyond_catalogue(standing.alone, best, found, beat=beat)
         )
@@ -236,6 +242,7 @@ def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True, beat: floa
         separating_shot=separating(effects, data),
         seconds=time.perf_counter() - asked.began,
         laws=learned,
+        not_asked=asked.limit.left_out,
     )
     tell("diagnosed", 1.0)
     return _Judged(diagnosis, after.bic)

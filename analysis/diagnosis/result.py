@@ -154,6 +154,7 @@ class Diagnosis:
     separating_shot: str = ""
     seconds: float = 0.0
     laws: tuple[LearnedLaw, ...] = ()
+    not_asked: tuple[str, ...] = ()  # what a limit of time left out, in words
 
     @property
     def findings(self) -> tuple[FoundEffect, ...]:
@@ -202,4 +203,5 @@ def to_result(diagnosis: Diagnosis) -> dict[str, Any]:
         "blind_spots": list(diagnosis.blind_spots),
         "separating_shot": diagnosis.separating_shot,
         "seconds": diagnosis.seconds,
+        "not_asked": list(diagnosis.not_asked),
     }

@@ -1,6 +1,6 @@
 """The diagnosis on the independent rig: ``python -m tests.benchmarks.buildings [--clean N] [--effects N] [--seed S]``.
 
-``--clean`` sets a site without an effect, ``--effects`` sets of each effect at a site, with the sizes of ``EFFECTS``, on
+``--clean`` sets a site without an effect, ``--effects`` sets of each effect at a site, of the sizes of ``EFFECTS``, on
 ``tests.building_rig``, which shares no code with the program's own bench.  A third of the sets begin with a plate that
 swings.  Outcomes are kept line by line (``--keep FILE``).
 """

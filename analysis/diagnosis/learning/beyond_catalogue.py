@@ -9,6 +9,7 @@ from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.law_telling import retold
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws
+from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -44,18 +45,24 @@ def beyond_catalogue(
     are not: so much freedom imitates nearly anything, and costs as much time as all before it.  ``beat`` is what laws
     must make the shots likelier than (``law_learning``).
     """
-    before, held, tell, stop = alone.start, alone.held, alone.tell, alone.stop
+    before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
     found = []
     if (first := alone.found) is not None:
         if first.explains:
             return _alone(first)
-        found.append(_alone(learn_another(first, held, tell, stop, beat=beat)))
+        found.append(
+            _alone(limit.within("a second law", lambda: learn_another(first, held, tell, limit, beat=beat), first))
+        )
         if found[-1].verdict is Verdict.LAW_LEARNED:
             return found[-1]
     helped = _helps(before, nearest, held, stop)
     if helped is not None:
         tell("learning a law beside the effects that came nearest", 0.83)
-        joined = learn_law(nearest, held, tell, stop, beat=beat)
+        joined = limit.within(
+            "a law beside the effects that came nearest",
+            lambda: learn_law(nearest, held, tell, limit, beat=beat),
+            None,
+        )
         if joined is not None:
             found.append(_together(joined, effects, helped[0], held, stop))
             if found[-1].verdict is Verdict.LAW_LEARNED:
@@ -72,6 +79,7 @@ def beside(
     held: tuple[int, ...],
     tell: Progress,
     stop: Stop,
+    limit: Limit,
     *,
     beat: float = math.inf,
 ) -> Beyond | None:
@@ -80,7 +88,8 @@ def beside(
     ``named`` is the fit with those effects, ``before`` the base model's.
     """
     tell("learning a law beside the effects that were found", 0.8)
-    found = learn_laws(named, held, tell, stop, beat=beat)
+    what = "a law beside the effects that were found"
+    found = limit.within(what, lambda: learn_laws(named, held, tell, limit, beat=beat), None)
     if found is None:
         return None
     base = predict(before, held, named.floor, stop) or found.foretold[0]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
+from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -28,11 +29,16 @@ class LawAlone:
     held: tuple[int, ...]
     tell: Progress = field(repr=False)
     stop: Stop = field(repr=False)
+    limit: Limit = field(repr=False)
 
     @cached_property
     def found(self) -> Discovery | None:
         """Get the law, or None where the shots show none."""
-        return learn_law(self.start, self.held, lambda what, _fraction: self.tell(what, _HALF), self.stop)
+
+        def learned() -> Discovery | None:
+            return learn_law(self.start, self.held, lambda what, _fraction: self.tell(what, _HALF), self.limit)
+
+        return self.limit.within("one law in the place of effects", learned, None)
 
     def explains_instead(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:
         """Return whether the law explains all where ``best`` does not, and is none of the ``catalogue``'s rows."""

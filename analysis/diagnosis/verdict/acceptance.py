@@ -3,8 +3,9 @@
 What stands of the effects that a search found follows: after held-out shots, size, look-alikes and what is left.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.competing_models import Separations, apart, challenged, unmissed
 from analysis.diagnosis.search.forward_selection import Trail, another_way, better, without
@@ -109,7 +110,7 @@ class Settled:
 
 
 def settle(
-    best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress, judged: Residual | None = None
+    best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress, limit: Limit, judged: Residual | None = None
 ) -> Settled:
     """Return what stands of ``best``, or of what another way leads to where that leaves something unexplained.
 
@@ -119,7 +120,8 @@ def settle(
     if not stands.rest.significant:
         return stands
     tell("looking for another way", 0.75)
-    other = another_way(stands.best, trail)
+    timed = replace(trail, stop=limit)
+    other = limit.within("the search from other first effects", lambda: another_way(stands.best, timed), stands.best)
     if not better(other, stands.best):
         return stands
     again = _settled(other, trail, held, lambda _what, _fraction: None)

@@ -6,10 +6,11 @@ import pytest
 
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference.fit.free_parameters import trial_effects
-from tests.analysis.diagnosis.shots import shots
+from tests.analysis.diagnosis.shots import calm, shots
 from tests.analysis.diagnosis.test_law_learning import begun
 from tests.law_rigs import LawRig
 
@@ -35,6 +36,6 @@ def test_two_rows_that_look_like_a_third_are_named_before_a_law_is() -> None:
 @pytest.mark.slow
 def test_a_law_that_may_be_a_row_of_the_catalogue_stands_instead_of_none() -> None:
     start = begun(LawRig(on_plate=lambda _x, _v, y, _u: -100.0 * y**3))
-    alone = LawAlone(start, choose(start.hypothesis.data), lambda _what, _fraction: None, lambda: False)
+    alone = LawAlone(start, choose(start.hypothesis.data), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
     assert alone.found is not None and alone.found.explains  # as a cubic of the bend, which cubic stiffness is
     assert not alone.explains_instead(start, trial_effects())

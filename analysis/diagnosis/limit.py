@@ -1,0 +1,48 @@
+"""How long a diagnosis may take: what may be left out is, once its time is over, and is said to be."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from analysis.fitted.fit_time import FitTime
+from analysis.shot.shot import Cancelled, Stop
+
+SECONDS = 60.0  # of two cores: a usual diagnosis takes a few
+Result = TypeVar("Result")
+
+
+class Limit:
+    """The time of a diagnosis from now on, and what of it was left out when that was over.
+
+    Called, it says whether work that may be left out is to stop; it raises Cancelled where the caller asked to stop.
+    Neither compiling nor what other programs take of the processor is counted.
+    """
+
+    def __init__(self, seconds: float, cancelled: Stop) -> None:
+        """Begin now."""
+        self._time, self._cancelled = FitTime(seconds, cancelled), cancelled
+        self._left_out: list[str] = []
+
+    def __call__(self) -> bool:
+        """Return whether the time is over.  Raises Cancelled."""
+        return self._time()
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Get what was left out, in words."""
+        return tuple(dict.fromkeys(self._left_out))
+
+    def within(self, what: str, work: Callable[[], Result], otherwise: Result) -> Result:
+        """Return what ``work`` makes, or ``otherwise`` where the time is over before it ends: then ``what`` is noted.
+
+        ``work`` asks this limit whether to stop, and raises Cancelled where it does.
+        """
+        if self():
+            self._left_out.append(what)
+            return otherwise
+        try:
+            return work()
+        except Cancelled:
+            if self._cancelled() or not self._time.over:
+                raise
+            self._left_out.append(what)
+            return otherwise

@@ -1,0 +1,53 @@
+"""A diagnosis out of its time leaves out what may be left out, says so, and tells what it had found by then."""
+
+import math
+import time
+
+import pytest
+
+from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.limit import Limit
+from analysis.diagnosis.result import Verdict, to_result
+from analysis.shot.shot import Cancelled
+from tests.analysis.diagnosis.shots import calm, shots
+from tests.law_rigs import LawRig
+
+
+def _worked(seconds: float) -> None:
+    until = time.process_time() + seconds
+    while time.process_time() < until:
+        pass
+
+
+def test_work_is_left_out_only_after_its_time() -> None:
+    limit = Limit(1.0, calm)
+    assert limit.within("early", lambda: "done", "not done") == "done" and limit.left_out == ()
+
+    def endless() -> str:
+        while not limit():
+            _worked(0.05)
+        raise Cancelled
+
+    assert limit.within("endless", endless, "not done") == "not done"
+    assert limit.within("late", lambda: "done", "not done") == "not done"
+    assert limit.left_out == ("endless", "late")
+
+
+def test_who_asks_to_stop_is_not_out_of_time() -> None:
+    limit = Limit(60.0, lambda: True)
+    with pytest.raises(Cancelled):
+        limit.within("anything", lambda: "done", "not done")
+    assert limit.left_out == ()
+
+
+def test_a_law_that_there_was_no_time_for_is_named_as_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Limit, "__call__", lambda self: True)
+    rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-5 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
+    found = diagnose(rig.shots((0.15, 0.3)))
+    assert found.verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED) and not found.laws
+    assert "one law in the place of effects" in found.not_asked
+    assert to_result(found)["not_asked"] == list(found.not_asked)
+
+
+def test_what_is_done_in_time_leaves_nothing_out() -> None:
+    assert diagnose(shots({})).not_asked == ()

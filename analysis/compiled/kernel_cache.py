@@ -28,7 +28,7 @@ import platformdirs
 
 from analysis.compiled.kernel_safety import import_numba, only_own
 
-_PREFIX = __name__.removesuffix("analysis.compiled.kernel_cache")  # in the wheel "levimass."
+_PREFIX = __name__.rpartition("analysis.")[0]  # in the wheel "levimass."
 _BASE = Path(__file__).resolve().parents[__name__.count(".")]
 _TOPS = tuple(_PREFIX + name for name in ("analysis", "instrument", "app", "tests"))
 _BEGAN_NS = time.time_ns()

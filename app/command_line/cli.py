@@ -129,6 +129,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             plan=options.plan,
             reach=reach_of(options) if options.plan is not None else None,
             fit_seconds=options.fit_seconds,
+            diagnosis_seconds=options.diagnosis_seconds,
         )
     if options.acquire is not None:
         from app.command_line.acquire import acquire
@@ -234,6 +235,12 @@ def _parser() -> argparse.ArgumentParser:
         "--fit-seconds", type=_positive, metavar="S", help="longest that the fit of one shot may take (20)"
     )
     group.add_argument(
+        "--diagnosis-seconds",
+        type=_positive,
+        metavar="S",
+        help="time after which a diagnosis leaves out other ways and laws, and says so (60)",
+    )
+    group.add_argument(
         "--model", metavar="NAME", help=f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)"
     )
     group.add_argument(
@@ -288,7 +295,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     """Refuse options that would otherwise be passed over in silence."""
-    names = ("json", "export", "report", "model", "law", "save_model", "jobs", "scheduler", "fit_seconds")
+    names = ["json", "export", "report", "model", "law", "save_model", "jobs", "scheduler"]
+    names += ["fit_seconds", "diagnosis_seconds"]
     given = {name for name in names if getattr(options, name) is not None}
     given |= {"no-diagnose"} if options.no_diagnose else set()
     given |= {"plan"} if options.plan is not None else set()
@@ -319,6 +327,8 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         parser.error("--save-model writes what a diagnosis arrived at: leave --no-diagnose out")
     if options.jobs is not None and options.scheduler is not None:
         parser.error("--jobs and --scheduler: one of them")
+    if options.diagnosis_seconds is not None and (options.no_diagnose or options.jobs is not None):
+        parser.error("--diagnosis-seconds is for a diagnosis: leave --no-diagnose and --jobs out")
     if options.law is not None and options.no_diagnose:
         parser.error("--law is asked by the diagnosis: leave --no-diagnose out")
     if options.plan is not None and options.no_diagnose:

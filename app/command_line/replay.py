@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose as diagnose_motions
+from analysis.diagnosis.limit import SECONDS as LONGEST
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
@@ -52,6 +53,7 @@ def replay(
     plan: str | None = None,
     reach: Reach | None = None,
     fit_seconds: float | None = None,
+    diagnosis_seconds: float | None = None,
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
@@ -59,7 +61,9 @@ def replay(
     ``foretell`` puts the file's model to the test, as it is.
     ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue; ``checked`` compares the
     data with their hash.  ``plan`` asks for the next shots: those that decide (""), or that make a parameter surer;
-    ``reach`` is what the rig can do.  ``fit_seconds`` is the longest that the fit of one shot may take.
+    ``reach`` is what the rig can do.  ``fit_seconds`` is the longest that the fit of one shot may take,
+    ``diagnosis_seconds`` the time after which a diagnosis leaves out what may be left out.  A diagnosis that fails is a
+    failure.
     """
     shots: list[Shot] = []
     try:
@@ -75,7 +79,7 @@ def replay(
         if why := shot.problem or shot.fit_problem:
             print(complaint(shot.path or shot.name, why if shot.problem else f"not fitted: {why}"), file=sys.stderr)
         shots.append(shot)
-    diagnosis = _diagnosis(shots, own) if diagnose else None
+    diagnosis, failed = _diagnosis(shots, own, diagnosis_seconds or LONGEST) if diagnose else (None, False)
     if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
@@ -84,7 +88,7 @@ def replay(
     tried = known.tried if known is not None else ()
     ahead = plan_ahead(shots, diagnosis, plan, reach) if plan is not None else None
     ok = _write(shots, diagnosis, told, outputs, tried, ahead) and (told is not None or not foretell)
-    ok = ok and (ahead is not None or plan is None)
+    ok = ok and (ahead is not None or plan is None) and not failed
     if known is not None and diagnosis is not None:
         _tell_drift(known, diagnosis)
     if outputs.model is not None:
@@ -92,27 +96,35 @@ def replay(
     return 0 if ok and shots and not any(shot.problem or shot.fit_problem for shot in shots) else 1
 
 
-def _diagnosis(shots: Sequence[Shot], laws: Sequence[str]) -> Diagnosis | None:
-    """Return one diagnosis over the shots that can take part in it; None, and one line, where there is none."""
+def _diagnosis(shots: Sequence[Shot], laws: Sequence[str], seconds: float) -> tuple[Diagnosis | None, bool]:
+    """Return one diagnosis over the shots that can take part in it; None, and one line, where there is none.
+
+    The second says whether it failed.
+    """
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if not fitted:
-        return None
+        return None, False
     if why := why_not_together(fitted):
         print(f"levimass: no joint diagnosis: {why}", file=sys.stderr)
-        return None
+        return None, False
     try:
-        return diagnose_motions(
+        found = diagnose_motions(
             [shot.motion for shot in fitted if shot.motion is not None],
             model=fitted[0].settings.model,
             accepted=fitted[0].settings.effects,
             laws=laws,
             shakings=[shaking_of(shot) for shot in fitted],
+            seconds=seconds,
         )
     except AnalysisError as error:
         print(f"levimass: no diagnosis: {error}", file=sys.stderr)
     except Exception as error:  # a fault of the program's own must not cost the shots their numbers
         print(f"levimass: no diagnosis: {_fault(error)}", file=sys.stderr)
-    return None
+    else:
+        if found.not_asked:
+            print(f"levimass: no time within {seconds:g} s for {'; '.join(found.not_asked)}", file=sys.stderr)
+        return found, False
+    return None, True
 
 
 def _foretold(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:

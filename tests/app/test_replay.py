@@ -281,3 +281,28 @@ def test_names_as_long_as_they_may_be(good: Path, tmp_path: Path, capsys: pytest
     assert main(["--replay", str(_meta(long)), "--no-diagnose", "--json", too_long]) == 1
     heard = capsys.readouterr()
     assert "File name too long" in heard.err and heard.err.count("\n") == 1 and heard.out == ""  # before the work
+
+
+def test_a_diagnosis_that_fails_is_one_line_and_a_failure(
+    good: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: Any, **__: Any) -> None:
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+
+    monkeypatch.setattr("app.command_line.replay.diagnose_motions", failing)
+    status, told, errors = _replay(capsys, good)
+    assert status == 1
+    assert told["diagnosis"] is None and told["shots"][0]["status"] == "ok"
+    assert errors.splitlines() == [
+        "levimass: no diagnosis: a fault of the program: LinAlgError: Matrix is not positive definite"
+    ]
+
+
+def test_a_diagnosis_has_the_seconds_it_is_given(
+    good: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = []
+    monkeypatch.setattr("app.command_line.replay._diagnosis", lambda *a: (given.append(a[2]), (None, False))[1])
+    assert _replay(capsys, good, "--diagnosis-seconds", "7.5")[0] == 0
+    assert _replay(capsys, good)[0] == 0
+    assert given == [7.5, 60.0]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
-from tests.analysis.collision import MASS_KG, Synthetic, position_m
+from tests.analysis.synthetic_collision import MASS_KG, Synthetic, position_m
 
 REST_HZ, WAVELENGTH_M, VOLTS_PER_COUNT = 2.73e6, 632.8e-9, 1 / 2048
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.shot.motion import Motion
 from analysis.shot.recording import Recording
-from tests.analysis.collision import Synthetic, motion_from, position_m
+from tests.analysis.synthetic_collision import Synthetic, motion_from, position_m
 
 Floats = NDArray[np.float64]
 CRITERIA_M_PER_S = {"VC-A": 50e-6, "VC-C": 12.5e-6, "VC-D": 6.25e-6, "VC-E": 3.12e-6, "VC-G": 0.78e-6}

@@ -14,8 +14,8 @@ from analysis.report import shot_result
 from analysis.shot.shot import AnalysisSettings
 from app.command_line.replay import summary
 from app.report.page import report_of
-from tests.analysis.collision import MASS_KG, Synthetic
 from tests.analysis.disturbance import Disturbance, Line, disturbed_motion
+from tests.analysis.synthetic_collision import MASS_KG, Synthetic
 
 RIG = Synthetic(speed_m_per_s=0.16, touch_s=0.012003)
 

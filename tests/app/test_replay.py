@@ -11,7 +11,7 @@ import pytest
 
 from app.command_line.cli import main
 from instrument.recording_writer import write_recording
-from tests.analysis.collision import Synthetic, motion_of
+from tests.analysis.synthetic_collision import Synthetic, motion_of
 from tests.beats import recording_of
 
 # the figures for the recording "paper": value and how far the replay may lie from it

@@ -13,7 +13,7 @@ from analysis.fitted.fitted_shot import fit_again
 from analysis.pipeline import analyse_motion
 from analysis.shot.shot import AnalysisSettings, Cancelled, Shot
 from analysis.signal.record import motion_from_displacement
-from tests.analysis.collision import MASS_KG, Synthetic, motion_of
+from tests.analysis.synthetic_collision import MASS_KG, Synthetic, motion_of
 
 
 def shot_of(rate_hz: float, unit_s: float, settings: AnalysisSettings) -> Shot:

@@ -12,8 +12,8 @@ from analysis.inference.fit.prepare import prepare
 from analysis.inference.fit.starts import NoCollision
 from analysis.shot.shot import AnalysisSettings, Cancelled
 from analysis.signal.demodulate import demodulate
-from tests.analysis.collision import PLATE_N_PER_M, Synthetic, motion_of
 from tests.analysis.collision.simulated import shot
+from tests.analysis.synthetic_collision import PLATE_N_PER_M, Synthetic, motion_of
 
 NAMES = (
     "plate_stiffness_n_per_m",

@@ -10,8 +10,8 @@ from analysis.collision.parameters import PAPER
 from analysis.paper.paper_figures import figures, plate_from_force
 from analysis.reading.read import read_impact
 from analysis.shot.quantity import NotSeen
-from tests.analysis.collision import Synthetic, motion_of
 from tests.analysis.shots import shot_of
+from tests.analysis.synthetic_collision import Synthetic, motion_of
 
 
 def test_plate_follows_the_force() -> None:

@@ -7,8 +7,8 @@ from analysis.reading.locate import find_collision
 from analysis.reading.read import read_impact, shaking_in
 from analysis.shot.impact import Impact
 from analysis.shot.quantity import Quantity
-from tests.analysis.collision import Synthetic, motion_from, motion_of, position_m
 from tests.analysis.disturbance import Disturbance, Knock, Line, disturbed_motion
+from tests.analysis.synthetic_collision import Synthetic, motion_from, motion_of, position_m
 
 RIG = Synthetic(speed_m_per_s=0.16, touch_s=0.012003)
 COR = 0.261702343 / 0.265

@@ -13,7 +13,7 @@ from analysis.reading.read import NoImpact, read_impact
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen, Quantity, Reading
-from tests.analysis.collision import Synthetic, motion_from, motion_of
+from tests.analysis.synthetic_collision import Synthetic, motion_from, motion_of
 
 RIG = Synthetic()
 

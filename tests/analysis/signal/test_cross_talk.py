@@ -13,7 +13,7 @@ from analysis.shot.impact import Impact
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Shot
-from tests.analysis.collision import Synthetic
+from tests.analysis.synthetic_collision import Synthetic
 from tests.beats import recording_of
 
 RIG = Synthetic(speed_m_per_s=0.17)

@@ -10,8 +10,8 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.losses import find_losses
-from tests.analysis.collision import Synthetic
 from tests.analysis.disturbance import without_samples
+from tests.analysis.synthetic_collision import Synthetic
 from tests.beats import REST_HZ, recording_of
 
 SHORT = Synthetic(duration_s=0.02)

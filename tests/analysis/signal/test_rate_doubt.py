@@ -12,7 +12,7 @@ from analysis.shot.shot import AnalysisSettings, Shot
 from analysis.signal.demodulate import demodulate
 from analysis.signal.stated_rate import DELIVERED, FLAG
 from analysis.uncertainty.budget import budget
-from tests.analysis.collision import CONTACT_N_PER_M, DASHPOT, MASS_KG, PLATE_KG, PLATE_N_PER_M, Synthetic
+from tests.analysis.synthetic_collision import CONTACT_N_PER_M, DASHPOT, MASS_KG, PLATE_KG, PLATE_N_PER_M, Synthetic
 from tests.beats import REST_HZ, recording_of
 
 RIG = Synthetic()

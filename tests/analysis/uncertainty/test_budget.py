@@ -15,8 +15,8 @@ from analysis.shot.shot import Shot
 from analysis.uncertainty import budget as table
 from analysis.uncertainty.budget import QuantityBudget, budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
-from tests.analysis.collision import Synthetic, motion_of
 from tests.analysis.shots import at_speed, shot_of
+from tests.analysis.synthetic_collision import Synthetic, motion_of
 
 LASER = Setup(
     moving_mass_kg=17.85e-3, moving_mass_u_kg=2e-6, wavelength_vacuum_m=632.991354e-9, air=STANDARD_AIR,

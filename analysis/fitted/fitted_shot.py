@@ -3,6 +3,7 @@
 The model is imported where it is used: a shot's readings, and the window, do not wait for it.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ from analysis.shot.quantity import NotSeen
 from analysis.shot.rate_error import fit_with_rate_error
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
 
+_INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)  # every number of a trial, which nobody set
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
 
 
@@ -138,6 +140,8 @@ def fit_jointly(
         if left.over:
             raise AnalysisError(left.words) from None
         raise
+    except AnalysisError as error:
+        raise AnalysisError(_INNER.sub("", str(error))) from error
     except LinAlgError as error:
         raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from None
 

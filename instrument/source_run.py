@@ -169,10 +169,8 @@ class SourceRun:
             return DigitizerError(f"no samples came for {STALL_S:g} s", "check the device and its cable")
         switch = self.switch_words()
         what = f"{came} samples came, then none for {STALL_S:g} s" + (f"; {switch}" if switch else "")
-        remedy = (
-            "check the light switch, its channel and its thresholds" if switch else "check the device and its cable"
-        )
-        return DigitizerError(what, remedy)
+        part = "light switch, its channel and its thresholds" if switch else "device and its cable"
+        return DigitizerError(what, f"check the {part}")
 
     def stop(self) -> None:
         """Stop the digitizer; the last stream stays to be looked at."""

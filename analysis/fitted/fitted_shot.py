@@ -19,7 +19,7 @@ from analysis.shot.quantity import NotSeen
 from analysis.shot.rate_error import fit_with_rate_error
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
 
-_INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)  # every number of a trial, which nobody set
+_INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
 
 
@@ -141,9 +141,14 @@ def fit_jointly(
             raise AnalysisError(left.words) from None
         raise
     except AnalysisError as error:
-        raise AnalysisError(_INNER.sub("", str(error))) from error
+        raise AnalysisError(in_words(error)) from error
     except LinAlgError as error:
         raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from None
+
+
+def in_words(error: Exception) -> str:
+    """Return why a fit failed, without every number of a trial, which nobody set."""
+    return _INNER.sub("", str(error))
 
 
 def flags_of(fit: Fit) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from app.session.load import load_and_analyse
 from instrument.bench.simulate import simulate
 from instrument.live import warm
 from tests.attack.crowds import folders, kills, sessions
+from tests.attack.cut_off import outputs
 from tests.attack.devices import clocks, ni_cards, usb_devices
 from tests.attack.extremes import laws, models, records
 from tests.attack.foreign import foreign
@@ -92,6 +93,7 @@ KINDS = {
     "folders": AttackKind(folders, 2, kernels),
     "sessions": AttackKind(sessions, 20),
     "kills": AttackKind(kills, 30),
+    "outputs": AttackKind(outputs, 40, fits),
     "untrue": AttackKind(untrue, 150, kernels),
     "records": AttackKind(records, 300, fits),
     "models": AttackKind(models, 60, fits),

@@ -11,6 +11,7 @@ from numpy.linalg import LinAlgError
 
 from analysis.fitted.awaited_fit import TO_FOLLOW, can_be_fitted
 from analysis.fitted.fit_time import SECONDS, FitTime
+from analysis.fitted.given_up import waited_for
 from analysis.shot.disturbance import Shaking
 from analysis.shot.doubts import FIT_DOUBTS, doubts_of_fit
 from analysis.shot.fit import Fit
@@ -20,6 +21,7 @@ from analysis.shot.rate_error import fit_with_rate_error
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
 
 _INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
+PATIENCE = 2.0  # times the time of a fit, after which it is left alone: one step of it does not end
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
 
 
@@ -135,15 +137,20 @@ def fit_jointly(
 
     left = FitTime(seconds * len(motions), cancelled)
     try:
-        return fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings)
+        return waited_for(
+            lambda: fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings),
+            PATIENCE * left.seconds,
+            cancelled,
+            left.words,
+        )
     except Cancelled:
         if left.over:
             raise AnalysisError(left.words) from None
         raise
     except AnalysisError as error:
         raise AnalysisError(in_words(error)) from error
-    except LinAlgError as error:
-        raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from None
+    except (LinAlgError, ValueError, IndexError, ZeroDivisionError) as error:  # of what no collision looks like
+        raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from error
 
 
 def in_words(error: Exception) -> str:

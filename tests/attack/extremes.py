@@ -10,6 +10,7 @@ import numpy as np
 
 from analysis.diagnosis.model_file import from_text
 from analysis.diagnosis.verdict.foretold import foretell
+from analysis.given_up import waited_for
 from analysis.laws.own import LawError, from_mapping, is_law
 from analysis.model import general
 from analysis.model.parameters import PAPER
@@ -88,7 +89,7 @@ def models(folder: Path, random_: random.Random) -> Iterator[Attempt]:
             base = text.replace("nan", "1.0").replace("inf", "1.0")
             try:
                 known = from_text(f"{head}[parameters]\n{text}")
-                told = foretell([motion], ["s"], known)
+                told = waited_for(lambda: foretell([motion], ["s"], known), 3.0)
             except AnalysisError as error:
                 return refused_in_a_line(str(error))
             assert "inf%" not in told.sentence and "-0%" not in told.sentence and base

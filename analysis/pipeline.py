@@ -139,8 +139,8 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
             shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
         except (NoImpact, AnalysisError) as error:
             shot = replace(shot, problem=why_none(motion) or str(error))
-        except LinAlgError:
-            shot = replace(shot, problem="the motion is in too many pieces to be read")
+        except (LinAlgError, ValueError, IndexError, ZeroDivisionError):
+            shot = replace(shot, problem="the motion is in too many pieces, or too torn, to be read as one collision")
     shot = replace(shot, seconds={**shot.seconds, "impact": time.perf_counter() - started})
     return with_fit_to_follow(shot)
 

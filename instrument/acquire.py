@@ -1,5 +1,6 @@
 """Recording shots without a screen: arm, wait for the light switch, save, N times."""
 
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -8,10 +9,12 @@ from analysis.shot.recording import Setup
 from instrument.acquisition import Deadlines, State
 from instrument.capture import Capture, CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer
+from instrument.recording_error import RecordingError
 from instrument.snapshot import FinishedShot
 from instrument.trigger import Edge
 
 _LOOK_S = 0.01
+RESCUED = "levimass-rescued"  # a folder in the user's home, or with the temporary files
 
 
 class AcquireError(Exception):
@@ -64,6 +67,20 @@ def acquire(
     return saved
 
 
+def _rescued(capture: Capture) -> str:
+    """Save what is only in memory, which ends with this process, where there is room; return in words what became."""
+    left = list(capture.latest().unsaved)
+    for place in (Path.home(), Path(tempfile.gettempdir())):
+        folder = place / RESCUED
+        try:
+            folder.mkdir(mode=0o700, exist_ok=True)
+            paths = capture.save_pending(folder)
+        except (OSError, RecordingError):
+            continue
+        return f"the shot was saved to {', '.join(map(str, paths))} instead; make room, then go on"
+    return f"{', '.join(left)} is lost: there is no room in the home folder or the temporary one either"
+
+
 def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str], saved: list[Path]) -> FinishedShot:
     armed = False
     while True:
@@ -72,7 +89,8 @@ def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str], sav
             if shot.index >= index and shot.path is not None and now.state is State.IDLE:
                 return shot
         if now.state is State.FAULT:
-            raise AcquireError(faults[-1] if faults else now.message, saved)
+            told = f"{now.message}: {_rescued(capture)}" if now.unsaved else faults[-1] if faults else now.message
+            raise AcquireError(told, saved)
         armed |= now.state is not State.IDLE
         if armed and now.state is State.IDLE and now.message:
             raise AcquireError(f"{now.message} ({timeout_s:g} s): {now.remedy}", saved)

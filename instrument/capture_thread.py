@@ -261,7 +261,9 @@ class CaptureThread:
         elif piece.ended and self.shot is None and state in (State.ARMED, State.TRIGGERED) and not self.closing:
             if state is State.TRIGGERED:
                 raise DigitizerError("the light switch fired, but no sample of the shot came", "arm again")
-            raise DigitizerError("the stream ended before the light switch fired", "check it and its thresholds")
+            never = self.run.switch_words()
+            what = "the stream ended before the light switch fired" + (f": {never}" if never else "")
+            raise DigitizerError(what, "check it and its thresholds")
 
     def _look(self, piece: Piece) -> None:
         stream = self.run.stream

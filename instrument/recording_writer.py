@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Channel, Gap, Recording, Setup
-from instrument.into_place import into_place
+from instrument.into_place import into_place, same_rights
 from instrument.recording_error import RecordingError, RecordingExists
 from instrument.recording_metadata import Metadata, metadata_json, read_metadata
 
@@ -201,6 +201,7 @@ def write_beside(path: Path, content: Iterable[bytes | memoryview], *, sync: boo
         beside = path.with_name(f".{short}.{os.getpid()}-{threading.get_ident()}.new")  # another window may too
         try:
             with open(beside, "wb") as file:
+                same_rights(beside, path)  # before anything stands in it
                 file.writelines(content)
                 if sync:
                     file.flush()

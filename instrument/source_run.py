@@ -134,7 +134,7 @@ class SourceRun:
             if now < self._came_s:
                 self._came_s = now  # a clock that ran backwards must not hide a stall for long
             if not self.hardware_trigger and not self.simulated and now - self._came_s > STALL_S:
-                raise DigitizerError(f"no samples came for {STALL_S:g} s", "check the device and its cable")
+                raise self._stalled()
             return None
         self._came_s = now
         first = ring.total
@@ -152,6 +152,25 @@ class SourceRun:
         if block.ended:
             self.running = False
         return Piece(counts, first, block.lost_before, step, block.ended)
+
+    def switch_words(self) -> str:
+        """Return what the light switch did so far, where it never stepped; "" where it did or there is none."""
+        switch = self._switch
+        if switch is None or switch.toggles:
+            return ""
+        if switch.moved_counts is None:
+            return "the light switch never crossed its thresholds"
+        return f"the light switch moved by {switch.moved_counts:.0f} counts, a step takes {switch.needed_counts:.0f}"
+
+    def _stalled(self) -> DigitizerError:
+        assert self.stream is not None and self._ring is not None
+        came = self._ring.total - self.stream.start
+        if not came:
+            return DigitizerError(f"no samples came for {STALL_S:g} s", "check the device and its cable")
+        switch = self.switch_words()
+        what = f"{came} samples came, then none for {STALL_S:g} s" + (f"; {switch}" if switch else "")
+        part = "light switch, its channel and its thresholds" if switch else "device and its cable"
+        return DigitizerError(what, f"check the {part}")
 
     def stop(self) -> None:
         """Stop the digitizer; the last stream stays to be looked at."""

@@ -98,6 +98,17 @@ class LightSwitch:
         """Get the number of steps seen since ``reset``."""
         return int(self._state[_EDGES])
 
+    @property
+    def moved_counts(self) -> float | None:
+        """Get by how much the switch's channel moved since its last step; None where that is not looked at."""
+        given = self._settings.low_counts is not None
+        return None if given or not self._state[_SEEN] else float(self._state[_MAXIMUM] - self._state[_MINIMUM])
+
+    @property
+    def needed_counts(self) -> float:
+        """Get how far the channel has to move for a step, where thresholds are learned."""
+        return max(float(self._state[_SWING]), self._least)
+
     def first_step(self, counts: NDArray[np.int16], start: int = 0) -> int | None:
         """Return the index of the first wanted step at or after ``start`` in a block (n, channels), or None.
 

@@ -53,7 +53,8 @@ def force_noise(motion: Motion) -> float:
 
     known = np.isfinite(motion.force_n)
     start, stop = max(stretches(known), key=lambda ends: ends[1] - ends[0])
-    frequency, density = welch(np.diff(motion.force_n[start:stop]), motion.sample_rate_hz)
+    steps = np.diff(motion.force_n[start:stop])
+    frequency, density = welch(steps, motion.sample_rate_hz, nperseg=min(256, steps.size))
     top = frequency > 0.8 * frequency[-1]
     through = (2.0 * np.sin(np.pi * frequency[top] / motion.sample_rate_hz)) ** 2
     white = np.sqrt(float(np.median(density[top] / through)) * motion.sample_rate_hz / 2.0)

@@ -3,6 +3,7 @@
 The model is imported where it is used: a shot's readings, and the window, do not wait for it.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from numpy.linalg import LinAlgError
 
 from analysis.fitted.awaited_fit import TO_FOLLOW, can_be_fitted
 from analysis.fitted.fit_time import SECONDS, FitTime
+from analysis.fitted.given_up import waited_for
 from analysis.shot.disturbance import Shaking
 from analysis.shot.doubts import FIT_DOUBTS, doubts_of_fit
 from analysis.shot.fit import Fit
@@ -18,6 +20,8 @@ from analysis.shot.quantity import NotSeen
 from analysis.shot.rate_error import fit_with_rate_error
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
 
+_INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
+PATIENCE = 2.0  # times the time of a fit, after which it is left alone: one step of it does not end
 NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
 
 
@@ -133,13 +137,25 @@ def fit_jointly(
 
     left = FitTime(seconds * len(motions), cancelled)
     try:
-        return fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings)
+        return waited_for(
+            lambda: fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings),
+            PATIENCE * left.seconds,
+            cancelled,
+            left.words,
+        )
     except Cancelled:
         if left.over:
             raise AnalysisError(left.words) from None
         raise
-    except LinAlgError as error:
-        raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from None
+    except AnalysisError as error:
+        raise AnalysisError(in_words(error)) from error
+    except (LinAlgError, ValueError, IndexError, ZeroDivisionError) as error:  # of what no collision looks like
+        raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from error
+
+
+def in_words(error: Exception) -> str:
+    """Return why a fit failed, without every number of a trial, which nobody set."""
+    return _INNER.sub("", str(error))
 
 
 def flags_of(fit: Fit) -> tuple[str, ...]:

@@ -53,7 +53,8 @@ def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
         pulse = _pulse(fit, motion)
     except (AnalysisError, Infeasible, KeyError, ValueError, np.linalg.LinAlgError):
         return _checked(impact, motion.moving_mass_kg)
-    noise_n = float(np.nanmedian(motion.force_std_n))
+    stds = motion.force_std_n[np.isfinite(motion.force_std_n)]
+    noise_n = float(np.median(stds)) if stds.size else float("nan")
     if not noise_n > DROWNED * pulse.values[0]:
         return _checked(impact, motion.moving_mass_kg)
     std = np.sqrt(np.maximum(np.diag(pulse.covariance), 0.0))

@@ -82,6 +82,9 @@ def edge_of_flight(
     return Edge(edge.time_s, float(np.hypot(edge.std_s, apart)))
 
 
+_FEWEST = 8  # samples of a short flight
+
+
 def _bend_of(u_s: Floats, x_m: Floats) -> int:
     """Return the degree of the line through some flight: bent only where the floor plainly bends it."""
     straight, bent = (float(np.sum((x_m - np.polyval(np.polyfit(u_s, x_m, k), u_s)) ** 2)) for k in (1, BEND))
@@ -149,6 +152,8 @@ def _least_squares_edge(
     tension: bool,
 ) -> Edge | None:
     bend, omega = shape
+    if u_s.size < bend + 4 or not np.any(u_s):
+        return None
     trials = np.linspace(*within_s, TRIALS)
     # vibration of the building bends the flight's continuation: let the line before the edge be its own
     line, _ = np.linalg.qr(np.vander(u_s / np.abs(u_s).max(), bend + 1))
@@ -183,6 +188,8 @@ def edges_of_short_flight(
     ``onset`` are the ranges in s to look in.  None where an edge lies at the end of its range.
     Cost: FLIGHT_TRIALS^2 small least-squares solutions on each of two grids, 3 ms in all.
     """
+    if time_s.size < _FEWEST:
+        return None
     zero = float(time_s.mean())
     tau = time_s - zero
     line, _ = np.linalg.qr(np.stack([np.ones_like(tau), tau / np.abs(tau).max()], axis=1))

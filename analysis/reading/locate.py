@@ -213,7 +213,8 @@ def _sharper(motion: Motion, sample: int, inwards: int, width: int) -> int:
     flight = motion.force_n[max(sample - 4 * width, 0) : max(sample - width, 0)]
     if inwards < 0:
         flight = motion.force_n[sample + width : sample + 4 * width]
-    stated = float(np.nanmedian(motion.force_std_n))
+    stds = motion.force_std_n[np.isfinite(motion.force_std_n)]
+    stated = float(np.median(stds)) if stds.size else float("nan")
     flight = np.abs(flight[np.isfinite(flight)])
     std = max(stated, 1.4826 * float(np.median(flight))) if flight.size > 8 else stated
     with np.errstate(invalid="ignore"):

@@ -1,7 +1,10 @@
 """``levimass --doctor --bundle FILE``: what who helps wants to see, in one ZIP file; no recording and no result."""
 
+import getpass
 import io
+import json
 import os
+import re
 import zipfile
 from collections.abc import Sequence
 from importlib.metadata import distributions
@@ -12,7 +15,9 @@ from platformdirs import user_config_path, user_log_path
 from app.command_line.version import version_text
 from app.session.log import NAME
 from instrument.doctor import Check
+from instrument.recording_error import RecordingError
 from instrument.recording_writer import write_beside
+from instrument.text_file import open_regular
 
 _MOST_OF_A_FILE = 4 << 20
 
@@ -30,9 +35,9 @@ def write_bundle(path: Path, checks: Sequence[Check]) -> None:
     log, settings = user_log_path("levimass"), user_config_path("levimass") / "settings.json"
     for file in (settings, *sorted(log.glob(f"{NAME}*"))):
         try:
-            texts[file.name] = file.read_bytes()[-_MOST_OF_A_FILE:].decode(errors="replace")
-        except OSError as error:
-            texts[f"{file.name}.missing"] = f"{error.strerror or error}\n"
+            texts[file.name] = _end_of(file)
+        except RecordingError as error:
+            texts[f"{file.name}.missing"] = f"{error}\n"
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as bundle:
         for name, text in texts.items():
@@ -40,8 +45,28 @@ def write_bundle(path: Path, checks: Sequence[Check]) -> None:
     write_beside(path, [whole.getvalue()], sync=False)
 
 
+def _end_of(file: Path) -> str:
+    """Return the end of a text file; a pipe that somebody laid there is not waited for.  Raises RecordingError."""
+    with os.fdopen(open_regular(file), "rb") as opened:
+        opened.seek(max(0, os.fstat(opened.fileno()).st_size - _MOST_OF_A_FILE))
+        return opened.read(_MOST_OF_A_FILE).decode(errors="replace")
+
+
 def _anonymous(text: str) -> str:
-    home = str(Path.home())
-    for written in {home, home.replace(os.sep, "/"), home.replace("\\", "\\\\")}:
-        text = text.replace(written, "~") if len(written) > 1 else text
+    """Take out the home folder, however it is spelled (JSON escapes, links followed), and the user's name in a path."""
+    homes = {str(Path.home()), os.path.realpath(Path.home())}
+    for home in sorted(homes, key=len, reverse=True):
+        escaped = json.dumps(home)[1:-1]
+        for written in (escaped, home, home.replace(os.sep, "/"), home.replace("\\", "\\\\")):
+            text = text.replace(written, "~") if len(written) > 1 else text
+    for name in {Path.home().name, _user()} - {"", "root"}:
+        for written in {name, json.dumps(name)[1:-1]}:
+            text = re.sub(rf"(?<=[/\\]){re.escape(written)}(?=[/\\\"\s:,;]|$)", "~", text, flags=re.MULTILINE)
     return text
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return ""

@@ -112,6 +112,7 @@ def _mode(options: argparse.Namespace, arguments: Sequence[str]) -> Callable[[],
             model=options.model,
             checked=not options.unchecked,
             fit_seconds=options.fit_seconds,
+            insecure=options.insecure,
         )
     if options.replay is not None:
         from app.command_line.outputs import Outputs
@@ -256,6 +257,7 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument("--save-model", type=_path, metavar="FILE", help="write the model that the diagnosis arrived at")
     group.add_argument("--jobs", type=_positive_int, metavar="N", help="a campaign over N processes, resumable")
     group.add_argument("--scheduler", metavar="ADDRESS", help="a campaign over the machines of a dask scheduler")
+    group.add_argument("--insecure", action="store_true", help="with --scheduler: one elsewhere, and without TLS")
     group = parser.add_argument_group("with --paper (and --json)")
     group.add_argument("--figures", type=_path, metavar="DIR", help="draw figures 4 to 7, PNG and SVG")
     group = parser.add_argument_group("with --acquire")
@@ -312,6 +314,8 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     check_reach(parser, options)
     if given and options.replay is None:
         parser.error(f"--{sorted(given)[0].replace('_', '-')} goes with --replay")
+    if options.insecure and options.scheduler is None:
+        parser.error("--insecure goes with --scheduler")
     if options.hdf5 and options.export is None:
         parser.error("--hdf5 goes with --export")
     mapping = ("channel", "volts", "mass", "rest", "wavelength", "bits")

@@ -13,6 +13,7 @@ from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
 from analysis.fitted.fit_time import SECONDS
 from analysis.fitted.fitted_shot import fit_again, read_together, shaking_of
+from analysis.fitted.given_up import waited_for
 from analysis.fitted.readings_model import readings_model
 from analysis.planning.next_shot import Reach
 from analysis.report import result
@@ -132,7 +133,8 @@ def _foretold(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
     seen = [shot for shot in shots if shot.motion is not None and not shot.problem]
     motions = [shot.motion for shot in seen if shot.motion is not None]
     try:
-        told = foretell_motions(motions, [shot.path or shot.name for shot in seen], known)
+        names = [shot.path or shot.name for shot in seen]
+        told = waited_for(lambda: foretell_motions(motions, names, known), SECONDS * (1 + len(seen)))
     except AnalysisError as error:
         print(f"levimass: no prediction: {error}", file=sys.stderr)
         return None

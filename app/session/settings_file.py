@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from app.session.settings import Settings, WrongSettings
-from instrument.into_place import into_place
+from instrument.into_place import into_place, same_rights
 from instrument.recording_error import RecordingError, one_line, shown
 from instrument.text_file import read_json
 
@@ -43,6 +43,7 @@ def save(path: Path, settings: Settings) -> str | None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with beside.open("w", encoding="utf-8") as file:
+            same_rights(beside, path)
             json.dump(document, file, indent=1)
             file.flush()
             os.fsync(file.fileno())

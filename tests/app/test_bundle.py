@@ -1,5 +1,7 @@
 """What who helps is sent: checks, versions, settings and log, without home folder and without recordings."""
 
+import json
+import os
 import zipfile
 from pathlib import Path
 
@@ -40,3 +42,24 @@ def test_a_bundle_that_cannot_be_written_is_a_line(tmp_path: Path, capsys: pytes
     assert main(["--doctor", "--bundle", str(tmp_path / "no" / "folder.zip")]) == 1
     error = capsys.readouterr().err
     assert error.startswith("levimass: ") and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["andré", "jörg müller", "somebody"])
+def test_no_spelling_of_the_user_s_name_goes_along(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    real = tmp_path / "disk" / name
+    real.mkdir(parents=True)
+    home = tmp_path / "home" / name
+    home.parent.mkdir()
+    home.symlink_to(real)
+    settings = {"folder": f"{home}/shots", "recent": f"{real}/a\n/media/{name}/stick/b", "session": f"/run/{name}"}
+    (home / "settings.json").write_text(json.dumps(settings, indent=1))
+    (home / "levimass.log").write_text(f"could not read {real}/x\nnor /media/{name}/stick\nnor /media/{name}\n")
+    os.mkfifo(home / "levimass.log.1")  # is not waited for
+    monkeypatch.setattr(bundle, "user_log_path", lambda name: home)
+    monkeypatch.setattr(bundle, "user_config_path", lambda name: home)
+    monkeypatch.setattr(Path, "home", lambda: home)
+    write_bundle(tmp_path / "help.zip", [Check("disk", Grade.WARN, f"little is free in {home}")])
+    with zipfile.ZipFile(tmp_path / "help.zip") as written:
+        texts = {each: written.read(each).decode() for each in written.namelist()}
+    assert not any(name in text or json.dumps(name)[1:-1] in text for text in texts.values()), texts
+    assert "levimass.log.1.missing" in texts and "stick/b" in texts["settings.json"]

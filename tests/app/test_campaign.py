@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from analysis.shot.version import program, program_version
+from app.command_line.campaign.cluster import guarded
 from app.command_line.campaign.crew import Processes, most_processes
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.place import unfit
@@ -208,3 +209,33 @@ def test_a_changed_program_of_the_same_version_does_not_serve_old_numbers(
     monkeypatch.setattr("app.command_line.campaign.task.program", lambda: f"{program_version()} (another)")
     assert not set(before) & {task.stamp for task in tasks_of(found, None, (), None)}
     assert program().startswith(program_version()) and len(program()) > len(program_version())
+
+
+SAFE = (
+    "127.0.0.1:8786", "tcp://127.0.0.1:8786", "tcp://localhost:8786", "tcp://[::1]:8786", "tls://10.1.2.3:8786",
+    "TLS://lab:8786", "inproc://10.1.2.3/7/1", "127.9.9.9:1",
+)  # fmt: skip
+UNSAFE = (
+    "tcp://10.1.2.3:8786", "10.1.2.3:8786", "tcp://lab:8786", "lab", "", "ucx://10.1.2.3:8786", "tcp://[fe80::1]:8786",
+    "ws://10.1.2.3:80", "tcp://127.0.0.1.evil.org:8786", "tcp://127.0.0.1@10.1.2.3:8786", "tcp://0.0.0.0:8786",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("address", "safe"), [*((a, True) for a in SAFE), *((a, False) for a in UNSAFE)])
+def test_a_scheduler_elsewhere_without_tls_is_refused(
+    shots: Path, capsys: pytest.CaptureFixture[str], address: str, safe: bool
+) -> None:
+    assert guarded(address) is safe
+    if not safe:
+        pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+        assert main(["--replay", str(shots / "a"), "--scheduler", address]) == 1
+        heard = capsys.readouterr().err
+        assert "--insecure" in heard and heard.count("\n") == 1
+
+
+def test_who_insists_is_let(shots: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    monkeypatch.setattr("app.command_line.campaign.cluster.SCHEDULER_ANSWERS_S", 0.3)
+    assert main(["--replay", str(shots / "a"), "--scheduler", "tcp://192.0.2.1:9", "--insecure"]) == 1
+    assert "--insecure" not in capsys.readouterr().err  # nobody is there, which is another thing
+    assert main(["--replay", str(shots / "a"), "--insecure"]) == 2

@@ -9,7 +9,8 @@ import pytest
 
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.diagnosis.verdict.foretold import foretell
+from analysis.diagnosis.result import Errors
+from analysis.diagnosis.verdict.foretold import foretell, sentence
 from analysis.drive.fit import fit_driven
 from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main
@@ -107,3 +108,19 @@ def test_the_air_track_foretells_a_run_it_never_saw(measured: Path) -> None:
     # the camera alone leaves 40 um; each run's own flights are fitted beside the base as well
     assert told.error_model.displacement_rms_m < 62e-6 < 75e-6 < told.error_base.displacement_rms_m
     assert "foretold better by" in told.sentence
+
+
+@pytest.mark.parametrize(
+    ("base", "model", "begins"),
+    [
+        (1e-6, 5e-7, "foretold better by 50%:"),
+        (1e-6, 1e-6, "foretold not better by 0%:"),
+        (1e-6, 1.001e-6, "foretold not better by 0%:"),
+        (1e-6, 3e-6, "foretold not better by 200%:"),
+        (0.0, 1e-6, "foretold not better:"),
+        (0.0, 0.0, "foretold not better:"),
+        (1e-6, float("inf"), "foretold not better:"),
+    ],
+)
+def test_the_sentence_has_no_endless_share_and_no_minus_nothing(base: float, model: float, begins: str) -> None:
+    assert sentence(Errors(base, 0.0, 0.0, 1.0), Errors(model, 0.0, 0.0, 1.0), 1).startswith(begins)

@@ -8,15 +8,21 @@ from pathlib import Path
 import numpy as np
 
 from analysis.shot.recording import Channel, Gap, Recording, Role, Setup
+from analysis.shot.shot import AnalysisSettings
+from app.session.load import load_and_analyse
 from instrument.bench.simulate import simulate
 from instrument.live import warm
 from tests.attack.crowds import folders, kills, sessions
+from tests.attack.cut_off import outputs
 from tests.attack.devices import clocks, ni_cards, usb_devices
+from tests.attack.extremes import laws, models, records
 from tests.attack.foreign import foreign
+from tests.attack.planted import journals, planted
 from tests.attack.recordings import analysed, claims, moving_data
 from tests.attack.scopes import scopes
 from tests.attack.texts import texts, travelling
 from tests.attack.trial import SURVIVED, Attack, Attempt, Outcome, carry_out
+from tests.attack.untrue import untrue
 from tests.instrument.fuzzing import fuzz
 
 SPOILT_A_TIME = 20
@@ -53,6 +59,12 @@ def kernels(folder: Path) -> None:
     assert analysed(simulate(folder, 1)[0]) == SURVIVED
 
 
+def fits(folder: Path) -> None:
+    """Load the kernels that a model is fitted with, too."""
+    for settings in (AnalysisSettings(), AnalysisSettings(model="contact")):
+        assert load_and_analyse(simulate(folder / settings.model, 1)[0], settings=settings).fit is not None
+
+
 def live(folder: Path) -> None:
     """Load the kernels that a capture looks at its signals with."""
     warm()
@@ -81,6 +93,13 @@ KINDS = {
     "folders": AttackKind(folders, 2, kernels),
     "sessions": AttackKind(sessions, 20),
     "kills": AttackKind(kills, 30),
+    "outputs": AttackKind(outputs, 40, fits),
+    "untrue": AttackKind(untrue, 150, kernels),
+    "records": AttackKind(records, 300, fits),
+    "models": AttackKind(models, 60, fits),
+    "laws": AttackKind(laws, 40, fits),
+    "planted": AttackKind(planted, 17, kernels),
+    "journals": AttackKind(journals, 2000),
 }
 
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from app.session.settings import Settings
+from app.session.settings_file import save
 from instrument import into_place as module
 from instrument.into_place import into_place
 from instrument.recording_error import RecordingError
@@ -58,3 +60,32 @@ def test_where_nobody_holds_it_nobody_waits(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(PermissionError):
         into_place(tmp_path / "new", tmp_path / "old")
     assert time.monotonic() - began < 1.0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no modes here")
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o664, 0o444])
+def test_what_was_closed_to_others_stays_so(tmp_path: Path, mode: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "result.json"
+    path.write_text("old")
+    path.chmod(mode)
+    seen: list[int] = []
+    replace = os.replace
+
+    def looked_at(source: Path, target: Path) -> None:
+        seen.append(os.stat(source).st_mode & 0o777)
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", looked_at)
+    write_text_beside(path, "new", sync=True)
+    assert path.read_text() == "new" and path.stat().st_mode & 0o777 == mode and seen == [mode]
+    assert [left.name for left in tmp_path.iterdir()] == ["result.json"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no modes here")
+def test_settings_keep_their_rights_too(tmp_path: Path) -> None:
+    path = tmp_path / "settings.json"
+    assert save(path, Settings()) is None
+    path.chmod(0o600)
+    for _ in range(2):
+        assert save(path, Settings()) is None
+        assert path.stat().st_mode & 0o777 == 0o600

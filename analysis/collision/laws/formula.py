@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from analysis.collision.effects.kernel import Q_RATE, SIGN_V, TOUCHING, WRITTEN, XI, XI_RATE, Kernel, Q, U, V, X, Y
-from analysis.collision.laws.functions import FUNCTIONS, multiplied, raised, raised_arrays
+from analysis.collision.laws.functions import FUNCTIONS, divided, multiplied, raised, raised_arrays
 
 LONGEST = 400  # characters: a law that one can read
 _DEEPEST = 40
@@ -93,7 +93,7 @@ def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> K
     body = f"(s, p, out):\n{clock}    {condition}out[{adds_to}] += {force}\n"
     name = f"law_{hashlib.sha256(body.encode()).hexdigest()[:24]}"
     names: dict[str, Any] = {f.kernel.__name__: f.kernel for f in FUNCTIONS.values()} | {"__name__": __name__}
-    names |= {raised.__name__: raised, multiplied.__name__: multiplied}
+    names |= {helper.__name__: helper for helper in (raised, multiplied, divided)}
     # What is run here was written above, node by node from the whitelist.
     exec(compile(f"def {name}{body}", WRITTEN, "exec"), names)
     law: Kernel = names[name]
@@ -108,6 +108,9 @@ def _tree(text: str) -> ast.expr:
         raise FormulaError("empty")
     if "\n" in text.strip() or "\0" in text:
         raise FormulaError("more than one line")
+    for place, character in enumerate(text.strip(), 1):
+        if character == "#" or not character.isascii():  # Python would pass over the first, and rename some letters
+            raise FormulaError(f"{character!r} does not belong into a formula", place)
     try:
         return ast.parse(text.strip(), mode="eval").body
     except SyntaxError as error:
@@ -209,7 +212,9 @@ def _written(node: ast.expr, parameters: tuple[str, ...]) -> str:
             if whole is None:
                 return f"raised({base}, {_written(right, parameters)})"
             product = f"multiplied({base}, {abs(whole)})"
-            return product if whole > 0 else f"(1.0 / {product})"
+            return product if whole > 0 else f"divided(1.0, {product})"
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            return f"divided({_written(left, parameters)}, {_written(right, parameters)})"
         case ast.BinOp(left=left, op=op, right=right):
             return f"({_written(left, parameters)} {_SIGNS[type(op)]} {_written(right, parameters)})"
         case ast.Call(func=ast.Name(id=name), args=arguments):

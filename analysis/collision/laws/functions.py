@@ -78,6 +78,25 @@ def multiplied(x: Any, times: Any) -> Any:
     raise NotImplementedError("for compiled kernels only")
 
 
+def divided(x: Any, by: Any) -> Any:
+    """Return x / by, not a number where ``by`` is 0 (for kernels): the trajectory is then none, and nothing raises."""
+    raise NotImplementedError("for compiled kernels only")
+
+
+@overload(divided)
+def _divided(x: Any, by: Any) -> Any:
+    def of_real(x: Any, by: Any) -> Any:
+        return x / by if by != 0.0 else math.nan
+
+    def carrying(x: Any, by: Any) -> Any:
+        if by.real == 0.0:
+            return complex(math.nan, math.nan)
+        ratio = x.real / by.real
+        return complex(ratio, (x.imag - ratio * by.imag) / by.real)
+
+    return carrying if isinstance(x, types.Complex) or isinstance(by, types.Complex) else of_real
+
+
 @overload(multiplied)
 def _multiplied(x: Any, times: Any) -> Any:
     def of(x: Any, times: Any) -> Any:
@@ -157,9 +176,11 @@ def _exponential(x: Any) -> Any:
 @overload(logarithm)
 def _logarithm(x: Any) -> Any:
     def of_real(x: Any) -> Any:
-        return math.log(x)
+        return math.log(x) if x > 0.0 else math.nan
 
     def carrying(x: Any) -> Any:
+        if x.real <= 0.0:
+            return complex(math.nan, math.nan)
         return complex(math.log(x.real), x.imag / x.real)
 
     return carrying if isinstance(x, types.Complex) else of_real

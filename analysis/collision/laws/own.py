@@ -88,7 +88,7 @@ def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
         raise LawError(f"name: the catalogue has an effect called {name!r} already")
     if where not in _PLACES:
         raise LawError(f"where: {where!r}, but a law acts on {', '.join(_PLACES)}")
-    words = _text(table, "words") if "words" in table else name.replace("_", " ")
+    words = _text(table, "words") if "words" in table else name.replace("_", " ").strip() or name
     given = table.get("parameters")
     if not isinstance(given, Mapping) or not 1 <= len(given) <= MOST_PARAMETERS:
         raise LawError(f"parameters: a law has one to {MOST_PARAMETERS} of them")

@@ -20,7 +20,7 @@ from analysis.drive.regress import rms
 from analysis.drive.repeat import Floor as DriveFloor
 from analysis.drive.run import prepare as prepare_drive
 from analysis.drive.table import Table
-from analysis.fitted.fitted_shot import fit_jointly
+from analysis.fitted.fitted_shot import fit_jointly, in_words
 from analysis.inference.fit.base import PLATE_NAMES
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect, trials_named
@@ -88,7 +88,7 @@ def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel,
             bare, whole = one(motion, *_on_its_plate(motion, model, base))
             told.append(ForetoldShot(name, took_part, bare, whole))
         except (AnalysisError, Infeasible, np.linalg.LinAlgError) as error:
-            told.append(ForetoldShot(name, took_part, None, None, str(error)))
+            told.append(ForetoldShot(name, took_part, None, None, in_words(error)))
     bare, whole = _all(told, "error_base"), _all(told, "error_model")
     words = sentence(bare, whole, sum(shot.error_model is not None for shot in told))
     return Foretold(model.base, model.effects, bare, whole, tuple(told), words)
@@ -114,8 +114,9 @@ def sentence(base: Errors, model: Errors, count: int) -> str:
     driven = not np.isfinite(model.displacement_rms_m)
     before, after = (e.force_rms_n if driven else 1e6 * e.displacement_rms_m for e in (base, model))
     unit = "N" if driven else "µm"
-    share = 1.0 - after / before
-    better = f"foretold better by {share:.0%}" if share > 0.0 else f"foretold not better by {-share:.0%}"
+    share = 1.0 - after / before if before > 0.0 else -math.inf
+    how = "better" if share > 0.0 else "not better"
+    better = f"foretold {how} by {abs(share):.0%}" if math.isfinite(share) else f"foretold {how}"
     shots = f"{count} shot{'' if count == 1 else 's'}"
     return f"{better}: {after:.3g} {unit} rms against {before:.3g} {unit} of the base alone, over {shots}"
 

@@ -1,5 +1,6 @@
 """The machines of a dask scheduler: each worker is asked before it gets a shot; one that dies costs none."""
 
+import ipaddress
 import logging
 import sys
 import time
@@ -8,12 +9,17 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from analysis.shot.version import program
 from app.command_line.campaign.crew import LOOK_S, CrewLost
 from app.command_line.campaign.place import unfit
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one
 
+_UNSAFE = (
+    "a scheduler in the network without TLS takes work, which is code, from anybody who reaches it: give it as "
+    "tls://HOST:PORT (docs/installing.md), or say --insecure"
+)
 SCHEDULER_ANSWERS_S = 10.0
 SCHEDULER_HANGS_S = 60.0  # without an answer in the middle of a campaign: a busy machine is no dead one
 WORKERS_COME_S = 5.0  # the longest wait for one that can do the work, when a campaign begins
@@ -26,7 +32,9 @@ _MOST_FOLDERS = 200  # looked for by each worker beforehand; what lies in others
 class Cluster:
     """The workers of a scheduler that have this program, see the shots' folders and can write where they have to."""
 
-    def __init__(self, address: str, todo: Sequence[Task]) -> None:
+    def __init__(self, address: str, todo: Sequence[Task], *, insecure: bool = False) -> None:
+        if not insecure and not guarded(address):
+            raise CrewLost(0, _UNSAFE, address)
         try:
             from distributed import Client
         except ImportError:
@@ -155,6 +163,20 @@ class Cluster:
             raise self._lost("none of its workers can do this work")
         start = f"start some on each machine: dask worker {self._address} --nworkers auto --nthreads 1"
         raise self._lost(f"it has no worker; {start}")
+
+
+def guarded(address: str) -> bool:
+    """Return whether a scheduler's address is of this machine alone, or says that TLS guards it."""
+    scheme, there, rest = address.partition("://")
+    if not there:
+        scheme, rest = "tcp", address
+    if scheme.lower() in ("tls", "wss", "inproc"):
+        return True
+    try:
+        host = urlsplit(f"//{rest}").hostname or ""
+        return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:  # a name, which may be anywhere
+        return False
 
 
 def _in_words(error: BaseException) -> str:

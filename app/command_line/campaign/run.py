@@ -35,13 +35,14 @@ def campaign(
     model: str | None,
     checked: bool = True,
     fit_seconds: float | None = None,
+    insecure: bool = False,
 ) -> int:
     """Analyse every shot under ``paths``; return the exit status.
 
     What is done stands in a journal in ``export_to`` (or beside ``json_to``) and is not done again by the next call;
     a shot that was not reached stands in none.  The shots are not joined into one diagnosis.
     ``checked`` compares the data with their hash, which costs a campaign a third of its time; ``fit_seconds`` is the
-    longest that the fit of one shot may take.
+    longest that the fit of one shot may take.  ``insecure`` lets a scheduler be elsewhere without TLS.
     """
     found = find_recordings(paths)
     try:
@@ -63,7 +64,7 @@ def campaign(
             _say_again(tasks, journal)
             not_reached: dict[str, str] = {}
             if todo:
-                with contextlib.closing(_crew(jobs, scheduler, todo)) as crew:
+                with contextlib.closing(_crew(jobs, scheduler, todo, insecure)) as crew:
                     not_reached = _run(crew, todo, journal, already=len(tasks) - len(todo))
             return _tell(found, tasks, journal, not_reached, json_to, export_to)
     except (AnalysisError, RecordingError, OSError) as error:
@@ -76,12 +77,12 @@ def _journal(json_to: str | None, export_to: Path | None, tasks: Sequence[Task])
     return Journal(export_to / JOURNAL if export_to is not None else beside, {task.stamp for task in tasks})
 
 
-def _crew(jobs: int | None, scheduler: str | None, todo: Sequence[Task]) -> Crew:
+def _crew(jobs: int | None, scheduler: str | None, todo: Sequence[Task], insecure: bool) -> Crew:
     if scheduler is None:
         return Processes(jobs or 1)
     from app.command_line.campaign.cluster import Cluster  # dask.distributed is an extra
 
-    return Cluster(scheduler, todo)
+    return Cluster(scheduler, todo, insecure=insecure)
 
 
 def _spoilt(path: Path | None, lines: int) -> str:

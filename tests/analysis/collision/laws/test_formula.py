@@ -91,3 +91,12 @@ def test_what_turns_where_an_event_lies_has_no_kink(text: str) -> None:
 )
 def test_a_corner_anywhere_else_is_a_kink(text: str) -> None:
     assert read(text, ["c"]).kinked
+
+
+@pytest.mark.parametrize(
+    ("text", "place"), [("-a*v # and -b*x", 6), ("-a*v#", 5), ("# a", 1), ("-a*ｖ", 4), ("-a*v − x", 6)]
+)
+def test_no_part_of_a_formula_is_passed_over_in_silence(text: str, place: int) -> None:
+    with pytest.raises(FormulaError, match="does not belong into a formula") as caught:
+        read(text, ["a"])
+    assert caught.value.column == place

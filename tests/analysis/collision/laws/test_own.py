@@ -9,7 +9,7 @@ import pytest
 
 from analysis.collision import general
 from analysis.collision.effects import named
-from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
+from analysis.collision.laws.own import LawError, OwnLaw, from_mapping, is_law
 from analysis.collision.parameters import PAPER, Collision
 from tests.law_rigs import Bodies, LawRig, Memory
 
@@ -214,3 +214,36 @@ def test_derivatives_past_a_slope_without_bound_do_not_depend_on_where_the_steps
         near.append(run.displacement_derivatives / np.max(np.abs(run.displacement_derivatives), axis=0))
     assert np.max(np.abs(near[1] - near[0])) < 2e-4
     assert np.max(np.abs(near[2] - near[0])) < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("where", "formula"),
+    [("block", "a/x"), ("block", "a*v/(x - x)"), ("plate", "a/y"), ("contact", "a*d_rate/d"), ("block", "a*log(x)")],
+)
+def test_a_division_by_zero_is_no_trajectory_and_raises_nothing_else(where: str, formula: str) -> None:
+    try:
+        effect = law(where, formula, a=1e-6).effect
+    except LawError:
+        return  # said before any collision is followed
+    try:
+        run = general.solve(PAPER, [general.Active(effect, (1e-6,))], TIMES_S, directions=[0, 2])
+    except general.RunsAway as why:
+        assert "without bound" in str(why)
+    else:
+        assert run.displacement_m.shape == TIMES_S.shape
+
+
+def test_a_derivative_goes_through_a_quotient() -> None:
+    own = law("block", "-a*v/(1 + 1e3*x*x)", a=1e-3).effect
+    step = 1e-6
+    ways = [general.solve(PAPER, [general.Active(own, (1e-3 + k * step,))], TIMES_S, directions=[]) for k in (-1, 1)]
+    exact = general.solve(PAPER, [general.Active(own, (1e-3,))], TIMES_S, directions=[general.direction(0, 0)])
+    slope = (ways[1].displacement_m - ways[0].displacement_m) / (2 * step)
+    np.testing.assert_allclose(exact.displacement_derivatives[:, 0], slope, atol=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("name", ["stir_", "_stir_", "_", "a__b_"])
+def test_a_law_without_words_survives_its_own_file(name: str) -> None:
+    parameters = {"a": {"unit": "", "start": 1}}
+    own = from_mapping({"name": name, "where": "block", "formula": "-a*v", "parameters": parameters})
+    assert is_law(own.key) and from_mapping(own.written()) == own and own.words.strip() == own.words != ""

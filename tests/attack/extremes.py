@@ -1,0 +1,135 @@
+"""Motion records, models and laws with numbers that no rig has: through the reading and the fit, watched for time."""
+
+import random
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.collision import general
+from analysis.collision.laws.own import LawError, from_mapping, is_law
+from analysis.collision.parameters import PAPER
+from analysis.diagnosis.model_file import from_text
+from analysis.diagnosis.verdict.foretold import foretell
+from analysis.shot.given_up import waited_for
+from analysis.shot.shot import AnalysisError, AnalysisSettings
+from app.session.load import load_and_analyse
+from tests.analysis.synthetic_collision import Synthetic, motion_of, position_m
+from tests.attack.trial import REFUSED, SURVIVED, Attempt, refused_in_a_line
+
+BOUNDED = AnalysisSettings(fit_seconds=2.0)
+UNITS = (*[1.0] * 20, 1e-3, 1e-6, 1e-9, 1e3, 1e6, 1e9, 60.0)
+VALUES = (0.0, -205.0, 1e300, 1e-300, 1e15, 1e-15, float("nan"), float("inf"), 221.4, 1e3, 5e6, 1e-3, -1.0, 1e9)
+
+
+def records(folder: Path, random_: random.Random) -> Iterator[Attempt]:
+    """Collisions in other units, of other masses, other noise, other lengths; steps, spikes, holes, plain nonsense."""
+    while True:
+        yield _record(folder / "record", random_)
+
+
+def _record(stem: Path, random_: random.Random) -> Attempt:
+    rate = 10 ** random_.uniform(2.5, 5.0)
+    rig = Synthetic(speed_m_per_s=random_.choice((0.265, 0.1, 0.02)), duration_s=random_.choice((0.06, 0.045, 0.3)))
+    time = np.arange(0.0, rig.duration_s, 1.0 / rate)[:20_000]
+    noise = np.random.default_rng(random_.randrange(2**32))
+    x = position_m(rig, time) + noise.normal(0.0, 10 ** random_.uniform(-12, -3), time.size)
+    kind = random_.choice(("as it is", "as it is", "step", "spikes", "constant", "noise", "sine", "holes", "turned"))
+    middle = time.size // 2
+    if kind == "step":
+        x[middle:] += random_.choice((1e-6, 1.0, -1e6))
+    elif kind == "spikes":
+        x[:: max(2, time.size // 7)] += 1e3
+    elif kind == "constant":
+        x[:] = 1.0
+    elif kind == "noise":
+        x = noise.normal(0.0, 1.0, time.size)
+    elif kind == "sine":
+        x = np.sin(2 * np.pi * random_.uniform(1, 2000) * time)
+    elif kind == "turned":
+        x = -x
+    unit_s, unit_m = random_.choice(UNITS), random_.choice(UNITS)
+    keep = noise.uniform(size=time.size) > 0.3 if kind == "holes" else np.ones(time.size, dtype=np.bool_)
+    mass = random_.choice((*[0.01785] * 6, 1e-9, 1e6, 1.0, 1e-3))
+    model = random_.choice(("plate", "plate", "contact", "driven"))
+    force = noise.normal(0.0, 1.0, time.size)
+
+    def attempt() -> str:
+        columns = [time[keep] / unit_s, x[keep] / unit_m, *([force[keep]] if model == "driven" else [])]
+        header = "time_s,displacement_m" + (",force_n" if model == "driven" else "")
+        table = stem.with_suffix(".csv")
+        np.savetxt(table, np.stack(columns, axis=1), delimiter=",", header=header, comments="", fmt="%.17g")
+        stem.with_suffix(".toml").write_text(f'model = "{model}"\nmoving_mass_kg = {mass!r}\n')
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            shot = load_and_analyse(table, settings=BOUNDED)
+        assert not said, f"{said[0].filename}:{said[0].lineno}: {said[0].message}"
+        if shot.fit_problem is not None:
+            refused_in_a_line(shot.fit_problem)
+            assert "Collision(" not in shot.fit_problem, shot.fit_problem
+        return SURVIVED if shot.problem is None else refused_in_a_line(shot.problem)
+
+    return f"{model}, {kind}, {time.size} rows, time in {unit_s:g} s, place in {unit_m:g} m, {mass:g} kg", attempt
+
+
+def models(folder: Path, random_: random.Random) -> Iterator[Attempt]:
+    """Model files with values that no rig has, put to the test on a sound shot."""
+    motion = motion_of(Synthetic())
+    names = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
+    while True:
+        values = dict(zip(names, (221.4, 1.984e-4, 1e4, 0.4), strict=True))
+        for name in random_.sample(names, random_.choice((1, 1, 2))):
+            values[name] = random_.choice(VALUES)
+        text = "".join(f"{name} = {{ value = {value!r}, std = 1e-3 }}\n" for name, value in values.items())
+
+        def attempt(text: str = text) -> str:
+            head = 'schema = "levimass.model/1"\nbase = "paper"\neffects = []\n'
+            base = text.replace("nan", "1.0").replace("inf", "1.0")
+            try:
+                known = from_text(f"{head}[parameters]\n{text}")
+                told = waited_for(lambda: foretell([motion], ["s"], known), 3.0)
+            except AnalysisError as error:
+                return refused_in_a_line(str(error))
+            assert "inf%" not in told.sentence and "-0%" not in told.sentence and base
+            return SURVIVED
+
+        yield ", ".join(f"{value:g}" for value in values.values()), attempt
+
+
+def laws(folder: Path, random_: random.Random) -> Iterator[Attempt]:
+    """Formulas put together at random, with divisions by what passes through zero: read, written, followed."""
+    leaves = ("x", "v", "y", "u", "d", "d_rate", "t", "a", "0", "1e3", "1e-9")
+    times = np.arange(-200, 3001, 20) * 1e-5
+
+    def made(depth: int) -> str:
+        if depth == 0 or random_.random() < 0.2:
+            return random_.choice(leaves)
+        kind = random_.randrange(4)
+        if kind == 0:
+            return f"{random_.choice(('abs', 'sign', 'log', 'exp', 'sqrt', 'tanh', 'step'))}({made(depth - 1)})"
+        if kind == 1:
+            return f"({made(depth - 1)})**{random_.choice(('2', '3', '-1', '0.5', '-2'))}"
+        return f"({made(depth - 1)} {random_.choice('+-*//')} {made(depth - 1)})"
+
+    while True:
+        name = random_.choice(("mine", "stir_", "_stir", "a__b"))
+        table: dict[str, Any] = {"name": name, "where": random_.choice(("block", "plate", "contact"))}
+        table |= {"formula": f"-a*{made(2)}", "parameters": {"a": {"unit": "", "start": 10 ** random_.uniform(-9, 2)}}}
+
+        def attempt(table: dict[str, Any] = table) -> str:
+            try:
+                law = from_mapping(table)
+            except LawError as error:
+                return refused_in_a_line(str(error))
+            assert is_law(law.key), "does not survive its own file"
+            try:
+                active = general.Active(law.effect, (law.parameters[0].tried[0],))
+                general.solve(PAPER, [active], times, directions=[0, 2])
+            except ArithmeticError as error:  # no trajectory: a search turns back there
+                assert "division" not in str(error), error
+                return REFUSED
+            return SURVIVED
+
+        yield f"{table['where']}: {table['formula']}", attempt

@@ -1,0 +1,40 @@
+"""A disk that fills while shots are taken without a screen: what is only in memory is saved where there is room."""
+
+from pathlib import Path
+
+import pytest
+
+from instrument import acquire as module
+from instrument.acquire import RESCUED, AcquireError, acquire
+from instrument.recording_file import RecordingError, read_recording, verify
+from instrument.recording_writer import RecordingWriter
+from tests.instrument.capturing import SETTINGS, assert_true_samples
+from tests.instrument.fake_digitizer import FakeDigitizer
+from tests.instrument.test_capture_disk import FullDisk
+
+
+def test_a_shot_that_the_disk_does_not_take_is_saved_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("instrument.recorder.RecordingWriter", FullDisk)
+    home = tmp_path / "home"
+    home.mkdir()
+    monkeypatch.setattr(Path, "home", lambda: home)
+    with pytest.raises(AcquireError) as caught:
+        acquire(FakeDigitizer(), tmp_path / "out", 3, SETTINGS, timeout_s=20.0)
+    (saved,) = (home / RESCUED).glob("*.sigmf-meta")
+    assert str(saved) in str(caught.value) and "No space left" in str(caught.value) and "\n" not in str(caught.value)
+    assert verify(saved)
+    assert_true_samples(read_recording(saved))
+    assert not list((tmp_path / "out").glob("*.sigmf-*"))
+
+
+def test_where_no_place_has_room_it_is_said_to_be_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full(RecordingWriter):
+        def append(self, counts: object) -> None:
+            raise RecordingError(self.data_path, "No space left on device")
+
+    for place in ("instrument.recorder.RecordingWriter", "instrument.recording_writer.RecordingWriter"):
+        monkeypatch.setattr(place, Full)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path / "none")
+    monkeypatch.setattr(module.tempfile, "gettempdir", lambda: str(tmp_path))
+    with pytest.raises(AcquireError, match="shot-0001 is lost: there is no room"):
+        acquire(FakeDigitizer(), tmp_path / "out", 1, SETTINGS, timeout_s=20.0)

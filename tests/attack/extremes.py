@@ -13,7 +13,7 @@ from analysis.collision.laws.own import LawError, from_mapping, is_law
 from analysis.collision.parameters import PAPER
 from analysis.diagnosis.model_file import from_text
 from analysis.diagnosis.verdict.foretold import foretell
-from analysis.shot.given_up import waited_for
+from analysis.fitted.given_up import waited_for
 from analysis.shot.shot import AnalysisError, AnalysisSettings
 from app.session.load import load_and_analyse
 from tests.analysis.synthetic_collision import Synthetic, motion_of, position_m

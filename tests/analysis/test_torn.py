@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from analysis.pipeline import analyse
 from analysis.reading.edges import edges_of_short_flight
-from analysis.recording import Recording
-from analysis.shot import AnalysisSettings, Shot
-from tests.analysis.collision import Synthetic
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisSettings, Shot
+from tests.analysis.synthetic_collision import Synthetic
 from tests.beats import recording_of
 
 TURN = 243_000  # the sample at which the block turns
@@ -44,7 +44,7 @@ def test_a_fit_without_a_solution_keeps_the_readings(monkeypatch: pytest.MonkeyP
     def torn(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr("analysis.model.fitting.fit_shots", torn)
+    monkeypatch.setattr("analysis.inference.fit.fitting.fit_shots", torn)
     shot = analyse(sound())
     assert shot.problem is None and shot.impact is not None and shot.fit is None
     assert shot.fit_problem == f"the model cannot be fitted to this motion ({error})"

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from analysis.collision import general
+from analysis.collision.laws.own import LawError, from_mapping, is_law
+from analysis.collision.parameters import PAPER
 from analysis.diagnosis.model_file import from_text
 from analysis.diagnosis.verdict.foretold import foretell
-from analysis.given_up import waited_for
-from analysis.laws.own import LawError, from_mapping, is_law
-from analysis.model import general
-from analysis.model.parameters import PAPER
-from analysis.shot import AnalysisError, AnalysisSettings
+from analysis.fitted.given_up import waited_for
+from analysis.shot.shot import AnalysisError, AnalysisSettings
 from app.session.load import load_and_analyse
-from tests.analysis.collision import Synthetic, motion_of, position_m
+from tests.analysis.synthetic_collision import Synthetic, motion_of, position_m
 from tests.attack.trial import REFUSED, SURVIVED, Attempt, refused_in_a_line
 
 BOUNDED = AnalysisSettings(fit_seconds=2.0)

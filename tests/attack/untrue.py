@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import hilbert
 
-from analysis.doubts import concerning
 from analysis.pipeline import analyse
-from analysis.quantity import Quantity
-from analysis.recording import Recording
-from analysis.shot import AnalysisSettings
-from tests.analysis.collision import Synthetic
+from analysis.shot.doubts import concerning
+from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisSettings
+from tests.analysis.synthetic_collision import Synthetic
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line
 from tests.beats import REST_HZ, recording_of
 

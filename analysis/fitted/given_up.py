@@ -9,8 +9,8 @@ import threading
 from collections.abc import Callable
 from typing import TypeVar
 
-from analysis.fit_time import FitTime
-from analysis.shot import AnalysisError, Stop
+from analysis.fitted.fit_time import FitTime
+from analysis.shot.shot import AnalysisError, Stop
 
 Made = TypeVar("Made")
 _LOOK_S = 0.02

@@ -10,6 +10,7 @@ from analysis.shot.corrected import FLAG
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
+from app.session.swapped import told_if_swapped
 from instrument.motion_file import read_motion
 from instrument.open_recording import analysed_while_hashed, open_unchecked
 from instrument.recording_error import RecordingError, one_line
@@ -36,7 +37,7 @@ def load_and_analyse(
     hash ("data_altered"), which takes a third as long as the rest.  Raises Cancelled.
     """
     try:
-        return analysed(
+        shot = analysed(
             path,
             model,
             settings=settings,
@@ -45,6 +46,7 @@ def load_and_analyse(
             progress=progress,
             cancelled=cancelled,
         )
+        return told_if_swapped(shot)
     except Cancelled:
         raise
     except Exception as error:

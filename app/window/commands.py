@@ -18,11 +18,13 @@ class Command:
 MENUS = ("File", "Rig", "Shots", "View", "Model", "Help")
 COMMANDS: tuple[Command, ...] = (
     Command("File", "Open recordings …", "open_recordings", ("Ctrl+O",)),
+    Command("File", "Open a folder of recordings …", "open_folder", ("Ctrl+Shift+D",)),
     Command("File", "Open recent", "recent"),
     Command("File", "Open a session …", "open_session", ("Ctrl+Alt+O",), True),
     Command("File", "Save the session as …", "save_session", ("Ctrl+Alt+S",)),
     Command("File", "Go back to the session without a name", "usual_session"),
     Command("File", "Export CSV of the selected shots, or of all …", "export_selected", ("Ctrl+E",), True),
+    Command("File", "Export HDF5 of the selected shots, or of all …", "export_hdf5", ("Ctrl+Shift+E",)),
     Command("File", "Report of the selected shots, or of all (HTML, PDF) …", "report_selected", ("Ctrl+T",)),
     Command("File", "Print the report …", "print_report", ("Ctrl+Shift+P",)),
     Command("File", "Save the plot (PNG, SVG, CSV) …", "plot_menu", ("Ctrl+P",)),

@@ -95,6 +95,7 @@ class MainWindow(QMainWindow):
         self.help_presenter = HelpPresenter(self.panels, log.folder, self)
         self.mapping_presenter = MappingPresenter(workbench, choices, self.panels, self)
         self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
+        self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
         self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
         self.model_presenter = ModelPresenter(workbench, choices, self.panels, self.selection_presenter.front, self)
         for presenter in (

@@ -10,6 +10,7 @@ from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 from app.report.pdf import document_of
 from app.session.choices import Choices
 from app.session.event import Event, Kind
+from app.session.swapped import is_swapped
 from app.session.workbench import Workbench
 from app.window.file_question import Want, ask
 from app.window.layout import Layout
@@ -34,6 +35,7 @@ class SessionPresenter(QObject):
 
     said = Signal(str, Tone)
     arrived = Signal(object)
+    swap_wanted = Signal(object, int)  # path and number of a file of another program whose PD0 and PD1 are swapped
     mapping_wanted = Signal(object)  # paths of files whose channels are not known yet
 
     def __init__(
@@ -82,6 +84,8 @@ class SessionPresenter(QObject):
 
     def _happened(self, event: Event) -> None:
         self._show_table()
+        if event.kind in (Kind.SHOT, Kind.CHANGED):
+            self._look_for_swapped(event.numbers)
         if event.kind is Kind.SHOT:
             if not self._choose_next:  # of a folder's shots the first: no other selection is spoilt
                 return
@@ -101,6 +105,17 @@ class SessionPresenter(QObject):
             self.said.emit(event.words, Tone.GOOD)
         else:
             self.said.emit(event.words, Tone.BAD if event.kind is Kind.PROBLEM else Tone.GOOD)
+
+    def _look_for_swapped(self, numbers: tuple[int, ...]) -> None:
+        """Offer to exchange PD0 and PD1 of a shot whose analysis says that they are."""
+        for number in numbers:
+            entry = self._workbench.session.entry(number)
+            if entry is None or entry.path is None or not is_swapped(entry.shot):
+                continue
+            path = Path(entry.path)
+            if is_foreign(path):
+                words = f"{entry.name}: PD0 and PD1 are swapped"
+                self._panels.work.notices.offer(words, "Swap them", partial(self.swap_wanted.emit, path, number))
 
     def take_captured(self, captured: WaitingShot) -> None:
         """List a shot whose analysis is to come."""
@@ -157,6 +172,11 @@ class SessionPresenter(QObject):
             if unmapped:
                 self.mapping_wanted.emit(unmapped)
 
+    @Slot()
+    def open_folder(self) -> None:
+        """Ask for a folder and open every recording in it."""
+        ask(self._panels, "Open a folder of recordings", Want.FOLDER, self.open_paths, self._folder)
+
     @Slot(list)
     def _export_pressed(self, _: list[int]) -> None:
         self.export_selected()
@@ -165,6 +185,15 @@ class SessionPresenter(QObject):
     def export_selected(self) -> None:
         """Ask for a folder and export the selected shots, or all."""
         ask(self._panels, "Export CSV to", Want.FOLDER, self._export_asked, self._folder)
+
+    @Slot()
+    def export_hdf5(self) -> None:
+        """Ask for a folder and write the selected shots, or all, as HDF5."""
+        ask(self._panels, "Export HDF5 to", Want.FOLDER, self._hdf5_asked, self._folder)
+
+    def _hdf5_asked(self, paths: list[Path]) -> None:
+        self._chosen = paths[0]
+        self._workbench.papers.export_hdf5(self._panels.table.numbers, paths[0])
 
     def _export_asked(self, paths: list[Path]) -> None:
         self.export_to(paths[0])

@@ -10,7 +10,6 @@ from analysis.shot.corrected import FLAG
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
-from app.session.swapped import told_if_swapped
 from instrument.motion_file import read_motion
 from instrument.open_recording import analysed_while_hashed, open_unchecked
 from instrument.recording_error import RecordingError, one_line
@@ -37,7 +36,7 @@ def load_and_analyse(
     hash ("data_altered"), which takes a third as long as the rest.  Raises Cancelled.
     """
     try:
-        shot = analysed(
+        return analysed(
             path,
             model,
             settings=settings,
@@ -46,7 +45,6 @@ def load_and_analyse(
             progress=progress,
             cancelled=cancelled,
         )
-        return told_if_swapped(shot)
     except Cancelled:
         raise
     except Exception as error:

@@ -32,7 +32,6 @@ from app.session.saver import Saver
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_motions, open_shot
-from app.session.swapped import told_if_swapped
 from app.session.unlisted import Unlisted, listed_by, unlisted
 from app.session.verdict_of import verdict_of
 from app.session.work import Work
@@ -193,7 +192,6 @@ class Workbench:
 
         None where it was taken off the list meanwhile.
         """
-        shot = told_if_swapped(shot)
         where = None if shot.path is None else str(Path(shot.path))
         number = self._captured.pop((shot.name, where), None)
         if number is None:

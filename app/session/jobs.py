@@ -8,6 +8,7 @@ from typing import Any
 
 from analysis.shot.shot import Cancelled
 
+YIELDING = ("why",)  # kinds of work that make way for any other
 Report = Callable[[str, float], None]
 Asked = Callable[[], bool]
 Work = Callable[[Report, Asked], Any]
@@ -48,6 +49,9 @@ class Jobs:
         """Queue a job; its function gets (report, cancelled) and returns the result."""
         job = Job(name, work, kind)
         with self._wake:
+            for other in (*self._waiting, self._current):
+                if other is not None and other.kind in YIELDING and kind not in YIELDING:
+                    other.cancel()  # whoever wants it asks again
             self._waiting.append(job)
             self._wake.notify()
         return job

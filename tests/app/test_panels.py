@@ -434,7 +434,7 @@ def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_w
     bars = CandidateBars(LIGHT)
     qtbot.addWidget(bars)
     bars.show_candidates((Candidate("tilt", 9.0, 4.0), Candidate("adhesion", 60.0, -80.0)), {"tilt", "adhesion"})
-    words = [label.text() for label in bars.widget().findChildren(QLabel)]
+    words = [label.text() for label in bars.findChildren(QLabel)]
     names = [text for text in words if "adhesion" in text or "tilt" in text]
     assert "adhesion" in names[0] and MARKS[Tone.GOOD] in names[0] and MARKS[Tone.GOOD] not in names[1]
 

@@ -212,7 +212,7 @@ def test_no_page_is_wider_than_the_window(window):
                 areas = [a for a in panels.tabs.currentWidget().findChildren(QScrollArea) if _scrolls_across(a)]
                 assert not areas, (size, page, kind.verdict)
                 bars = panels.diagnosis.bars
-                assert not bars.isVisible() or bars.widget().minimumSizeHint().width() <= bars.viewport().width()
+                assert not bars.isVisible() or bars.minimumSizeHint().width() <= bars.width()
                 assert not {text for widget in _shown(window) if (text := _cut(widget)) is not None}
     panels.diagnosis.show_diagnosis(found, [shot])
 

@@ -29,10 +29,10 @@ class WorkLine(QWidget):
         self.progress.setAccessibleName("Work under way")
         self._cancel = QPushButton("Cancel", self)
         self._cancel.setToolTip("Stop all work under way away from the rig")
-        for widget in (self.progress, self._cancel):
-            policy = widget.sizePolicy()
-            policy.setRetainSizeWhenHidden(True)
-            widget.setSizePolicy(policy)
+        policy = self._cancel.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)
+        self._cancel.setSizePolicy(policy)
+        for widget in (self.progress, self._cancel):  # while nothing goes on the messages have the progress's room
             widget.hide()
         settings = QPushButton("Settings", self)
         settings.setToolTip("Mass, air, wavelength, bandwidth, trigger, folders  (F2)")
@@ -41,7 +41,7 @@ class WorkLine(QWidget):
         setup.clicked.connect(self._setup_pressed)
         keys = QPushButton("Keys", self)
         keys.setToolTip("All keys on one sheet  (F1)")
-        row.addWidget(self.notices, 3)
+        row.addWidget(self.notices, 1)
         row.addWidget(self.progress, 1)
         for widget in (self._cancel, setup, settings, keys):
             row.addWidget(widget)

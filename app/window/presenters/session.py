@@ -326,4 +326,5 @@ class SessionPresenter(QObject):
 
     @Slot()
     def _cancel_work(self) -> None:
+        self._workbench.why.stop()
         self._workbench.jobs.cancel()

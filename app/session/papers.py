@@ -36,7 +36,7 @@ class Papers:
         """Queue the test of a model file, unchanged, on these entries, or on all when none is named."""
         entries = self._entries(numbers)
         shots = [entry.shot for entry in entries if entry.shot is not None]
-        self._submit("model put to the test", partial(put_to_test, path, shots))
+        self._submit("test of a model file", partial(put_to_test, path, shots))
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the report of these entries, or of all when none is named, as one HTML or PDF file."""

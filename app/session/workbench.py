@@ -105,7 +105,7 @@ class Workbench:
     def usual_session(self) -> str | None:
         """Go on with the session that has no name; return why not, or None."""
         if self._usual is None:
-            return "this window keeps no session"
+            return "this window has no session file"
         self._go_on(own_session(self._usual))
         return self.session.problem
 
@@ -162,7 +162,7 @@ class Workbench:
         def work(_: Report, __: Asked) -> Unlisted:
             return unlisted(folder, own | listed_by(sessions), now_s)
 
-        self.errands.submit("recordings that no session lists", work, "look")
+        self.errands.submit("recordings not in any session", work, "look")
 
     def reanalyse(self, numbers: Sequence[int]) -> int:
         """Queue copies of these entries with the present settings; return how many.
@@ -351,12 +351,12 @@ class Workbench:
 
     def _take_unlisted(self, result: Unlisted) -> None:
         if result.cut_off:
-            words = f"The program ended while it recorded {_named(result.cut_off)}: saved as far as it got, not listed"
+            words = f"The program ended while it recorded {_named(result.cut_off)}: saved up to that point"
             self._waiting.append(Event(Kind.UNLISTED, words, paths=result.cut_off))
         if result.complete:
             count = len(result.complete)
             which = "1 recording" if count == 1 else f"{count} recordings"
-            words = f"{which} in the data folder that no session lists: {_named(result.complete)}"
+            words = f"{which} in the data folder not in any session: {_named(result.complete)}"
             self._waiting.append(Event(Kind.UNLISTED, words, paths=result.complete))
 
     def _take_reopened(self, result: Reopened) -> None:

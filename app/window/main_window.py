@@ -209,11 +209,13 @@ class MainWindow(QMainWindow):
     def showEvent(self, event: QShowEvent) -> None:
         """Look once the system has drawn the frame whether all of it is on the screen."""
         super().showEvent(event)
+        self._size_shown = self.size()
         QTimer.singleShot(FRAMED_MS, self, self._keep_within_screen)
 
     @Slot()
     def _keep_within_screen(self) -> None:
-        keep_within_screen(self)
+        if self.size() == self._size_shown:  # else a person has chosen another size meanwhile
+            keep_within_screen(self)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the sheets in place."""

@@ -97,7 +97,7 @@ def test_a_driven_record_has_views_and_numbers_of_its_own(window):
     select(window, "driven")
     settled(window)
     assert [b.text() for b in panel._buttons.values() if b.isVisible()] == [
-        "Over time", "F against speed", "F against place"
+        "Over time", "Force vs speed", "Force vs position"
     ]  # fmt: skip
     assert "N rms, " in panel.drive.say.text() and panel.drive.say.isVisible()
     assert panel.drive.stack.cursors.axis.unit == "s"

@@ -97,7 +97,7 @@ class DiagnosisPanel(QWidget):
         policy = self.cancel.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.cancel.setSizePolicy(policy)
-        self.cancel.setToolTip("Stop the diagnosis; the one before is kept")
+        self.cancel.setToolTip("Stop the diagnosis; the previous one is kept")
         self.diagnose = QPushButton("Diagnose", self)
         self.diagnose.setProperty("primary", True)
         self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
@@ -262,10 +262,10 @@ class DiagnosisPanel(QWidget):
             )
             self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL]}")
             self._sentence.setText(
-                "The selected shots are looked at together; you can go on working, and take shots, meanwhile."
+                "The selected shots are analysed together; you can keep working and take shots meanwhile."
                 if self._busy
-                else "Select one or several shots below and press Diagnose: the program looks at what the model leaves "
-                "over, and says which effect the model lacks, if any. Shots at different speeds tell more."
+                else "Select one or several shots below and press Diagnose: the program examines the "
+                "residual and names the missing effect, if any. Shots at different speeds give more information."
             )
             self._blind.setText("")
             self.bars.show_candidates((), set())
@@ -286,7 +286,7 @@ class DiagnosisPanel(QWidget):
         blind = list(diagnosis.blind_spots)
         lines = [f"Remainder: {diagnosis.remainder}"] if diagnosis.remainder else []
         if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:
-            lines.append("χ²/ν is against the noise that this residual shows, what is unexplained included: so near 1")
+            lines.append("χ²/ν is relative to noise estimated from this residual, unexplained part included: so near 1")
         told = diagnosis.separating_shot and not self.next_steps.isVisibleTo(self)
         lines += [f"What would separate these: {diagnosis.separating_shot}"] if told else []
         lines += [f"Detection limits: {'; '.join(blind)}"] if blind else []

@@ -164,7 +164,7 @@ class SessionPresenter(QObject):
             self._chosen = paths[0].parent
             self._choices.remember_recent(paths)
             for path in [path for path in paths if path.is_file() and not path.name.lower().endswith(ENDINGS)]:
-                self.said.emit(f"{path.name} is no recording: {', '.join(ENDINGS)} are", Tone.BAD)
+                self.said.emit(f"{path.name} is not a recording (they end in {', '.join(ENDINGS)})", Tone.BAD)
                 paths = [other for other in paths if other != path]
             unmapped = [path for path in paths if path.is_file() and is_unmapped(path)]
             if self._workbench.open_paths([path for path in paths if path not in unmapped]):
@@ -221,7 +221,7 @@ class SessionPresenter(QObject):
     def print_report(self) -> None:
         """Make the report of the selected shots, or of all, and ask for a printer."""
         self._workbench.papers.report_to_print(self._panels.table.numbers)
-        self.said.emit("The report is being made; the printer is asked for next", Tone.NEUTRAL)
+        self.said.emit("Preparing the report; the printer dialogue follows", Tone.NEUTRAL)
 
     def _print(self, html: str) -> None:
         printer = QPrinter(QPrinter.PrinterMode.HighResolution)
@@ -248,13 +248,13 @@ class SessionPresenter(QObject):
 
     @Slot()
     def remove_selected(self) -> None:
-        """Take the selected shots off the list."""
+        """Remove the selected shots from the list."""
         numbers = self._panels.table.numbers
         if numbers:
             self._workbench.session.remove(numbers)
             self._show_table()
             self._selection.show_again()
-            self.said.emit(f"{len(numbers)} shots taken off the list; Undo (Ctrl+Z) brings them back", Tone.NEUTRAL)
+            self.said.emit(f"{len(numbers)} shots removed from the list; Undo (Ctrl+Z) restores them", Tone.NEUTRAL)
 
     @Slot(list)
     def _reanalyse_pressed(self, _: list[int]) -> None:
@@ -266,7 +266,7 @@ class SessionPresenter(QObject):
         count = self._workbench.reanalyse(self._panels.table.numbers)
         self._choose_next = count > 0
         put_right = self._workbench.put_right()
-        words = f"{count} shots are analysed again as copies, with the present settings"
+        words = f"Re-analysing {count} shots as copies with the present settings"
         words += f" and {put_right} in place of the recordings' own" if put_right else ""
         self.said.emit(words if count else "Select shots that have a recording", Tone.NEUTRAL)
 

@@ -11,7 +11,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from instrument.foreign import csv_table, hdf5, tdms, wav
 from instrument.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents
 

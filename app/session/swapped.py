@@ -1,6 +1,6 @@
 """Whether the analysis says that PD0 and PD1 of a shot are swapped."""
 
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
 
 WORD = "swapped"  # of what the demodulation says where PD0's beat moves and PD1's stands still
 

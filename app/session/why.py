@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.result import Candidate, Diagnosis
-from analysis.disturbance import Shaking
-from analysis.fitted_shot import fit_jointly, shaking_of
-from analysis.motion import Motion
-from analysis.shot import AnalysisError, Progress, Shot
+from analysis.fitted.fitted_shot import fit_jointly, shaking_of
+from analysis.shot.disturbance import Shaking
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError, Progress, Shot
 from app.session.jobs import Asked, Job, Report
 from app.session.work import Work
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from app.session.channel_looks import Kind, looks_of, proposed
 from app.session.choices import Choices
 from app.session.load import load_and_analyse

@@ -31,7 +31,7 @@ from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
 from app.window.layout import Layout
-from app.window.panels.session_model import COLUMNS, FLAGS, VERDICT
+from app.window.panels.session_model import COLUMNS, FIRST_EXTRA, FLAGS, VERDICT
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack

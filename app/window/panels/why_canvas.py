@@ -10,8 +10,8 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.noise_band import diagnosed_band
-from analysis.shot import Shot
+from analysis.shot.shot import Shot
+from analysis.uncertainty.noise_band import diagnosed_band
 from app.report.shot_times import time_zero
 from app.session.why import Remainder, by_evidence
 from app.window.panels.candidates import CandidateBars

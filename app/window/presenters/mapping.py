@@ -5,7 +5,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Slot
 
-from analysis.recording import Role
+from analysis.shot.recording import Role
 from app.session.channel_looks import ChannelLook, looks_of
 from app.session.choices import Choices
 from app.session.jobs import Asked, Job, Report

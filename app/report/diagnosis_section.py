@@ -19,11 +19,11 @@ from app.words.prefixes import prefix_for
 from instrument.recording_error import one_line
 
 VERDICTS = {
-    Verdict.ADEQUATE: "adequate: nothing is missing that these data could show",
+    Verdict.ADEQUATE: "adequate: no missing effect within the detection limits",
     Verdict.EFFECT_FOUND: "effect found",
-    Verdict.LAW_LEARNED: "a law was learned that the catalogue does not hold",
-    Verdict.PARTLY_EXPLAINED: "partly explained: what was found foretells better, a significant remainder stays",
-    Verdict.UNEXPLAINED: "unexplained: a significant remainder stays",
+    Verdict.LAW_LEARNED: "law learned: a force that is not in the catalogue",
+    Verdict.PARTLY_EXPLAINED: "partly explained: predictions improve, a significant residual remains",
+    Verdict.UNEXPLAINED: "unexplained: a significant residual remains",
 }
 ERRORS = (
     ("displacement_rms_m", "displacement, rms", "m"),
@@ -56,9 +56,9 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     if diagnosis.candidates:
         parts += [tag("h3", "Every effect that was tried, best first"), _candidates(diagnosis)]
     if diagnosis.blind_spots:
-        parts += [tag("h3", "What these data could not show"), tag("ul", [tag("li", b) for b in diagnosis.blind_spots])]
+        parts += [tag("h3", "Detection limits"), tag("ul", [tag("li", b) for b in diagnosis.blind_spots])]
     if further := next_shots or diagnosis.separating_shot:
-        parts += [tag("h3", "Which shot would tell more"), tag("p", further)]
+        parts += [tag("h3", "The shot that would decide"), tag("p", further)]
     parts += [tag("h3", "Model of all shots, before"), fitted(diagnosis.fit_before)]
     if diagnosis.fit_after is not diagnosis.fit_before:
         parts += [tag("h3", "Model of all shots, after"), fitted(diagnosis.fit_after)]
@@ -74,7 +74,7 @@ def _effect(effect: FoundEffect) -> Markup:
         lines.append(tag("p", f"Evidence: {said}."))
     if effect.indistinguishable_from:
         others = ", ".join(effect_words(name) for name in effect.indistinguishable_from)
-        lines.append(tag("p", f"These data cannot tell it from {others}."))
+        lines.append(tag("p", f"These data cannot distinguish it from {others}."))
     return tag("div", lines, class_="whole")
 
 
@@ -97,15 +97,15 @@ def _law(law: LearnedLaw) -> Markup:
     band = [Line(x, force + sign * 2e3 * law.curve_std_n, "residual") for sign in (-1, 1)]
     plot = Plot(f"{law.argument} ({law.curve_unit})", "force (mN)", (Line(x, force, "measured"), *band))
     legend = [("measured", "free curve"), ("residual", "two standard uncertainties")]
-    return tag("div", lines, figure("The curve that the shots show.", "", [plot], legend, 220), class_="whole")
+    return tag("div", lines, figure("The curve learned from the shots.", "", [plot], legend, 220), class_="whole")
 
 
 def _errors(diagnosis: Diagnosis) -> Markup:
     columns: list[tuple[str, Errors]] = [("before", diagnosis.error_before), ("after", diagnosis.error_after)]
     if diagnosis.error_held_out_before is not None and diagnosis.error_held_out_after is not None:
         columns += [
-            ("held-out shot, before", diagnosis.error_held_out_before),
-            ("held-out shot, after", diagnosis.error_held_out_after),
+            ("validation shot, before", diagnosis.error_held_out_before),
+            ("validation shot, after", diagnosis.error_held_out_after),
         ]
     rows = error_rows(columns)
     note = "Over the same samples at the same bandwidth; before is the base model at its own best fit."

@@ -9,8 +9,8 @@ _WORDS = {"velocity_in_m_per_s": "velocity before touch", "velocity_out_m_per_s"
 def disturbance_section(disturbance: Disturbance) -> Markup:
     """Return the section without its heading."""
     floor = (
-        f"A floor of {1e9 * disturbance.floor_rms_m:.3g} nm and "
-        f"{1e6 * disturbance.floor_rms_m_per_s:.3g} µm/s rms stands in the uncertainties."
+        f"Site vibration of {1e9 * disturbance.floor_rms_m:.3g} nm and "
+        f"{1e6 * disturbance.floor_rms_m_per_s:.3g} µm/s rms is included in the uncertainties."
     )
     parts = [tag("p", floor)]
     if disturbance.lines:
@@ -19,13 +19,13 @@ def disturbance_section(disturbance: Disturbance) -> Markup:
             for line in disturbance.lines
         ]
         parts += [
-            tag("p", "Lines that both flights show were taken off before the numbers were read:"),
+            tag("p", "Spectral lines present in both flights were removed before the numbers were read:"),
             table(["frequency (Hz)", "amplitude (nm)", "phase at the first sample (rad)"], rows, "numbers"),
         ]
     knocks = ", ".join(f"{1e3 * begin:.1f} to {1e3 * end:.1f} ms" for begin, end in disturbance.knocks_s)
     if knocks:
-        parts.append(tag("p", f"Left out, since something struck the table: {knocks} of the record."))
+        parts.append(tag("p", f"Excluded because the table was struck: {knocks} of the record."))
     shares = [f"{100 * share:.0f} % for {_WORDS.get(name, name)}" for name, share in disturbance.shares.items()]
     if shares:
-        parts.append(tag("p", f"Share of the variance that a quiet table would take away: {', '.join(shares)}."))
+        parts.append(tag("p", f"Share of the variance due to table vibration: {', '.join(shares)}."))
     return joined(*parts)

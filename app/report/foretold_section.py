@@ -27,4 +27,4 @@ def foretold_section(foretold: Foretold) -> Markup:
         table(["", *(name for name, _ in columns)], error_rows(columns), "numbers"),
         table(["shot", f"base alone: {which}", "whole model", "remarks"], shots, "numbers"),
     )
-    return tag("section", tag("h2", "The model put to the test"), body)
+    return tag("section", tag("h2", "Test of model predictions"), body)

@@ -27,7 +27,7 @@ NUMBERS = (  # key, words, unit of the key; in the order of the result file
     ("force_fwhm_s", "pulse width (FWHM)", "s"),
     ("contact_time_s", "contact time", "s"),
     ("deflection_max_m", "deflection", "m"),
-    ("stiffness_slope_n_per_m", "slope of F against deflection", "N/m"),
+    ("stiffness_slope_n_per_m", "slope of force vs deflection", "N/m"),
 )
 
 
@@ -77,17 +77,17 @@ def fitted(fit: Fit | None, tried: Collection[str] = (), of: Budget | None = Non
     effects = f" with {', '.join(map(effect_words, fit.effects))}" if fit.effects else ""
     said = (
         f"Model {fit.model}{effects}: reduced χ² {fit.reduced_chi2:.4g}, "
-        f"noise {1e9 * fit.noise_std_m:.3g} nm a sample of displacement. Columns on the right: correlations."
+        f"noise {1e9 * fit.noise_std_m:.3g} nm per displacement sample. Columns on the right: correlations."
     )
     unnamed = ", ".join(effect_words(name) for name in fit.effects if name in tried)
-    warning = tag("p", f"Tried: no diagnosis named {unnamed}.", class_="warning") if unnamed else Markup()
+    warning = tag("p", f"Tried, not named by a diagnosis: {unnamed}.", class_="warning") if unnamed else Markup()
     return joined(tag("p", said), warning, table(header, rows, "numbers"))
 
 
 def budgets(of: Budget | None) -> Markup:
     """Return the uncertainty budget of each number, largest contribution first."""
     if of is None or not of.quantities:
-        return tag("p", "There is no number to make a budget of.")
+        return tag("p", "No number has a budget.")
     return joined(*[_budget(entry) for entry in of.quantities])
 
 

@@ -90,7 +90,7 @@ def _shot(
     if shot.impact is not None:
         parts += [tag("h3", "Numbers"), numbers(shot, of), rests_on(readings_model(shot))]
         if shot.impact.disturbance is not None:
-            parts += [tag("h3", "What shook the path"), disturbance_section(shot.impact.disturbance)]
+            parts += [tag("h3", "Vibration of the path"), disturbance_section(shot.impact.disturbance)]
     if shot.motion is not None:
         parts += [tag("h3", "Model"), fitted(shot.fit, tried, of)]
     if drawn and shot.motion is not None:

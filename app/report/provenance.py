@@ -118,9 +118,9 @@ def _channels(shot: Shot) -> list[list[str]]:
     try:
         channels = read_metadata(meta).channels
     except RecordingError as error:
-        return [["channels", f"not known any more: {error}"]]
+        return [["channels", f"no longer available: {error}"]]
     return [
-        [f"channel {number}, {c.role}", f"{c.volts_per_count:.10g} V a count, offset {c.offset_v:g} V"]
+        [f"channel {number}, {c.role}", f"{c.volts_per_count:.10g} V per count, offset {c.offset_v:g} V"]
         for number, c in enumerate(channels, 1)
     ]
 
@@ -130,7 +130,7 @@ def _mapped(path: Path) -> list[list[str]]:
     try:
         mapping = read_mapping(kept) if kept is not None else None
     except RecordingError as error:
-        return [["channels", f"not known any more: {error}"]]
+        return [["channels", f"no longer available: {error}"]]
     if kept is None or mapping is None:
         return []
     rows = [["read by", f"{kept.name} ({mapping.format})"]]

@@ -101,7 +101,7 @@ def _residuals(course: _Course) -> Markup | None:
         line = Line(course.time_ms, scale * rest, RESIDUAL[0])
         band = Band(course.time_ms, 2.0 * scale * std)
         plots.append(Plot(course.time_label, label, (line,), (band,), (), course.marks, zero_line=True))
-    words = "Inside the band what is left is noise and what shook the path; what stands out of it the model lacks."
+    words = "Within the band the residual is noise and vibration; outside it the model lacks something."
     return figure("Residual.", words, plots, [RESIDUAL, NOISE], 165)
 
 

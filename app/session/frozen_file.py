@@ -56,7 +56,7 @@ def head_of(file: Any) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise NotKept(str(error)) from None
     if not isinstance(head, dict):
-        raise NotKept("its head is no object")
+        raise NotKept("its header is not an object")
     return head
 
 

@@ -1,6 +1,7 @@
 """Work that takes longer than a frame: one worker thread, progress and cancel; the screen polls, nothing is pushed."""
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -8,6 +9,8 @@ from typing import Any
 
 from analysis.shot.shot import Cancelled
 
+TOLD_AFTER_S, LEAST_TOLD = 2.0, 0.05  # before that a remaining time would be a guess
+YIELDING = ("why",)  # kinds of work that make way for any other
 Report = Callable[[str, float], None]
 Asked = Callable[[], bool]
 Work = Callable[[Report, Asked], Any]
@@ -25,7 +28,15 @@ class Job:
     result: Any = None
     problem: str | None = None
     cancelled: bool = False
+    started_s: float | None = None  # of the monotonic clock
     done: threading.Event = field(default_factory=threading.Event)
+
+    def remaining_s(self) -> float | None:
+        """Return how long it will probably still take; None while that is not known."""
+        if self.started_s is None or not LEAST_TOLD <= self.fraction < 1.0:
+            return None
+        gone = time.monotonic() - self.started_s
+        return gone * (1.0 - self.fraction) / self.fraction if gone > TOLD_AFTER_S else None
 
     def cancel(self) -> None:
         """Ask the job to stop at its next look."""
@@ -48,6 +59,9 @@ class Jobs:
         """Queue a job; its function gets (report, cancelled) and returns the result."""
         job = Job(name, work, kind)
         with self._wake:
+            for other in (*self._waiting, self._current):
+                if other is not None and other.kind in YIELDING and kind not in YIELDING:
+                    other.cancel()  # whoever wants it asks again
             self._waiting.append(job)
             self._wake.notify()
         return job
@@ -116,6 +130,7 @@ class Jobs:
 
         if job.cancelled:
             return
+        job.started_s = time.monotonic()
         try:
             job.result = job.work(report, cancelled)
         except Cancelled:

@@ -104,7 +104,7 @@ def cause_of(path: Path, error: Exception) -> str:
     if isinstance(error, OSError):
         return f"{error.filename or path}: {error.strerror or error}"
     if isinstance(error, MemoryError):
-        return f"{path}: this machine has not the memory for it"
+        return f"{path}: not enough memory"
     # a fault of the program's own must not cost the other shots their analysis
     return f"a fault of the program: {type(error).__name__}: {' '.join(str(error).split())}"
 

@@ -12,7 +12,7 @@ from app.session.event import Event, Kind
 from app.session.jobs import Asked, Report
 from app.session.put_to_test import put_to_test
 from app.session.session import Entry, Session
-from app.session.shot_work import report_text, write_csv, write_model, write_report
+from app.session.shot_work import report_text, write_csv, write_hdf5, write_model, write_report
 from app.session.work import Work
 
 
@@ -27,11 +27,16 @@ class Papers:
         shots, diagnosis = self._reported(numbers)
         self._submit("export", partial(write_csv, shots, diagnosis, folder))
 
+    def export_hdf5(self, numbers: Sequence[int], folder: Path) -> None:
+        """Queue the export of these entries, or of all when none is named, as HDF5."""
+        shots, _ = self._reported(numbers)
+        self._submit("export", partial(write_hdf5, shots, folder))
+
     def foretell(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the test of a model file, unchanged, on these entries, or on all when none is named."""
         entries = self._entries(numbers)
         shots = [entry.shot for entry in entries if entry.shot is not None]
-        self._submit("model put to the test", partial(put_to_test, path, shots))
+        self._submit("test of a model file", partial(put_to_test, path, shots))
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the report of these entries, or of all when none is named, as one HTML or PDF file."""

@@ -73,7 +73,7 @@ class Settings:
         if self.switch_low_v is not None and self.switch_high_v is not None and self.switch_low_v >= self.switch_high_v:
             raise WrongSettings("light switch: the low threshold must lie below the high one")
         if self.pre_trigger_s >= self.duration_s:
-            raise WrongSettings("the part before the trigger must be shorter than the shot")
+            raise WrongSettings("the pre-trigger part must be shorter than the shot")
         if not isinstance(self.tour_done, bool):
             raise WrongSettings(f"tour_done: {shown(self.tour_done)} is neither true nor false")
         for key in ("source", "network", "session", "recent", "window"):
@@ -212,14 +212,14 @@ FIELDS: tuple[Field, ...] = (
     Field("duration_s", "The shot", "Length", "number", "ms", 1e3, 1e-3, 100.0,
           "Long enough for both flights: the contact lasts about 29 ms"),
     Field("pre_trigger_s", "The shot", "before the light switch", "number", "ms", 1e3, 0.0, 100.0,
-          "Samples kept from before the light switch"),
+          "Samples recorded before the light switch"),
     Field("edge", "Light switch", "Edge", "choice", choices=(
         ("either", "either"), ("rising", "rising"), ("falling", "falling")),
           hover="Which step of the light switch starts the shot"),
     Field("switch_low_v", "Light switch", "Low threshold", "number", "V", 1.0, -100.0, 100.0,
-          "Empty: learned from the signal", optional=True),
+          "Empty: determined from the signal", optional=True),
     Field("switch_high_v", "Light switch", "High threshold", "number", "V", 1.0, -100.0, 100.0,
-          "Empty: learned from the signal", optional=True),
+          "Empty: determined from the signal", optional=True),
     Field("bandwidth_hz", "Analysis", "Bandwidth", "number", "kHz", 1e-3, 10.0, 1e6,
           "Of velocity and force; noise of force grows with its power 2.5"),
     Field("model", "Analysis", "Base model", "choice", choices=(

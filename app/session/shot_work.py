@@ -98,6 +98,16 @@ def report_text(
     return report_of(shots, diagnosis, tried=tried)
 
 
+def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Asked) -> str:
+    """Write these shots' motions to a folder, one HDF5 file each, and return what was done in words."""
+    from app.report.export_hdf5 import export_hdf5
+
+    progress("writing HDF5", 0.1)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = export_hdf5(shots, folder)
+    return f"{len(written)} shots exported to {folder} as HDF5"
+
+
 def write_csv(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Asked
 ) -> str:

@@ -34,12 +34,15 @@ from app.session.settings import correction_words
 from app.session.shot_work import diagnose_motions, open_shot
 from app.session.unlisted import Unlisted, listed_by, unlisted
 from app.session.verdict_of import verdict_of
+from app.session.why import Why
 from app.session.work import Work
 from app.words.verdict import verdict_words
 from instrument.analyst import STOPPED
 from instrument.apart.work import WorkApart
 from instrument.recording_error import RecordingError
 from instrument.recording_file import find_recordings, rewrite_note
+
+MOST_NAMED = 6  # shots, in the name of a diagnosis under way
 
 
 class Workbench:
@@ -72,6 +75,7 @@ class Workbench:
         self._kept = KeptWork(results, self._work) if results is not None else None
         self._usual = session.path.parent if session.path is not None else None
         self.diagnoses = Diagnoses()
+        self.why = Why(self._work)
         self.papers = Papers(session, self._work, self.diagnoses)
         self.elsewhere = Elsewhere(session, self.errands)
         self._settings, self._again = settings, again or settings
@@ -101,7 +105,7 @@ class Workbench:
     def usual_session(self) -> str | None:
         """Go on with the session that has no name; return why not, or None."""
         if self._usual is None:
-            return "this window keeps no session"
+            return "this window has no session file"
         self._go_on(own_session(self._usual))
         return self.session.problem
 
@@ -158,7 +162,7 @@ class Workbench:
         def work(_: Report, __: Asked) -> Unlisted:
             return unlisted(folder, own | listed_by(sessions), now_s)
 
-        self.errands.submit("recordings that no session lists", work, "look")
+        self.errands.submit("recordings not in any session", work, "look")
 
     def reanalyse(self, numbers: Sequence[int]) -> int:
         """Queue copies of these entries with the present settings; return how many.
@@ -254,7 +258,10 @@ class Workbench:
         def work(report: Report, cancelled: Asked) -> Diagnosed:
             return Diagnosed(self._work.do(judging, report, cancelled), ids)
 
-        self._work.submit(self.jobs, "diagnosis", work, "diagnosis")
+        which = ", ".join(str(number) for number in ids[:MOST_NAMED])
+        more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
+        name = f"diagnosis of shot{'s' if len(ids) > 1 else ''} {which}{more}"
+        self._work.submit(self.jobs, name, work, "diagnosis")
         return None
 
     def set_note(self, number: int, note: str) -> None:
@@ -344,12 +351,12 @@ class Workbench:
 
     def _take_unlisted(self, result: Unlisted) -> None:
         if result.cut_off:
-            words = f"The program ended while it recorded {_named(result.cut_off)}: saved as far as it got, not listed"
+            words = f"The program ended while it recorded {_named(result.cut_off)}: saved up to that point"
             self._waiting.append(Event(Kind.UNLISTED, words, paths=result.cut_off))
         if result.complete:
             count = len(result.complete)
             which = "1 recording" if count == 1 else f"{count} recordings"
-            words = f"{which} in the data folder that no session lists: {_named(result.complete)}"
+            words = f"{which} in the data folder not in any session: {_named(result.complete)}"
             self._waiting.append(Event(Kind.UNLISTED, words, paths=result.complete))
 
     def _take_reopened(self, result: Reopened) -> None:

@@ -95,6 +95,7 @@ class MainWindow(QMainWindow):
         self.help_presenter = HelpPresenter(self.panels, log.folder, self)
         self.mapping_presenter = MappingPresenter(workbench, choices, self.panels, self)
         self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
+        self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
         self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
         self.model_presenter = ModelPresenter(workbench, choices, self.panels, self.selection_presenter.front, self)
         for presenter in (
@@ -208,11 +209,13 @@ class MainWindow(QMainWindow):
     def showEvent(self, event: QShowEvent) -> None:
         """Look once the system has drawn the frame whether all of it is on the screen."""
         super().showEvent(event)
+        self._size_shown = self.size()
         QTimer.singleShot(FRAMED_MS, self, self._keep_within_screen)
 
     @Slot()
     def _keep_within_screen(self) -> None:
-        keep_within_screen(self)
+        if self.size() == self._size_shown:  # else a person has chosen another size meanwhile
+            keep_within_screen(self)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the sheets in place."""

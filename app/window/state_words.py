@@ -40,9 +40,9 @@ def banner(snapshot: Snapshot, last_shot: LastShot | None, arming: bool = False)
         again = " Arms again by itself." if snapshot.automatic else ""
         return "ARMED", f"Waiting for the light switch: push the block.{again}{_waiting(snapshot)}", Tone.WAITING
     if state is State.TRIGGERED:
-        return "CAPTURED", "The light switch fired; the samples of the shot are coming in.", Tone.GOOD
+        return "CAPTURED", "The light switch fired; recording the shot.", Tone.GOOD
     if state is State.TRANSFERRING:
-        return "CAPTURED", "All samples came; they are being saved.", Tone.GOOD
+        return "CAPTURED", "All samples received; saving them.", Tone.GOOD
     if state is State.ANALYSING:
         return "ANALYSING", f"The recording is saved. You can arm the next shot now.{_waiting(snapshot, 1)}", Tone.BUSY
     if state is State.FAULT:
@@ -70,7 +70,7 @@ def last_shot(entry: Entry) -> LastShot:
     else:
         key = "cor_quasi_static"
         cor = stated(shot.impact.cor_quasi_static, key, combined_of(shot))
-        words = f"restitution {value_text(cor)}" if isinstance(cor, Quantity) else "no restitution was seen"
+        words = f"restitution {value_text(cor)}" if isinstance(cor, Quantity) else "no restitution was measured"
         saved, unsaved = f"Shot {number} is saved: {words}.", words
     return LastShot(entry.name, saved, _sentences(f"Shot {number} is only in memory: save it (Ctrl+S)", unsaved))
 
@@ -117,7 +117,7 @@ def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[
 
 def _beat(channel: ChannelSignal) -> Sign:
     if channel.frequency_hz is None or channel.snr_db is None:
-        return Sign("no beat", Tone.BAD, "Nothing stands out of the noise: check laser, alignment and cable")
+        return Sign("no beat", Tone.BAD, "No beat above the noise: check laser, alignment and cable")
     words = local(f"{1e-6 * channel.frequency_hz:.5f} MHz  {channel.snr_db:.0f} dB")
     if channel.clipped_fraction > CLIPPED_SHARE:
         return Sign(f"{words}", Tone.WARNING, f"Clipped: {100 * channel.clipped_fraction:.2g} % of samples at the rail")
@@ -131,8 +131,8 @@ def _beat(channel: ChannelSignal) -> Sign:
 def _switch(line: SignalLine) -> Sign:
     words = {Level.LOW: "low", Level.HIGH: "high"}.get(line.switch_level, "–")
     if line.switch_toggles:
-        return Sign(words, Tone.GOOD, f"Seen to toggle {line.switch_toggles} times")
-    return Sign(words, Tone.NEUTRAL, "Not seen to toggle yet: pass the block through it once")
+        return Sign(words, Tone.GOOD, f"Toggled {line.switch_toggles} times")
+    return Sign(words, Tone.NEUTRAL, "Has not toggled yet: pass the block through it once")
 
 
 def velocity_floor_m_per_s(line: SignalLine, rate_hz: float, bandwidth_hz: float) -> float | None:
@@ -158,7 +158,7 @@ def _floor(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> Sign
     if floor is None:
         return Sign("–", Tone.NEUTRAL)
     words = f"{number(1e6 * floor, 2)} µm/s at {number(1e-3 * bandwidth_hz, 3)} kHz"
-    return Sign(words, Tone.NEUTRAL, "Standard deviation of velocity that the noise of both beats makes")
+    return Sign(words, Tone.NEUTRAL, "Standard deviation of velocity due to the noise of both beats")
 
 
 def _disk(line: SignalLine) -> Sign:

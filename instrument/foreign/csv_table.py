@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import TextIO
 
@@ -30,13 +30,14 @@ class _Layout:
     names: tuple[str, ...]
     units: tuple[str, ...]
     time_column: int | None
+    step_s: float | None = None  # stated in the header, beside the names
 
 
 def contents(path: Path) -> ForeignContents:
     """Return the columns beside the time; the rate is the mean step of the first thousand rows."""
     layout = _layout(path)
     rows = _rows(path, layout)
-    rate = None
+    rate = 1.0 / layout.step_s if layout.step_s else None
     if layout.time_column is not None:
         with _text(path) as file:
             start = next(_blocks(path, file, layout, [layout.time_column], 1000), np.empty((0, 1)))[:, 0]
@@ -70,7 +71,8 @@ def columns(path: Path, names: Sequence[str], timed: bool = True) -> list[Foreig
     if rows < 2:
         raise RecordingError(path, f"{rows} rows of numbers, at least 2 are needed")
     table = np.concatenate(parts)
-    rate = None if time_column is None else _even_rate(path, layout, table[:, -1])
+    stated = 1.0 / layout.step_s if layout.step_s and timed else None
+    rate = stated if time_column is None else _even_rate(path, layout, table[:, -1])
     return [ForeignColumn(np.ascontiguousarray(table[:, i]), None, 0.0, rate) for i in range(len(wanted))]
 
 
@@ -103,6 +105,12 @@ def _layout(path: Path) -> _Layout:
     width, delimiter, first = best
     comma = delimiter != "," and any("," in line for line in lines[first:])  # the first row may be all zeros
     above = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) == width]
+    step_s = None
+    if not above:  # oscilloscopes write "X,CH1,CH2,Start,Increment" over rows of three
+        wider = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) > width]
+        step_s = _stated_step(wider)
+        above = [cells[:width] for cells in wider if not any(_is_number(cell, True) for cell in cells[:width])]
+        above = above[:1]
     units = [""] * width
     if len(above) > 1 and all(re.fullmatch(r"[\[(].{1,12}[\])]|\S{0,3}", cell) for cell in above[-1]):
         units = [cell.strip("()[]") for cell in above.pop()]
@@ -118,7 +126,16 @@ def _layout(path: Path) -> _Layout:
             names[index] = f"{name} ({seen[name]})"
     times = [n for n, name in enumerate(names) if _TIME_NAME.match(name) or units[n] in _TIME_UNITS]
     time = times[0] if times and width > 1 else None
-    return _Layout(delimiter, comma, first, tuple(names), tuple(units), time)
+    return _Layout(delimiter, comma, first, tuple(names), tuple(units), time, step_s)
+
+
+def _stated_step(header: Sequence[Sequence[str]]) -> float | None:
+    """Return the step of the time that stands under "Increment" in an oscilloscope's header, in s."""
+    for names, values in pairwise(header):
+        for name, value in zip(names, values, strict=False):
+            if name.lower() == "increment" and _is_number(value, True) and float(value.replace(",", ".")) > 0.0:
+                return float(value.replace(",", "."))
+    return None
 
 
 def _beginning(path: Path) -> list[str]:

@@ -14,8 +14,8 @@ PAIRS = {  # words of a button, and the command
     "Open …": "open_recordings", "Export …": "export_selected", "Report …": "report_selected",
     "Re-analyse": "reanalyse_selected", "Remove": "remove_selected", "Undo": "undo", "Columns …": "choose_columns",
     "Set-up": "toggle_setup", "Settings": "toggle_settings", "Keys": "toggle_keys", "Budget": "show_budget",
-    "Evidence": "show_diagnosis", "re-arm": "toggle_rearm", "± from noise alone": "toggle_noise_only",
-    "Whole shot": "view_whole", "First contact": "view_contact", "F against deflection": "view_deflection",
+    "Evidence": "show_diagnosis", "re-arm": "toggle_rearm", "± from noise only": "toggle_noise_only",
+    "Whole shot": "view_whole", "First contact": "view_contact", "Force vs deflection": "view_deflection",
     "Gap": "view_gap", "Raw signals": "view_raw", "Cursors": "toggle_cursors", "Save plot …": "plot_menu",
     "Diagnose": "diagnose",
 }  # fmt: skip
@@ -136,7 +136,7 @@ def test_every_button_that_names_a_key_is_compared_here(window):
         for button in panels.findChildren(QAbstractButton):
             key = button.toolTip().rpartition("(")[2].rstrip(")")
             if button.isVisible() and QKeySequence(key).toString() in keys and button.text() not in known:
-                assert button.text() in ("Hold", "Copy as text", "Whole shot", "First contact"), button.text()
+                assert button.text() in ("Hold", "Copy as text", "Whole shot", "First contact", "All …"), button.text()
 
 
 def test_the_plot_in_front_is_on_the_clipboard_as_a_picture(window):

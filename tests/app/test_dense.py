@@ -5,15 +5,20 @@ import time
 import pytest
 from PySide6.QtCore import QLocale, QPoint, QPointF, Qt
 from PySide6.QtGui import QWheelEvent
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from app.session.jobs import Jobs
+from analysis.uncertainty.combined import combined_of, stated
+from app.session.jobs import Job, Jobs
+from app.session.session import Session
 from app.window.layout import Layout
 from app.window.panels.notice import NoticeLine
+from app.window.panels.session_model import COLUMNS
 from app.window.panels.setup_sheet import SetupSheet
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.theme import LIGHT, Theme, Tone
 from app.window.waiting import waits_for
+from app.words.wording import concise_text
 from instrument.doctor import Check, Grade
 from tests.app import synthetic
 
@@ -103,3 +108,49 @@ def test_the_set_up_writes_numbers_as_the_system_does(qtbot):
         assert "2,7300 MHz, 0,45 V" in sheet.lines[0]
     finally:
         QLocale.setDefault(before)
+
+
+def test_any_number_can_be_a_column_and_is_sorted_by(panels, qtbot):
+    session = Session()
+    for n, speed in enumerate((0.3, 0.2), 1):
+        session.add(synthetic.shot(f"shot-{n}", speed, n))
+    table = panels.table
+    table.show_session(session)
+    names = [name for name, _ in COLUMNS]
+    wanted = {"contact time (ms)", "χ²/ν", "moving mass (g)", "impulse ratio", "kinetic, flights", "γ_N (N s/m)"}
+    assert wanted <= set(names)
+    hidden = [names[c] for c in range(len(names)) if table.table.isColumnHidden(c)]
+    assert wanted <= set(hidden) and "note" not in hidden
+    column = names.index("contact time (ms)")
+    table.show_column(column, True)
+    cell = table.model.data(table.model.index(0, column))
+    assert cell == concise_text(stated_contact(session.entries[0].shot), 1e3)
+    assert table.model.data(table.model.index(0, names.index("χ²/ν"))).startswith("1")
+    table._sort_by(column)
+    assert "contact time (ms)" in table.as_text().splitlines()[0]
+
+
+def stated_contact(shot):
+    return stated(shot.impact.contact_time_s, "contact_time_s", combined_of(shot))
+
+
+def test_work_of_more_than_two_seconds_says_how_long_it_still_takes(panels, monkeypatch):
+    job = Job("diagnosis", lambda report, cancelled: None, "diagnosis", "fitting", 0.25)
+    now = time.monotonic()
+    job.started_s = now - 1.0
+    assert job.remaining_s() is None
+    job.started_s = now - 10.0
+    assert job.remaining_s() == pytest.approx(30.0, abs=1.0)
+    job.fraction = 0.01
+    assert job.remaining_s() is None
+    job.fraction = 0.25
+
+    class One:
+        current, open_jobs = job, 1
+
+    panels.resize(1900, 900)
+    panels.show()
+    panels.work.show_work(One(), None, None)
+    QTest.qWait(20)
+    panels.work.show_work(One(), None, None)
+    assert "s left" in panels.work.progress.toolTip()

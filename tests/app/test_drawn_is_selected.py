@@ -97,9 +97,9 @@ def test_a_driven_record_has_views_and_numbers_of_its_own(window):
     select(window, "driven")
     settled(window)
     assert [b.text() for b in panel._buttons.values() if b.isVisible()] == [
-        "Over time", "F against speed", "F against place"
+        "Over time", "Force vs speed", "Force vs position"
     ]  # fmt: skip
-    assert "N rms left over" in panel.drive.say.text() and panel.drive.say.isVisible()
+    assert "N rms, " in panel.drive.say.text() and panel.drive.say.isVisible()
     assert panel.drive.stack.cursors.axis.unit == "s"
     numbers = window.panels.numbers
     assert numbers._values["mass"].isVisible() and not numbers._values["quasi-static"].isVisible()
@@ -118,6 +118,7 @@ def test_a_drives_diagnosis_draws_what_its_force_leaves_over(window):
     window.workbench.diagnoses += [Diagnosed(told, (entry.number,)), Diagnosed(plain, (slow.number,))]
     window.panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
     residuals = window.panels.diagnosis.residuals
+    window.panels.diagnosis.fold.setChecked(True)
     curves = drive_curves(entry.shot.motion, fit)
     try:
         for _ in range(2):

@@ -64,7 +64,7 @@ def test_a_right_model_foretells_another_motion(tmp_path: Path, capsys: pytest.C
     assert [row["name"] for row in rows] == [str(other), "all"]
     assert float(rows[0]["model_force_rms_n"]) == told["shots"][0]["error_model"]["force_rms_n"]
     report = (tmp_path / "r.html").read_text()
-    assert "The model put to the test" in report
+    assert "Test of model predictions" in report
     assert ">nan" not in report
     assert " nan " not in report
 

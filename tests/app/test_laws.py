@@ -34,7 +34,7 @@ SHAKEN = {
 }
 
 
-@pytest.mark.parametrize("table", [STIR, SHAKEN], ids=["shared", "each shot's own"])
+@pytest.mark.parametrize("table", [STIR, SHAKEN], ids=["shared", "fitted per shot"])
 def test_a_law_is_written_as_it_is_read(tmp_path, table):
     law = from_mapping(table)
     path = write_law(law, tmp_path / "laws")
@@ -69,7 +69,7 @@ def test_the_sheet_says_what_is_wrong_while_it_is_typed(qtbot):
     sheet.own[0].setChecked(True)
     assert not sheet.save.isEnabled() and "that the shots share" in sheet.said
     sheet.fill(STIR)
-    assert sheet.save.isEnabled() and "this is a law" in sheet.said
+    assert sheet.save.isEnabled() and "Formula is valid" in sheet.said
     assert sheet.table() == STIR
     sheet.formula.setText("-c * w**3 + 0*b")
     assert not sheet.save.isEnabled() and "column 6: no 'w' is known here" in sheet.said

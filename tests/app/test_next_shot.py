@@ -66,7 +66,7 @@ def test_the_card_says_what_to_set_what_it_will_show_and_what_it_showed(card, sa
     assert card.take.isHidden() and not card.give_up.isHidden() and "Set, then push" in card.words
     done = replace(STEP, reached=8.4, leader="quadratic_drag")
     card.show_standing(said, Standing(None, (done,)), None, False)
-    assert "9 noise norms expected, 8.4 reached" in card.log_words and "Settled" in card.words
+    assert "9 noise norms expected, 8.4 reached" in card.log_words and "Resolved" in card.words
 
 
 def test_the_card_says_that_no_shot_can(card, said):

@@ -91,7 +91,7 @@ def test_a_trend_says_which_uncertainty_its_bars_are(qtbot):
     qtbot.addWidget(panel)
     panel.show_entries(list(session.entries))
     panel.choose_trend("plate_stiffness_n_per_m")
-    assert "bars: ± from each shot's noise alone" in panel.repeatability  # what all share scatters nothing
+    assert "bars: ± from each shot's noise only" in panel.repeatability  # what all share scatters nothing
     assert "standard uncertainty, noise alone" in panel.trend.columns
 
 

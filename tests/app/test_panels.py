@@ -327,7 +327,7 @@ def test_a_chi2_near_one_beside_unexplained_says_why(qtbot, shot):
     for chi2, said in ((0.86, True), (7.0, False)):
         panel.show_diagnosis(replace(found, error_after=replace(found.error_after, reduced_chi2=chi2)), [shot])
         words = " ".join(label.text() for label in panel.findChildren(QLabel))
-        assert ("against the noise that this residual shows" in words) is said
+        assert ("relative to noise estimated from this residual" in words) is said
 
 
 def test_what_stays_open_offers_the_next_step(qtbot, shot):
@@ -352,7 +352,7 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     panel.mark_tried(("viscous_drag",))
     panel.show_diagnosis(left, [shot], ("viscous_drag",))
     words = " ".join(label.text() for label in panel.effects.findChildren(QLabel))
-    assert "tried: no diagnosis named it" in words
+    assert "tried; not named by a diagnosis" in words
     assert all("viscous" not in button.text() for button in panel.next_steps.buttons)
     panel.show_diagnosis(replace(left, verdict=Verdict.PARTLY_EXPLAINED, separating_shot=""), [shot])
     assert panel.next_steps.buttons[-1].text() == "Propose a law …" and "other speeds" in panel.next_steps.words
@@ -427,14 +427,14 @@ def test_a_diagnosis_without_a_residual_to_draw_leaves_no_other_sets_picture(qtb
     assert [len(curve.samples) for curve in curves] == [0, 0]
     assert shot.name not in panel.residuals._heading.text() and "emps" in panel._of.text()
     assert "UNEXPLAINED" in panel._verdict.text() and MARKS[Tone.GOOD] not in panel._verdict.text()
-    assert "χ²/ν is against the noise" in panel._blind.text()
+    assert "χ²/ν is relative to noise" in panel._blind.text()
 
 
 def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_worse_bic(qtbot, shot):
     bars = CandidateBars(LIGHT)
     qtbot.addWidget(bars)
     bars.show_candidates((Candidate("tilt", 9.0, 4.0), Candidate("adhesion", 60.0, -80.0)), {"tilt", "adhesion"})
-    words = [label.text() for label in bars.widget().findChildren(QLabel)]
+    words = [label.text() for label in bars.findChildren(QLabel)]
     names = [text for text in words if "adhesion" in text or "tilt" in text]
     assert "adhesion" in names[0] and MARKS[Tone.GOOD] in names[0] and MARKS[Tone.GOOD] not in names[1]
 

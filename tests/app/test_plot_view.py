@@ -35,6 +35,7 @@ def panels(qtbot):
     layout.compare.show_entries(list(session.entries))
     found = replace(synthetic.diagnosis(session.entries[0].shot), laws=(synthetic.learned_law(),))
     layout.diagnosis.show_diagnosis(found, [session.entries[0].shot])
+    layout.diagnosis.fold.setChecked(True)
     return layout
 
 

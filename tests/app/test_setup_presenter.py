@@ -57,7 +57,7 @@ def test_the_set_up_finds_devices_says_the_remedy_and_judges_the_signals(qtbot: 
     assert "beat at 2.7" in lines["PD0, rest beat"] and "V (" in lines["PD0, rest beat"]
     assert "beat at 2.7" in lines["PD1, moving beat"]
     assert "toggle" in lines["Light switch"]
-    assert "look at light switch" in sheet.verdict  # nobody passed through it yet
+    assert "check light switch" in sheet.verdict  # nobody passed through it yet
     here, there = sheet.use_buttons()
     assert not here.isEnabled() and there.isEnabled()
     qtbot.waitUntil(there.isVisible, timeout=WAIT_MS)
@@ -143,9 +143,9 @@ def test_verdicts_are_worded_by_the_worst_of_the_checks(qtbot: QtBot) -> None:
     assert "no samples yet" in sheet.lines
     good = Check("PD0", Grade.OK, "beat at 2.73 MHz")
     sheet.show_checks((good,))
-    assert "All is well" in sheet.verdict and sheet.lines == ["✓ PD0, rest beat: beat at 2.73 MHz"]
+    assert "Ready: press ARM" in sheet.verdict and sheet.lines == ["✓ PD0, rest beat: beat at 2.73 MHz"]
     sheet.show_checks((good, Check("PD1", Grade.FAIL, "no beat")))
-    assert "Not fit for a shot: mend PD1" in sheet.verdict
+    assert "Not ready for a shot: fix PD1" in sheet.verdict
 
 
 def test_a_long_fault_stays_readable_beside_the_button_that_saves_elsewhere(qtbot: QtBot) -> None:

@@ -1,15 +1,24 @@
-"""Every effect that a diagnosis tried, best first: a bar, its score in words, its evidence."""
+"""The effects that a diagnosis tried, in the order of their evidence; pointing at one shows what it would explain."""
 
-from PySide6.QtCore import QRectF, QSize, Qt
+import math
+
+from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
-from PySide6.QtWidgets import QGridLayout, QLabel, QScrollArea, QSizePolicy, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Candidate
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from app.session.why import by_evidence
 from app.window.theme import MARKS, Colours, Tone
 from app.words.wording import DASH, effect_numbers, effect_words, number
 
-SHOWN_CANDIDATES = 19
-NARROWEST = 16  # letters of a name in one line
+SHOWN = 7  # at first; a button shows all
+HEADINGS = (
+    ("candidate", "Effects that were tried, in the order of their evidence"),
+    ("−ΔBIC", "Evidence: by how much the effect lowers the Bayesian information criterion; more is better"),
+    ("size (σ)", "Size of what it would explain, in standard deviations of the noise: its norm over that of the noise"),
+)
+NARROWEST = 12  # letters of a name that are always shown
 
 
 class Bar(QWidget):
@@ -18,7 +27,7 @@ class Bar(QWidget):
     def __init__(self, share: float, colour: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._share, self._colour = min(1.0, max(0.0, share)), colour
-        self.setMinimumSize(QSize(24, 12))
+        self.setMinimumSize(QSize(24, 7))
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     def paintEvent(self, _: QPaintEvent) -> None:
@@ -27,70 +36,146 @@ class Bar(QWidget):
         painter.fillRect(QRectF(0, 1, max(1.0, self._share * self.width()), self.height() - 2), QColor(self._colour))
 
 
-class CandidateBars(QScrollArea):
-    """Every effect that was tried, best first."""
+class _Name(QLabel):
+    """A candidate's name, its end left out where it has no room; hovering shows the whole."""
+
+    def __init__(self, words: str, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._words = words
+        self.setMinimumWidth(NARROWEST * self.fontMetrics().horizontalAdvance("n"))
+        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
+        self.setText(words)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Leave out what has no room."""
+        super().resizeEvent(event)
+        self.setText(self.fontMetrics().elidedText(self._words, Qt.TextElideMode.ElideRight, self.width()))
+
+
+class CandidateBars(QWidget):
+    """One row a candidate: name, bar (logarithmic), evidence, size; a line where evidence begins."""
+
+    pointed = Signal(str)  # the candidate under the mouse or the keyboard; "" for none
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
-        self._grid: QGridLayout | None = None
-        self._longest = self._beside = 0  # width of the longest name, and of what stands beside it
-        self.setWidgetResizable(True)
-        self.setAccessibleName("Effects that were tried, best first")
-        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAsNeeded)
+        self._candidates: tuple[Candidate, ...] = ()
+        self._named: set[str] = set()
+        self._all = False
+        self._inner: QWidget | None = None
+        self._column = QVBoxLayout(self)
+        self._column.setContentsMargins(0, 0, 0, 0)
+        self._column.addStretch(1)
+        self.setAccessibleName("Candidates in the order of their evidence")
 
     def dress(self, colours: Colours) -> None:
         """Set the colours used from the next show on."""
         self._colours = colours
 
+    @property
+    def threshold(self) -> float:
+        """Get the fall of the BIC from which on there is evidence for the best of so many candidates."""
+        return CRITERIA.fall(len(self._candidates))
+
     def show_candidates(self, candidates: tuple[Candidate, ...], named: set[str]) -> None:
         """Show the candidates; named ones carry a tick."""
-        inner = QWidget(self)
+        self._candidates, self._named = candidates, named
+        self._build()
+
+    @Slot()
+    def _show_all(self) -> None:
+        self._all = not self._all
+        self._build()
+
+    def _build(self) -> None:
+        if self._inner is not None:
+            self._column.removeWidget(self._inner)
+            self._inner.deleteLater()
+        inner = self._inner = QWidget(self)
         grid = QGridLayout(inner)
-        grid.setContentsMargins(4, 2, 10, 2)
-        grid.setVerticalSpacing(3)
-        grid.setColumnStretch(1, 1)
-        names: list[QLabel] = []
-        most = max((abs(candidate.score) for candidate in candidates), default=1.0) or 1.0
-        ranked = sorted(candidates, key=lambda c: -abs(c.score))  # in the order of their bars
-        for line, candidate in enumerate(ranked[:SHOWN_CANDIDATES]):
-            pays = candidate.delta_bic is None or candidate.delta_bic < 0.0
-            chosen = candidate.name in named and pays
-            mark = f"{MARKS[Tone.GOOD]} " if chosen else ""
-            name = QLabel(mark + effect_words(candidate.name), inner)
-            name.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-            font = name.font()
-            font.setBold(chosen)
-            name.setFont(font)
-            names.append(name)
-            colour = self._colours.accent if chosen else self._colours.marker
-            score = QLabel(number(candidate.score, 3), inner)
-            score.setAlignment(Qt.AlignmentFlag.AlignRight)
-            bic = DASH if candidate.delta_bic is None else f"ΔBIC {number(candidate.delta_bic, 3)}"
-            evidence = QLabel(bic, inner)
-            evidence.setProperty("faint", True)
-            hover = "<br>".join(
-                (f"<b>{candidate.name}</b>", candidate.remark, effect_numbers(candidate.name, candidate.parameters))
-            )
-            for place, widget in enumerate((name, Bar(abs(candidate.score) / most, colour, inner), score, evidence)):
-                widget.setToolTip(hover)
-                grid.addWidget(widget, line, place)
-        grid.setRowStretch(SHOWN_CANDIDATES, 1)
-        self._longest = max((label.sizeHint().width() for label in names), default=0)
-        self._beside = inner.sizeHint().width() - self._longest
-        for label in names:
-            label.setWordWrap(True)
-        self._grid = grid
-        self.setWidget(inner)
-        least = min(self._longest, NARROWEST * self.fontMetrics().horizontalAdvance("n"))
-        self.setMinimumWidth(self._beside + least + self.verticalScrollBar().sizeHint().width())
-        self._share_width()
+        grid.setContentsMargins(4, 2, 6, 2)
+        grid.setVerticalSpacing(1)
+        grid.setColumnStretch(0, 1)
+        ranked = by_evidence(self._candidates)
+        if ranked:
+            for place, (words, hover) in enumerate(HEADINGS):
+                head = QLabel(words, inner)
+                head.setToolTip(hover)
+                head.setProperty("faint", True)
+                head.setAlignment(Qt.AlignmentFlag.AlignRight if place else Qt.AlignmentFlag.AlignLeft)
+                grid.addWidget(head, 0, place)
+        shown = ranked if self._all else ranked[:SHOWN]
+        most = max((_evidence(c) for c in ranked), default=1.0)
+        line, ruled = 1, False
+        for candidate in shown:
+            if not ruled and _evidence(candidate) < self.threshold:
+                self._add_rule(grid, line, inner)
+                line, ruled = line + 1, True
+            self._add_row(grid, line, candidate, most, inner)
+            line += 1
+        if len(ranked) > SHOWN:
+            more = QPushButton("Show fewer" if self._all else f"Show all {len(ranked)}", inner)
+            more.setToolTip("The other candidates that were tried")
+            more.clicked.connect(self._show_all)
+            grid.addWidget(more, 2 * line, 0, 1, 3, Qt.AlignmentFlag.AlignLeft)
+        self._column.insertWidget(0, inner)
+        inner.show()
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """Let names have the width that is there, and go on in a second line where it is too little."""
-        super().resizeEvent(event)
-        self._share_width()
+    def _add_rule(self, grid: QGridLayout, line: int, inner: QWidget) -> None:
+        rule = QLabel(f"evidence begins above: −ΔBIC {number(self.threshold, 3)}", inner)
+        rule.setToolTip(
+            "A fall of the BIC by 10 is very strong evidence (Kass and Raftery 1995); the rest is the price of having "
+            f"chosen among {len(self._candidates)} candidates."
+        )
+        rule.setWordWrap(True)
+        frame = QFrame(inner)
+        frame.setFrameShape(QFrame.Shape.HLine)
+        column = QVBoxLayout()
+        column.setSpacing(0)
+        column.addWidget(frame)
+        column.addWidget(rule)
+        grid.addLayout(column, 2 * line, 0, 1, 3)
 
-    def _share_width(self) -> None:
-        if self._grid is not None:
-            self._grid.setColumnMinimumWidth(0, max(0, min(self._longest, self.viewport().width() - self._beside)))
+    def _add_row(self, grid: QGridLayout, line: int, candidate: Candidate, most: float, inner: QWidget) -> None:
+        pays = candidate.delta_bic is None or candidate.delta_bic < 0.0
+        chosen = candidate.name in self._named and pays
+        name = _Name((f"{MARKS[Tone.GOOD]} " if chosen else "") + effect_words(candidate.name), inner)
+        name.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+        name.setAccessibleName(f"{effect_words(candidate.name)}: show what it would explain")
+        font = name.font()
+        font.setBold(chosen)
+        name.setFont(font)
+        share = math.log10(1.0 + max(0.0, _evidence(candidate))) / math.log10(1.0 + max(most, 10.0))
+        bar = Bar(share, self._colours.accent if chosen else self._colours.marker, inner)
+        fall = candidate.delta_bic
+        evidence = QLabel(DASH if fall is None else number(-fall, 3), inner)
+        size = QLabel(number(abs(candidate.score), 3), inner)
+        remark = candidate.remark or ("not fitted in full: its first score was too small" if fall is None else "")
+        hover = "<br>".join(
+            (f"<b>{effect_words(candidate.name)}</b>", remark, effect_numbers(candidate.name, candidate.parameters))
+        )
+        right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+        grid.addWidget(name, 2 * line, 0)
+        grid.addWidget(bar, 2 * line + 1, 0)
+        for place, label in enumerate((evidence, size), 1):
+            label.setAlignment(right)
+            grid.addWidget(label, 2 * line, place, 2, 1)
+        for widget in (name, bar, evidence, size):
+            widget.setToolTip(hover)
+            widget.setProperty("candidate", candidate.name)
+            widget.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Tell which candidate is pointed at."""
+        name = watched.property("candidate")
+        if name and event.type() in (QEvent.Type.Enter, QEvent.Type.FocusIn):
+            self.pointed.emit(str(name))
+        elif name and event.type() in (QEvent.Type.Leave, QEvent.Type.FocusOut):
+            self.pointed.emit("")
+        return super().eventFilter(watched, event)
+
+
+def _evidence(candidate: Candidate) -> float:
+    """Return the fall of the BIC; what was not fitted in full has none."""
+    return -candidate.delta_bic if candidate.delta_bic is not None else -math.inf

@@ -43,7 +43,7 @@ class ComparePanel(QWidget):
         bar.addWidget(self._say, 1)
         self._which = QComboBox(self)
         self._which.setAccessibleName("Number whose trend is shown")
-        self._which.setToolTip("Which number is shown against impact speed: a slope means that it is no constant")
+        self._which.setToolTip("The number plotted against impact speed; a slope means that it is not constant")
         for trend in TRENDS:
             self._which.addItem(trend.label, trend.name)
         self._which.currentIndexChanged.connect(self._trend_chosen)
@@ -123,7 +123,7 @@ class ComparePanel(QWidget):
         if count == 0:
             self._say.setText("Select shots in the table below (Ctrl or Shift with a click) to overlay them.")
         elif count > MOST:
-            self._say.setText(f"the last {MOST} of {count} selected shots are overlaid; the trend shows all")
+            self._say.setText(f"the last {MOST} of {count} selected shots are overlaid; the trend includes all")
         else:
             self._say.setText("")
         self._label_lines()

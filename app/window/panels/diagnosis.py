@@ -9,6 +9,7 @@ from PySide6.QtWidgets import (
     QPushButton,
     QScrollArea,
     QSplitter,
+    QToolButton,
     QVBoxLayout,
     QWidget,
 )
@@ -21,6 +22,7 @@ from app.window.panels.law_curve import LawCurve
 from app.window.panels.next_shot import NextShotCard
 from app.window.panels.next_steps import NextSteps
 from app.window.panels.residuals import Residuals
+from app.window.panels.why_canvas import WhyCanvas
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.words.verdict import OUTDATED
@@ -65,6 +67,7 @@ class DiagnosisPanel(QWidget):
         self._version = ""  # of the program that made it, where it was kept
         self._holds = True
         self._busy = False
+        self._under_way = ""  # the diagnosis that is being made
         around = QVBoxLayout(self)
         around.setContentsMargins(0, 0, 0, 0)
         scroll = QScrollArea(self)  # a low screen shows it piece by piece, each piece whole
@@ -86,7 +89,7 @@ class DiagnosisPanel(QWidget):
         self.progress = QProgressBar(self)
         self.progress.setRange(0, 1000)
         self.progress.setAccessibleName("Progress of the diagnosis")
-        self.progress.setMinimumWidth(self.fontMetrics().horizontalAdvance("telling look-alikes apart") + 60)
+        self.progress.setMinimumWidth(120)
         policy = self.progress.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.progress.setSizePolicy(policy)
@@ -94,7 +97,7 @@ class DiagnosisPanel(QWidget):
         policy = self.cancel.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.cancel.setSizePolicy(policy)
-        self.cancel.setToolTip("Stop the diagnosis; the one before is kept")
+        self.cancel.setToolTip("Stop the diagnosis; the previous one is kept")
         self.diagnose = QPushButton("Diagnose", self)
         self.diagnose.setProperty("primary", True)
         self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
@@ -126,17 +129,28 @@ class DiagnosisPanel(QWidget):
         left = QWidget(split)
         left_column = QVBoxLayout(left)
         left_column.setContentsMargins(0, 0, 0, 0)
-        heading = QLabel("CANDIDATES, BEST FIRST", left)
+        heading = QLabel("CANDIDATES, BY EVIDENCE", left)
         heading.setProperty("heading", True)
         heading.setWordWrap(True)
         left_column.addWidget(heading)
         self.bars = CandidateBars(colours, left)
         left_column.addWidget(self.bars, 1)
-        self.residuals = Residuals(colours, split)
-        split.setSizes([480, 500])
+        self.why = WhyCanvas(colours, self.bars, split)
+        split.setSizes([380, 600])
         split.setChildrenCollapsible(False)
         column.addWidget(split, 1)
         self._stand_evidence()
+        self.fold = QToolButton(self)
+        self.fold.setProperty("fold", True)
+        self.fold.setCheckable(True)
+        self.fold.setText("Errors, one shot in detail, detection limits")
+        self.fold.setToolTip("The table of errors, the first shot's residual with cursors, and the detection limits")
+        self.fold.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self.fold.setArrowType(Qt.ArrowType.RightArrow)
+        self.fold.toggled.connect(self._folded)
+        column.addWidget(self.fold)
+        self.residuals = Residuals(colours, self)
+        column.addWidget(self.residuals, 1)
         self._blind = QLabel(self)
         self._blind.setWordWrap(True)
         self._blind.setProperty("faint", True)
@@ -148,6 +162,19 @@ class DiagnosisPanel(QWidget):
         self.show_progress(None, 0.0)
         self.dress(colours)
         self.show_diagnosis(None, [])
+
+    @Slot(bool)
+    def _folded(self, shown: bool) -> None:
+        """Show or hide what stands beneath; a drive has its curves there alone."""
+        self.fold.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
+        there = self._diagnosis is not None
+        self.fold.setVisible(there and not self._driven)
+        self.residuals.setVisible(there and (shown or self._driven))
+        self._blind.setVisible(there and (shown or self._driven) and bool(self._blind.text()))
+
+    @property
+    def _driven(self) -> bool:
+        return self._diagnosis is not None and self._diagnosis.fit_after.model == "driven"
 
     @property
     def diagnosis(self) -> Diagnosis | None:
@@ -163,6 +190,7 @@ class DiagnosisPanel(QWidget):
         """Set the colours."""
         self._colours = colours
         self.residuals.dress(colours)
+        self.why.dress(colours)
         self.bars.dress(colours)
         self.law_curve.dress(colours)
         self.show_diagnosis(self._diagnosis, self._shots, self._model_effects, self._version, self._holds)
@@ -176,14 +204,14 @@ class DiagnosisPanel(QWidget):
         """Let residuals stand beside the candidates, on a narrow page below them."""
         beside = self.width() >= LEAST_BESIDE * self.fontMetrics().horizontalAdvance("M")
         self._evidence.setOrientation(Qt.Orientation.Horizontal if beside else Qt.Orientation.Vertical)
-        self._evidence.setMinimumHeight((15 if beside else 27) * self.fontMetrics().lineSpacing())
+        self._evidence.setMinimumHeight((16 if beside else 30) * self.fontMetrics().lineSpacing())
 
     def mark_tried(self, tried: tuple[str, ...]) -> None:
         """Say which effects in the model no diagnosis named; the next ``show_diagnosis`` shows it."""
         self._tried = tried
 
-    def show_progress(self, what: str | None, fraction: float) -> None:
-        """Show what is being done; None: nothing is."""
+    def show_progress(self, what: str | None, fraction: float, of: str = "") -> None:
+        """Show what is being done, ``of`` which shots; None: nothing is."""
         busy = what is not None
         if busy != self._busy and self._diagnosis is None:
             self._busy = busy
@@ -198,6 +226,9 @@ class DiagnosisPanel(QWidget):
             words = self.fontMetrics().elidedText(what, Qt.TextElideMode.ElideRight, room)
             self.progress.setFormat(f"{words}  %p %")
             self.progress.setToolTip(what)
+        if of != self._under_way:
+            self._under_way = of
+            self._name_shots()
 
     def show_problem(self, problem: str) -> None:
         """Show why there is no diagnosis."""
@@ -217,16 +248,13 @@ class DiagnosisPanel(QWidget):
 
         ``holds``: whether it is of the model and the shots as they are now.
         """
-        names = ", ".join(short_name(shot.name) for shot in shots[:MOST_NAMED])
-        more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
-        kept = f"   ({kept_words(version)})" if version else ""
-        old = "" if holds else f"   {OUTDATED}"
-        self._of.setText(f"of {names}{more}{kept}{old}" if diagnosis is not None and shots else "")
         self._version, self._holds = version, holds
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
+        self._name_shots()
         self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects, self._tried)
         self.next_steps.show_diagnosis(diagnosis, model_effects)
         self._evidence.setVisible(diagnosis is not None)
+        self.why.setVisible(not self._driven)
         self.law_curve.show_laws(diagnosis.laws if diagnosis is not None else (), shots)
         if diagnosis is None:
             self._verdict.setText(
@@ -234,14 +262,16 @@ class DiagnosisPanel(QWidget):
             )
             self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL]}")
             self._sentence.setText(
-                "The selected shots are looked at together; you can go on working, and take shots, meanwhile."
+                "The selected shots are analysed together; you can keep working and take shots meanwhile."
                 if self._busy
-                else "Select one or several shots below and press Diagnose: the program looks at what the model leaves "
-                "over, and says which effect the model lacks, if any. Shots at different speeds tell more."
+                else "Select one or several shots below and press Diagnose: the program examines the "
+                "residual and names the missing effect, if any. Shots at different speeds give more information."
             )
             self._blind.setText("")
             self.bars.show_candidates((), set())
+            self.why.show_diagnosis(None, [], False)
             self.residuals.clear()
+            self._folded(self.fold.isChecked())
             return
         tone = TONES[diagnosis.verdict]
         words = WORDS[diagnosis.verdict]
@@ -256,15 +286,36 @@ class DiagnosisPanel(QWidget):
         blind = list(diagnosis.blind_spots)
         lines = [f"Remainder: {diagnosis.remainder}"] if diagnosis.remainder else []
         if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:
-            lines.append("χ²/ν is against the noise that this residual shows, what is unexplained included: so near 1")
+            lines.append("χ²/ν is relative to noise estimated from this residual, unexplained part included: so near 1")
         told = diagnosis.separating_shot and not self.next_steps.isVisibleTo(self)
         lines += [f"What would separate these: {diagnosis.separating_shot}"] if told else []
-        lines += [f"What this data could not show: {'; '.join(blind)}"] if blind else []
+        lines += [f"Detection limits: {'; '.join(blind)}"] if blind else []
         self._blind.setText(local_words("\n".join(lines)))
         self.residuals.show_diagnosis(diagnosis, shots)
+        self.why.show_diagnosis(diagnosis, [] if self._driven else shots, self._accepted)
+        self._folded(self.fold.isChecked())
+
+    @property
+    def _accepted(self) -> bool:
+        """Get whether all that was found is in the model."""
+        found = self._diagnosis.findings if self._diagnosis is not None else ()
+        return bool(found) and all(effect.name in self._model_effects for effect in found)
+
+    def _name_shots(self) -> None:
+        """Say which shots the page is about, and which a diagnosis under way is."""
+        shots = self._shots
+        names = ", ".join(short_name(shot.name) for shot in shots[:MOST_NAMED])
+        more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
+        kept = f"   ({kept_words(self._version)})" if self._version else ""
+        old = "" if self._holds else f"   {OUTDATED}"
+        told = f"of {names}{more}{kept}{old}" if self._diagnosis is not None and shots else ""
+        under_way = f"under way: {self._under_way}" if self._under_way else ""
+        self._of.setText("   ".join(part for part in (told, under_way) if part))
 
     def plot_in_front(self) -> PlotView:
         """Return a law's curve where it has the keyboard, else the residuals."""
+        if self._diagnosis is not None and not self.residuals.isVisible():
+            self.fold.setChecked(True)  # a key for plots is pressed: the one in detail is unfolded
         return in_front((self.residuals.stack_in_view, self.law_curve.plot))
 
     @Slot()

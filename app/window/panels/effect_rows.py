@@ -9,7 +9,7 @@ from analysis.diagnosis.result import FoundEffect
 from app.window.clear_layout import clear_layout
 from app.words.wording import effect_numbers, effect_words
 
-TRIED = "tried: no diagnosis named it"
+TRIED = "tried; not named by a diagnosis"
 
 
 class EffectRows(QWidget):
@@ -31,13 +31,13 @@ class EffectRows(QWidget):
         for effect in found:
             parameters = effect_numbers(effect.name, effect.parameters)
             rivals = ", ".join(effect_words(name) for name in effect.indistinguishable_from)
-            words = parameters + (f"   cannot be told from: {rivals}" if rivals else "")
+            words = parameters + (f"   indistinguishable from: {rivals}" if rivals else "")
             self._add_row(effect.name, words, effect.name in in_model)
         missing = [effect.name for effect in found if effect.name not in in_model]
         if len(missing) > 1:
             button = QPushButton("Add all to the model", self)
             button.setProperty("effects", missing)
-            button.setToolTip("Use these effects together from now on; overlays, fits and the next shots follow")
+            button.setToolTip("Use these effects from now on; all shots are refitted")
             button.clicked.connect(self._add_all)
             self._column.addWidget(button, 0, Qt.AlignmentFlag.AlignRight)
         for name in in_model:
@@ -60,9 +60,9 @@ class EffectRows(QWidget):
         button.setProperty("effect", name)
         button.setAccessibleDescription(title)
         button.setToolTip(
-            "Take the effect out again; overlays and fits follow"
+            "Remove the effect; all shots are refitted"
             if in_model
-            else "Use the effect from now on; overlays, fits and the next shots follow"
+            else "Use the effect from now on; all shots are refitted"
         )
         button.clicked.connect(self._remove if in_model else self._add)
         line.addWidget(label, 1)

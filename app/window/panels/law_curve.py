@@ -39,10 +39,10 @@ class LawCurve(QWidget):
         self._heading.setProperty("heading", True)
         self._heading.setWordWrap(True)
         line.addWidget(self._heading, 1)
-        self.other = self._button("The other law", "Two laws were learned: show the other one", self._turn)
-        self.compare = self._button("Compare forms", "Lay the other closed forms that fit over the curve", self._draw)
+        self.other = self._button("The other law", "Two laws were learned; show the other", self._turn)
+        self.compare = self._button("Compare forms", "Overlay the other closed forms that fit", self._draw)
         self.compare.setCheckable(True)
-        self.keep = self._button("Keep as law …", "Keep it under a name; later diagnoses ask for it", self._keep)
+        self.keep = self._button("Keep as law …", "Save it under a name; later diagnoses include it", self._keep)
         for button in (self.other, self.compare, self.keep):
             line.addWidget(button)
         column.addLayout(line)
@@ -147,7 +147,7 @@ class LawCurve(QWidget):
         place = {"block": "on the block", "plate": "on the plate"}.get(law.where, "between block and plate")
         count = f" {self._which + 1} OF {len(self._laws)}" if len(self._laws) > 1 else ""
         self._heading.setText(f"LEARNED LAW{count}: a force {place} that follows the {law.argument}")
-        form = f"closed form: {law.form}" if law.form else f"no closed form meets it; nearest: {law.nearest_form}"
+        form = f"closed form: {law.form}" if law.form else f"no closed form fits; nearest: {law.nearest_form}"
         listed = [f"{o.form} (ΔBIC {o.delta_bic:+.1f})" for o in law.other_forms]
         also = f"; not excluded: {', '.join(listed)}" if listed else ""
         unseen = "; ".join(law.not_observable)

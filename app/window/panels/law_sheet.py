@@ -60,7 +60,7 @@ class LawSheet(SideSheet):
         heading.setProperty("heading", True)
         column.addWidget(heading)
         grid = QGridLayout()
-        for place, name in enumerate((*(name for name, _ in COLUMNS), "each shot's")):
+        for place, name in enumerate((*(name for name, _ in COLUMNS), "fitted per shot")):
             grid.addWidget(QLabel(name, self), 0, place)
         for place in range(1 + len(COLUMNS)):
             grid.setColumnStretch(place, (6, 5, 5, 5, 5, 0)[place])  # a name is the longest
@@ -72,8 +72,8 @@ class LawSheet(SideSheet):
                 grid.addWidget(editor, row, place)
             self.parameters.append(editors)
             own = QCheckBox(self)
-            own.setAccessibleName(f"Parameter {row}, each shot's own")
-            own.setToolTip("Every shot has its own value, as of a phase (call that phase_rad)")
+            own.setAccessibleName(f"Parameter {row}, fitted per shot")
+            own.setToolTip("Each shot has its own value, for example a phase (name it phase_rad)")
             own.toggled.connect(self._look)
             grid.addWidget(own, row, len(COLUMNS))
             self.own.append(own)
@@ -83,9 +83,9 @@ class LawSheet(SideSheet):
         self._said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
         column.addWidget(self._said)
         column.addStretch(1)
-        self.save = QPushButton("Keep it and diagnose", self)
+        self.save = QPushButton("Save and diagnose", self)
         self.save.setProperty("primary", True)
-        self.save.setToolTip("Keep the law in your folder of laws, and diagnose the selected shots with it")
+        self.save.setToolTip("Save the law in your folder of laws and diagnose the selected shots with it")
         self.save.clicked.connect(self._save)
         column.addWidget(self.save)
         self.where.currentIndexChanged.connect(self._look)
@@ -158,7 +158,7 @@ class LawSheet(SideSheet):
             self.say(str(error), Tone.WARNING)
             return
         self.save.setEnabled(True)
-        self.say("this is a law", Tone.GOOD)
+        self.say("Formula is valid", Tone.GOOD)
 
     @Slot()
     def _save(self) -> None:

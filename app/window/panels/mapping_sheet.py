@@ -1,8 +1,10 @@
 """Which channel of a foreign file is which, asked for in a side sheet; nothing modal."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 
-from PySide6.QtCore import Signal, Slot
+from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -14,10 +16,11 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.shot.recording import Role, Setup
+from app.session.channel_looks import ChannelLook, Kind, proposed
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.words.typed_number import typed_number
-from app.words.wording import local
+from app.words.wording import local, number
 from instrument.foreign.contents import ForeignContents
 from instrument.foreign.mapping import ForeignMapping, MappedChannel
 
@@ -52,6 +55,17 @@ NUMBER_HOVERS = {
 }
 
 
+def _look_words(look: ChannelLook) -> str:
+    """Return a line on one channel: its level, its beat, and what it looks like."""
+    parts = [str(look.kind), f"amplitude {number(look.amplitude, 3)}"]
+    if look.low is not None and look.high is not None and look.in_hz:
+        span = number(1e-6 * look.low, 4)
+        if look.kind is Kind.MOVING:
+            span = f"{span} to {number(1e-6 * look.high, 4)}"
+        parts.insert(1, f"{span} MHz")
+    return f"<b>{escape(look.name)}</b>: {', '.join(parts)}"
+
+
 class MappingSheet(SideSheet):
     """One file's channels, and the few numbers that no file states."""
 
@@ -61,10 +75,14 @@ class MappingSheet(SideSheet):
         super().__init__("Channels of a file from another program", parent)
         self._colours = colours
         self._held: ForeignContents | None = None
-        column, _ = self.head("Which channel is which?", "Do not open this file  (Esc)")
+        column, _ = self.head("Assign channels", "Do not open this file  (Esc)")
         self._file = QLabel(self)
         self._file.setWordWrap(True)
         column.addWidget(self._file)
+        self._looks = QLabel(self)
+        self._looks.setWordWrap(True)
+        self._looks.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        column.addWidget(self._looks)
         form = QFormLayout()
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
         self.boxes: dict[Role, QComboBox] = {}
@@ -107,11 +125,16 @@ class MappingSheet(SideSheet):
         self._colours = colours
         self._problem.setStyleSheet(f"color: {colours.signs[Tone.BAD]}; font-weight: bold")
 
-    def ask(self, held: ForeignContents, mass_kg: float, rest_hz: float | None) -> None:
-        """Ask for the channels of a file."""
+    def ask(
+        self, held: ForeignContents, mass_kg: float, rest_hz: float | None, looks: Sequence[ChannelLook] = ()
+    ) -> None:
+        """Ask for the channels of a file; ``looks`` say what they look like, and what is proposed."""
         self._held = held
         self._problem.setText("")
-        self._file.setText(f"<b>{held.path.name}</b> ({held.format}). It is asked for once and kept beside the file.")
+        self._file.setText(f"<b>{held.path.name}</b> ({held.format}). The answer is saved with the file.")
+        self._looks.setText("<br>".join(map(_look_words, looks)))
+        self._looks.setVisible(bool(looks))
+        proposal = proposed(looks)
         for place, (role, box) in enumerate(self.boxes.items()):
             box.clear()
             if role is not Role.MEASUREMENT:
@@ -119,8 +142,10 @@ class MappingSheet(SideSheet):
             for channel in held.channels:
                 unit = f", {channel.unit}" if channel.unit else ""
                 box.addItem(f"{channel.name}   ({channel.samples} samples, {channel.kind}{unit})", channel.name)
-            one_each = place < len(held.channels)
+            one_each = place < len(held.channels) and not proposal
             box.setCurrentIndex(place + (role is not Role.MEASUREMENT) if one_each else 0)
+            if role in proposal:
+                box.setCurrentIndex(box.findData(proposal[role]))
         self.edits["mass_kg"].setText(local(f"{1e3 * mass_kg:.10g}"))
         self.edits["rest_hz"].setText("" if rest_hz is None else local(f"{1e-6 * rest_hz:.10g}"))
         self.edits["rate_hz"].setText("")

@@ -10,8 +10,7 @@ from analysis.planning.words import told
 from app.words.wording import local_words
 
 UNPLANNED = (
-    "These data leave open which it is. The program can work out which shot would tell, by how much, and whether any "
-    "can."
+    "These data do not decide between the candidates. The program can find the shot that would, if there is one."
 )
 
 ARM, SET = "ARM for it", "Set and take it"
@@ -19,7 +18,7 @@ ARM_TIP = (
     "Set the rig as said, then arm: the shot joins this diagnosis. Its mass is that of the block as found with the "
     "weights added, so leave the settings as they are"
 )
-NORMS = "Noise norm: how far apart two models lie, told in what noise alone does to that distance; five decide"
+NORMS = "Noise norm: the distance between two models in units of the noise; five or more decide"
 SET_TIP = "The simulated bench is set to this speed and weight, and pushed; the shot joins this diagnosis"
 
 
@@ -48,12 +47,12 @@ class NextShotCard(QFrame):
         self._log.setProperty("faint", True)
         column.addWidget(self._log)
         row = QHBoxLayout()
-        self.plan = QPushButton("Plan the shot that tells", self)
-        self.plan.setToolTip("Foretell every shot this rig could take by each of the models, and find what parts them")
+        self.plan = QPushButton("Plan the deciding shot", self)
+        self.plan.setToolTip("Predict every shot this rig can take; find the one that separates the models best")
         self.take = QPushButton(ARM, self)
         self.take.setToolTip(ARM_TIP)
         self.give_up = QPushButton("Give up", self)
-        self.give_up.setToolTip("Wait no longer for the planned shot")
+        self.give_up.setToolTip("Stop waiting for the planned shot")
         for button in (self.plan, self.take, self.give_up):
             row.addWidget(button)
         row.addStretch(1)
@@ -87,7 +86,8 @@ class NextShotCard(QFrame):
         elif standing is None:
             self._sentence.setText(UNPLANNED)
         else:
-            self._sentence.setText(local_words(told(planned) if planned is not None else "Settled: one name is left."))
+            words = told(planned) if planned is not None else "Resolved: one candidate remains."
+            self._sentence.setText(local_words(words))
         steps = standing.steps if standing is not None else ()
         self._log.setText(local_words("\n".join(_line(n, step) for n, step in enumerate(steps, 1))))
         self._log.setVisible(bool(self._log.text()))

@@ -11,7 +11,8 @@ from app.words.wording import effect_words, local_words
 MOST_TRIED = 3
 OPEN = (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED)
 ANOTHER_SHOT = (
-    "shots at other speeds, half and twice as fast, beside these: what depends on speed, place or time parts there; "
+    "shots at other speeds, half and twice as fast, beside these: effects that depend on speed, position or time "
+    "differ there; "
     "and one straight after another, to see whether it repeats"
 )
 
@@ -60,8 +61,8 @@ class NextSteps(QWidget):
         for candidate in sorted(left, key=lambda c: -abs(c.score))[:MOST_TRIED]:
             button = self._button(
                 f"Try {effect_words(candidate.name)}",
-                f"Put it into the model though it did not pass{f' ({candidate.remark})' if candidate.remark else ''}; "
-                "it stays marked as tried",
+                f"Add it to the model although it did not pass{f' ({candidate.remark})' if candidate.remark else ''}; "
+                "it is marked as tried",
             )
             button.setProperty("effect", candidate.name)
             button.clicked.connect(self._try)

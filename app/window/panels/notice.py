@@ -53,7 +53,8 @@ class NoticeLine(QFrame):
         self._close = QPushButton("Dismiss", self)
         self._close.setToolTip("Take this message away")
         self._close.clicked.connect(self.next)
-        self._list = QPushButton("Messages", self)
+        self._list = QPushButton("All …", self)
+        self._list.setAccessibleName("All messages")
         self._list.setToolTip("All messages of this run, with their times  (F6)")
         self._list.clicked.connect(self.list_wanted)
         row.addWidget(self._words, 1)
@@ -137,7 +138,6 @@ class NoticeLine(QFrame):
 
     def _refresh(self) -> None:
         self._close.setVisible(bool(self._notices))
-        self._list.setVisible(bool(self.history))
         self._do.setVisible(bool(self._notices and self._notices[-1].label))
         if not self._notices:
             self._whole = ""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from analysis.fitted.awaited_fit import awaits_fit
-from analysis.shot.quantity import NotSeen, Reading
+from analysis.shot.quantity import NotSeen, Quantity, Reading
 from analysis.shot.shot import Shot
 
 Find = Callable[[Shot], Reading | None]
@@ -33,6 +33,20 @@ def _parameter(name: str) -> Find:
         return shot.fit.parameters.get(name, NotSeen(f"the model {shot.fit.model} has no such parameter"))
 
     return find
+
+
+def chi2_of(shot: Shot) -> Reading | None:
+    """Return the reduced chi2 of a shot's own fit."""
+    if shot.fit is None or not shot.fit.converged:
+        return NotSeen("no converged fit")
+    return Quantity(shot.fit.reduced_chi2, 0.0, "the fit of this shot alone")
+
+
+def mass_of(shot: Shot) -> Reading | None:
+    """Return the moving mass that a shot was analysed with."""
+    if shot.motion is None:
+        return NotSeen(shot.problem or "no motion")
+    return Quantity(shot.motion.moving_mass_kg, shot.motion.moving_mass_u_kg, "as stated for the shot")
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +157,7 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
                 _impact("deflection_max_m"),
                 1e3,
                 "mm",
-                "How far the plate was pushed in.",
+                "Greatest deflection of the plate.",
                 key="deflection_max_m",
             ),
         ),
@@ -172,7 +186,7 @@ GROUPS: tuple[tuple[str, tuple[Row, ...]], ...] = (
                 _parameter("plate_mass_kg"),
                 1e3,
                 "g",
-                "Mass of the plate that moves with its end, fitted.",
+                "Effective moving mass of the plate, fitted.",
                 key="plate_mass_kg",
             ),
             Row(
@@ -201,8 +215,8 @@ GROUPS = (
     (
         DRIVE,
         (
-            Row("mass", _parameter("moving_mass_kg"), 1.0, "kg", "What the force accelerates, fitted."),
-            Row("viscous drag", _parameter("viscous_coefficient_n_s_per_m"), 1.0, "N s/m", "Force a unit of speed."),
+            Row("mass", _parameter("moving_mass_kg"), 1.0, "kg", "The mass that the force accelerates, fitted."),
+            Row("viscous drag", _parameter("viscous_coefficient_n_s_per_m"), 1.0, "N s/m", "Force per unit of speed."),
             Row("offset", _parameter("offset_n"), 1.0, "N", "A constant force: of the drive, or a tilt of the guide."),
         ),
     ),

@@ -60,7 +60,7 @@ def wide_words(reading: Reading | None) -> str:
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value) or not math.isfinite(reading.std):
         return ""
     share = reading.std / abs(reading.value) if reading.value else math.inf
-    return f"Little is known of it: ± is {100 * share:.0f} % of the value" if WIDE < share < math.inf else ""
+    return f"Poorly determined: ± is {100 * share:.0f} % of the value" if WIDE < share < math.inf else ""
 
 
 class NumbersPanel(QScrollArea):
@@ -94,8 +94,8 @@ class NumbersPanel(QScrollArea):
         top.addWidget(self.title, 1)
         top.addWidget(self.budget)
         column.addLayout(top)
-        self.noise_only = QCheckBox("± from noise alone", inner)
-        self.noise_only.setToolTip("Leave wavelength, air, mass and clock out of the uncertainties  (U)")
+        self.noise_only = QCheckBox("± from noise only", inner)
+        self.noise_only.setToolTip("Exclude wavelength, air, mass and clock from the uncertainties  (U)")
         self.noise_only.toggled.connect(self._uncertainty_chosen)
         grid = QGridLayout()
         grid.setHorizontalSpacing(8)
@@ -295,10 +295,10 @@ class NumbersPanel(QScrollArea):
             spread = math.hypot(first.std, second.std)
             apart = abs(first.value - second.value) / spread if spread > 0 else math.inf
             tone = Tone.GOOD if apart <= 3 else Tone.WARNING
-            words = "quasi-static and impulse COR agree" if tone is Tone.GOOD else f"they differ by {apart:.0f} u"
+            words = "quasi-static and impulse COR agree" if tone is Tone.GOOD else f"they differ by {apart:.0f} σ"
             self.agreement.setText(f"{MARKS[tone]} {words}")
             self.agreement.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
-            self.agreement.setToolTip("Quasi-static and impulse ratio, against what this shot's noise leaves of both")
+            self.agreement.setToolTip("Difference between quasi-static and impulse COR, relative to their noise")
 
     def _show_flags(self, shot: Shot | None) -> None:
         """Say what is wrong, what is in doubt, and in quiet letters what is only to be known."""

@@ -12,12 +12,13 @@ from analysis.uncertainty.combined import stated
 from app.session.session import Entry
 from app.window.combined import COMBINED, NOISE_ONLY, CombinedOnce
 from app.window.flag_tone import flag_line
+from app.window.panels.number_rows import DRIVE, GROUPS, Row, chi2_of, mass_of
 from app.window.panels.session_order import Order, ordered
 from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
 from app.words.verdict import OUTDATED, verdict_in_short
 from app.words.wording import DASH, concise_text, how_text, value_text
 
-COLUMNS = (
+COLUMNS: tuple[tuple[str, int], ...] = (
     ("#", 9),
     ("time", 9),
     ("name", 16),
@@ -28,7 +29,7 @@ COLUMNS = (
     ("F max (N)", 13),
     ("k_p (N/m)", 13),
     ("verdict", 25),
-    ("flags", 22),
+    ("flags", 26),
     ("note", 9),
 )
 KEYS = {  # of the numbers in the budget, by column
@@ -40,12 +41,37 @@ KEYS = {  # of the numbers in the budget, by column
     8: "plate_stiffness_n_per_m",
 }
 VERDICT, FLAGS, NOTE = range(len(COLUMNS) - 3, len(COLUMNS))
+FIRST_EXTRA = len(COLUMNS)  # columns that are hidden until they are chosen
+_OF_PANEL = tuple(row for heading, rows in GROUPS if heading != DRIVE for row in rows)
+EXTRA = (
+    *(row for row in _OF_PANEL if row.key not in KEYS.values()),
+    Row("χ²/ν", chi2_of, meaning="Of this shot's own fit."),
+    Row("moving mass", mass_of, 1e3, "g", "As stated for the shot."),
+)
+COLUMNS = (*COLUMNS, *((f"{row.name} ({row.unit})" if row.unit else row.name, 14) for row in EXTRA))
+
+
+def is_number(column: int) -> bool:
+    """Return whether a column holds a number."""
+    return 3 <= column <= 8 or column >= FIRST_EXTRA
+
+
+def key_of(column: int) -> str:
+    """Return a number's key in the budget, "" where it has none."""
+    return EXTRA[column - FIRST_EXTRA].key if column >= FIRST_EXTRA else KEYS[column]
+
+
+def scale_of(column: int) -> float:
+    """Return by how much a number is scaled for its column."""
+    return EXTRA[column - FIRST_EXTRA].scale if column >= FIRST_EXTRA else 1.0
 
 
 def _reading(entry: Entry, column: int) -> Reading | None:
     shot = entry.shot
     if shot is None:
         return None
+    if column >= FIRST_EXTRA:
+        return EXTRA[column - FIRST_EXTRA].find(shot)
     if column == 8:
         if awaits_fit(shot):
             return NotSeen("the fit is still to come")
@@ -67,7 +93,7 @@ def _reading(entry: Entry, column: int) -> Reading | None:
 def _sorted_by(entry: Entry, column: int) -> float | str | None:
     """Return what a column sorts by: a number's value, a word as it is; None where there is nothing."""
     shot = entry.shot
-    if 3 <= column <= 8:
+    if is_number(column):
         reading = _reading(entry, column)
         return reading.value if isinstance(reading, Quantity) else None
     texts = {
@@ -132,7 +158,7 @@ class SessionModel(QAbstractTableModel):
         if after == before:
             self.rows = rows
             if rows:
-                self.dataChanged.emit(self.index(0, 0), self.index(len(rows) - 1, NOTE))
+                self.dataChanged.emit(self.index(0, 0), self.index(len(rows) - 1, len(COLUMNS) - 1))
         elif after[: len(before)] == before:
             self.beginInsertRows(QModelIndex(), len(before), len(rows) - 1)
             self.rows = rows
@@ -149,7 +175,9 @@ class SessionModel(QAbstractTableModel):
 
     def _stated(self, entry: Entry, column: int) -> Reading | None:
         """Return a number with its combined standard uncertainty."""
-        return stated(_reading(entry, column), KEYS[column], self._combined.of(entry.shot)) if entry.shot else None
+        if entry.shot is None:
+            return None
+        return stated(_reading(entry, column), key_of(column), self._combined.of(entry.shot))
 
     def _searched(self, entry: Entry) -> str:
         flags = (
@@ -172,7 +200,7 @@ class SessionModel(QAbstractTableModel):
         if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
             return COLUMNS[section][0]
         if role == Qt.ItemDataRole.TextAlignmentRole:
-            side = Qt.AlignmentFlag.AlignRight if 3 <= section <= 8 else Qt.AlignmentFlag.AlignLeft
+            side = Qt.AlignmentFlag.AlignRight if is_number(section) else Qt.AlignmentFlag.AlignLeft
             return side | Qt.AlignmentFlag.AlignVCenter
         return None
 
@@ -203,7 +231,7 @@ class SessionModel(QAbstractTableModel):
             return font
         if role == Qt.ItemDataRole.ToolTipRole:
             return self._hover(entry, column)
-        if role == Qt.ItemDataRole.TextAlignmentRole and 3 <= column <= 8:
+        if role == Qt.ItemDataRole.TextAlignmentRole and is_number(column):
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         return None
 
@@ -223,13 +251,13 @@ class SessionModel(QAbstractTableModel):
             return ", ".join(by_weight(shot.flags)) if shot is not None else ""
         if column == NOTE:
             return entry.note
-        return concise_text(self._stated(entry, column))
+        return concise_text(self._stated(entry, column), scale_of(column))
 
     def _hover(self, entry: Entry, column: int) -> str | None:
-        if 3 <= column <= 8:
+        if is_number(column):
             reading, shot = self._stated(entry, column), entry.shot
-            which = COMBINED if shot is not None and KEYS[column] in self._combined.of(shot) else NOISE_ONLY
-            return how_text(COLUMNS[column][0], reading, value_text(reading), which)
+            which = COMBINED if shot is not None and key_of(column) in self._combined.of(shot) else NOISE_ONLY
+            return how_text(COLUMNS[column][0], reading, value_text(reading, scale_of(column)), which)
         if column == FLAGS and entry.shot is not None:
             return "\n".join(map(flag_line, by_weight(entry.shot.flags))) or None
         if column == VERDICT and entry.number in self._struck:

@@ -31,7 +31,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.session.session import Entry, Session
-from app.window.panels.session_model import COLUMNS, FLAGS, NOTE, VERDICT, SessionModel
+from app.window.panels.session_model import COLUMNS, FIRST_EXTRA, FLAGS, NOTE, VERDICT, SessionModel
 from app.window.panels.session_order import GROUPS, Order
 
 
@@ -84,8 +84,8 @@ class SessionTable(QFrame):
                 "Analyse the selected shots again, as copies, with the present settings  (Ctrl+R)",
                 self._again,
             ),
-            ("Remove", "Take the selected shots off the list; the recordings stay on disk  (Del)", self._remove),
-            ("Undo", "Take back the last note or removal  (Ctrl+Z)", self._undo),
+            ("Remove", "Remove the selected shots from the list; the recordings stay on disk  (Del)", self._remove),
+            ("Undo", "Undo the last note, removal or change of the model  (Ctrl+Z)", self._undo),
         ):
             button = QPushButton(words, self)
             button.setToolTip(tip)
@@ -120,12 +120,14 @@ class SessionTable(QFrame):
         letter = self.fontMetrics().horizontalAdvance("0")
         for index, (_, letters) in enumerate(COLUMNS):
             self.table.setColumnWidth(index, int(letter * letters))
+        for extra in range(FIRST_EXTRA, len(COLUMNS)):
+            self.table.setColumnHidden(extra, True)
         header.setStretchLastSection(True)
         header.setSectionsClickable(True)
         header.sectionClicked.connect(self._sort_by)
         header.setToolTip(
             "In brackets: the combined standard uncertainty of the last digits.\n"
-            "Click: sort by this column; again: the other way; once more: as they were taken"
+            "Click to sort by this column, again to reverse, once more for the order taken"
         )
         column.addWidget(self.table, 1)
         self.table.selectionModel().selectionChanged.connect(self._changed)
@@ -135,12 +137,12 @@ class SessionTable(QFrame):
         """Add what sorts the shots out: words to find, groups, columns."""
         self.filter = QLineEdit(self)
         self.filter.setPlaceholderText("filter")
-        self.filter.setAccessibleName("Words that the shots shown must have")
+        self.filter.setAccessibleName("Filter words")
         self.filter.setToolTip("Show only shots with these words in name, time, verdict, flags or note  (Ctrl+F)")
         self.filter.setMaximumWidth(14 * self.fontMetrics().horizontalAdvance("n"))
         self.group = QComboBox(self)
         self.group.setAccessibleName("How the shots are grouped")
-        self.group.setToolTip("Stand shots together that are alike in this; series: names alike but for their number")
+        self.group.setToolTip("Group the shots by this; series: names that differ only in their number")
         self.group.addItem("no groups", "")
         for name, (words, _) in GROUPS.items():
             self.group.addItem(f"by {words}", name)

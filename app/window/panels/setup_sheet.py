@@ -129,7 +129,7 @@ class SetupSheet(SideSheet):
         self.look.setEnabled(True)
         clear_layout(self._devices)
         if problem:
-            self._found.setText(f"{MARKS[Tone.WARNING]} Devices could not be looked for: {problem}")
+            self._found.setText(f"{MARKS[Tone.WARNING]} The search for devices failed: {problem}")
         elif found:
             self._found.setText(f"{len(found)} device{'s' if len(found) > 1 else ''} found")
         else:
@@ -251,12 +251,12 @@ def _verdict(checks: tuple[Check, ...]) -> tuple[Tone, str]:
     bad = [check for check in checks if check.grade is Grade.FAIL]
     doubtful = [check for check in checks if check.grade is Grade.WARN]
     if not checks:
-        return Tone.NEUTRAL, "Nothing to judge yet."
+        return Tone.NEUTRAL, "Nothing to check yet."
     if bad:
-        return Tone.BAD, f"{MARKS[Tone.BAD]} Not fit for a shot: mend {_names(bad)}."
+        return Tone.BAD, f"{MARKS[Tone.BAD]} Not ready for a shot: fix {_names(bad)}."
     if doubtful:
-        return Tone.WARNING, f"{MARKS[Tone.WARNING]} You can arm; look at {_names(doubtful)} first."
-    return Tone.GOOD, f"{MARKS[Tone.GOOD]} All is well: ARM, then push the block."
+        return Tone.WARNING, f"{MARKS[Tone.WARNING]} You can arm; check {_names(doubtful)} first."
+    return Tone.GOOD, f"{MARKS[Tone.GOOD]} Ready: press ARM, then push the block."
 
 
 def _names(checks: list[Check]) -> str:

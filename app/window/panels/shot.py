@@ -27,17 +27,17 @@ VIEWS = (
     ("contact", "First contact", "2", "The bounces at first contact (the paper's Fig. 5)"),
     (
         "deflection",
-        "F against deflection",
+        "Force vs deflection",
         "3",
         "Force against deflection of the plate (Fig. 6); its slope is the stiffness",
     ),
     ("gap", "Gap", "4", "Distance between block and plate (Fig. 7); below zero the two overlap"),
-    ("raw", "Raw signals", "5", "What the photodiodes and the light switch gave, every sample"),
+    ("raw", "Raw signals", "5", "Photodiode and light-switch signals, every sample"),
 )
 DRIVE_VIEWS = {  # what the first keys mean for a driven record, which strikes nothing
     "whole": ("Over time", "Velocity, force and residual over the whole record"),
-    "contact": ("F against speed", "Force measured and modelled against speed, and what is left over"),
-    "deflection": ("F against place", "Force measured and modelled against place, and what is left over"),
+    "contact": ("Force vs speed", "Measured and modelled force against speed, and the residual"),
+    "deflection": ("Force vs position", "Measured and modelled force against position, and the residual"),
 }
 LOW_LINES = 18  # of text: a page lower than these has no room for a legend beside its plots
 NO_SHOT = "No shot yet. Press ARM (space), then push the block through the light switch."
@@ -339,4 +339,4 @@ def _no_force(shot: Shot) -> str:
 
 
 def _why_not(shot: Shot) -> str:
-    return f"{shot.name} could not be analysed.\n\n{shot.problem or ''}\n\nIts raw samples are kept: Raw signals (5)."
+    return f"{shot.name} could not be analysed.\n\n{shot.problem or ''}\n\nIts samples are there: Raw signals (5)."

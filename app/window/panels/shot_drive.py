@@ -38,7 +38,7 @@ class DriveView(QObject):
         self.stack.label_time("time from the first sample (s)")
         self.stack.reset_wanted.connect(self.reset)
         self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, colours, parent)
-        self.place = ForceAgainst("place", "place along the guide (mm)", PLACE, colours, parent)
+        self.place = ForceAgainst("place", "position along the guide (mm)", PLACE, colours, parent)
         self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
         self.say = QLabel(parent)
         self.say.setProperty("faint", True)

@@ -19,7 +19,7 @@ UM_PER_S = 1e6
 SHOWN = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
 LABELLED = ("VC-A", "VC-D", "VC-G")  # each is half of the one before: all seven names would lie over one another
 MOST_LINES = 4
-NO_FLOOR = "Floor of the site: let the block rest for a second or two."
+NO_FLOOR = "Site vibration: let the block rest for a second or two."
 
 
 def line_words(floor: SiteFloor) -> list[str]:

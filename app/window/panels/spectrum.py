@@ -74,7 +74,7 @@ class SpectrumPanel(QWidget):
         for plot in self.plots:
             plot.tell((shot,) if spectra is not None else (), words)
         if spectra is None or not spectra.power_db:
-            self._say.setText("Select a shot whose raw recording is at hand.")
+            self._say.setText("Select a shot whose raw recording is available.")
             for curve in self._curves.values():
                 curve.show_points(np.empty(0), np.empty(0))
             self._picture.clear()

@@ -64,7 +64,7 @@ def trend_reading(shot: Shot, name: str) -> Reading | None:
 
 
 class TrendPlot(PlainPlot):
-    """A number of each shot against its impact speed, with what each shot's own noise leaves of it.
+    """A number of each shot against its impact speed, with its standard uncertainty from noise only.
 
     What all shots share (mass, wavelength, clock) scatters nothing: bars that held it would hide a spread.
     """
@@ -116,6 +116,6 @@ class TrendPlot(PlainPlot):
         unit = f" {trend.unit}" if trend.unit else ""
         return (
             f"{len(y)} shots: mean {number(mean, 6)}{unit}, spread {number(spread, 3)} "
-            f"({local(f'{100 * spread / abs(mean):.2g}')} %); bars: ± from each shot's noise alone, "
-            f"{number(float(halves.mean()), 2)} in the mean"
+            f"({local(f'{100 * spread / abs(mean):.2g}')} %); bars: ± from each shot's noise only, "
+            f"{number(float(halves.mean()), 2)} on average"
         )

@@ -1,11 +1,21 @@
 """The lowest line: messages to the left, work under way with its cancel to the right."""
 
+import math
+
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 
-from app.session.jobs import Jobs
+from app.session.jobs import Job, Jobs
 from app.window.panels.notice import NoticeLine
 from app.window.theme import Colours
+
+
+def _remaining(job: Job) -> str:
+    """Return how long a job will probably still take, of one that takes longer than two seconds."""
+    left_s = job.remaining_s()
+    if left_s is None:
+        return ""
+    return f", {math.ceil(left_s)} s left" if left_s < 90 else f", {math.ceil(left_s / 60)} min left"
 
 
 class WorkLine(QWidget):
@@ -28,11 +38,11 @@ class WorkLine(QWidget):
         )
         self.progress.setAccessibleName("Work under way")
         self._cancel = QPushButton("Cancel", self)
-        self._cancel.setToolTip("Stop all work under way away from the rig")
-        for widget in (self.progress, self._cancel):
-            policy = widget.sizePolicy()
-            policy.setRetainSizeWhenHidden(True)
-            widget.setSizePolicy(policy)
+        self._cancel.setToolTip("Cancel all background work")
+        policy = self._cancel.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)
+        self._cancel.setSizePolicy(policy)
+        for widget in (self.progress, self._cancel):  # while nothing goes on the messages have the progress's room
             widget.hide()
         settings = QPushButton("Settings", self)
         settings.setToolTip("Mass, air, wavelength, bandwidth, trigger, folders  (F2)")
@@ -41,7 +51,7 @@ class WorkLine(QWidget):
         setup.clicked.connect(self._setup_pressed)
         keys = QPushButton("Keys", self)
         keys.setToolTip("All keys on one sheet  (F1)")
-        row.addWidget(self.notices, 3)
+        row.addWidget(self.notices, 1)
         row.addWidget(self.progress, 1)
         for widget in (self._cancel, setup, settings, keys):
             row.addWidget(widget)
@@ -61,7 +71,7 @@ class WorkLine(QWidget):
             waiting = jobs.open_jobs - 1
             more = f" (+{waiting})" if waiting > 0 else ""
             doing = f"{job.name}: {job.what}" if job.what else job.name
-            self._show(f"{doing}{more}", job.fraction)
+            self._show(f"{doing}{more}{_remaining(job)}", job.fraction)
         elif rig_doing is not None:
             self._show(rig_doing, rig_share or 0.0)
 

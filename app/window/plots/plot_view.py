@@ -176,7 +176,7 @@ class PlotView(pg.GraphicsLayoutWidget):
         cursors.setCheckable(True)
         cursors.setChecked(self.cursors.shown)
         cursors.toggled.connect(self.show_cursors)
-        copy = menu.addAction("Copy what lies between the cursors", self.copy_cursors)
+        copy = menu.addAction("Copy the cursor readings", self.copy_cursors)
         copy.setEnabled(self.cursors.shown)
         menu.addSeparator()
         menu.addAction("Save as PNG …", self._png)

@@ -54,15 +54,21 @@ class DiagnosisPresenter(QObject):
         p.diagnosis.add_wanted.connect(self._add)
         p.diagnosis.remove_wanted.connect(self._remove)
         p.diagnosis.try_wanted.connect(self._try)
+        p.diagnosis.why.pointed.connect(self._pointed)
 
     def refresh(self) -> None:
         """Bring progress, the newest diagnosis and the effects in the model to the screen."""
         job = self._workbench.jobs.current
         running = job if job is not None and job.kind in ("diagnosis", PLAN) else None
         what = (running.what or "starting") if running is not None else None
-        self._panels.diagnosis.show_progress(what, running.fraction if running is not None else 0.0)
-        self._panels.model.diagnose.setEnabled(running is None)
+        of = running.name if running is not None else ""
+        if running is None and job is not None and self._workbench.jobs.waiting("diagnosis", PLAN):
+            what, of = f"waiting for {job.name} to end", "it begins after that"
+        self._panels.diagnosis.show_progress(what, running.fraction if running is not None else 0.0, of)
+        self._panels.model.diagnose.setEnabled(what is None)
         found = self.found()
+        if self._panels.tabs.currentIndex() == Layout.DIAGNOSIS:
+            self._explain(found)
         forces = self._forces.take()
         if forces is not None and found is not None and forces[1].diagnosis is found.diagnosis:
             self._panels.diagnosis.residuals.show_forces(forces[1].shot, forces[1].before, forces[1].after)
@@ -82,6 +88,17 @@ class DiagnosisPresenter(QObject):
         if driven is not None and driven.shot is not None and found.diagnosis.fit_after.model == "driven":
             self._forces.forget()
             self._forces.ask(driven, _Wanted(driven.shot, found.diagnosis))
+
+    def _explain(self, found: Diagnosed | None) -> None:
+        """Fit the candidates of the diagnosis on the screen while nothing else is to be done."""
+        why = self._workbench.why
+        why.show(found.diagnosis if found is not None else None, self._shots_of(found))
+        if why.refresh():
+            self._panels.diagnosis.why.show_found(why.found)
+
+    def _shots_of(self, found: Diagnosed | None) -> list[Shot]:
+        entries = [self._workbench.session.entry(number) for number in found.numbers] if found is not None else []
+        return [entry.shot for entry in entries if entry is not None and entry.shot is not None]
 
     def _holds(self, found: Diagnosed, effects: tuple[str, ...]) -> bool:
         there = {entry.number for entry in self._workbench.session.entries}
@@ -107,6 +124,10 @@ class DiagnosisPresenter(QObject):
     @Slot(str)
     def _try(self, name: str) -> None:
         self._workbench.model.try_out(self._base(), name)
+
+    @Slot(str)
+    def _pointed(self, name: str) -> None:
+        self._workbench.why.first(name)
 
     @Slot(str)
     def _remove(self, name: str) -> None:

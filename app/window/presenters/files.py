@@ -44,7 +44,7 @@ class FilesPresenter(QObject):
 
     @Slot()
     def usual_session(self) -> None:
-        """Go back to the session without a name, which a first start opens."""
+        """Return to the unnamed session, which a first start opens."""
         self._told(self._workbench.usual_session(), "")
 
     def _folder(self) -> Path:
@@ -92,7 +92,7 @@ class FilesPresenter(QObject):
 
     def _open_again(self, path: Path, _: bool = False) -> None:
         if not path.exists():
-            self.said.emit(f"{path} is not there any more", Tone.BAD)
+            self.said.emit(f"{path} no longer exists", Tone.BAD)
         elif is_session(path):
             self.open_named(path)
         else:

@@ -46,5 +46,5 @@ class LawsPresenter(QObject):
             self._panels.law.say(str(error), Tone.BAD)
             return
         self._panels.law.hide()
-        self.said.emit(f"The law {law.name!r} is kept in {self._laws.folder}; every diagnosis asks for it", Tone.GOOD)
+        self.said.emit(f"The law {law.name!r} is saved in {self._laws.folder}; every diagnosis includes it", Tone.GOOD)
         self.diagnose_wanted.emit()

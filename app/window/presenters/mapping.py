@@ -1,18 +1,29 @@
 """Between files of other programs and the sheet that asks which of their channels is which."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Slot
 
+from analysis.shot.recording import Role
+from app.session.channel_looks import ChannelLook, looks_of
 from app.session.choices import Choices
 from app.session.jobs import Asked, Job, Report
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.mapping_sheet import Answer
 from instrument.foreign.contents import ForeignContents
-from instrument.foreign.mapping import write_mapping
+from instrument.foreign.mapping import read_mapping, write_mapping
 from instrument.foreign.reading import foreign_channels, read_foreign
-from instrument.foreign.remembered import OF_FOLDER, is_foreign, own_mapping
+from instrument.foreign.remembered import OF_FOLDER, is_foreign, own_mapping, remembered_mapping
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """A file's channels, and what they look like."""
+
+    held: ForeignContents
+    looks: tuple[ChannelLook, ...]
 
 
 class MappingPresenter(QObject):
@@ -37,8 +48,9 @@ class MappingPresenter(QObject):
         if job is not None and job.done.is_set():
             self._job = None
             settings = self._choices.settings
-            if isinstance(job.result, ForeignContents):
-                self._sheet.ask(job.result, settings.moving_mass_kg, settings.rest_frequency_hz)
+            if isinstance(job.result, _Seen):
+                seen = job.result
+                self._sheet.ask(seen.held, settings.moving_mass_kg, settings.rest_frequency_hz, seen.looks)
             elif isinstance(job.result, Path):
                 self._sheet.hide()
                 self._workbench.open_paths([job.result])
@@ -50,10 +62,35 @@ class MappingPresenter(QObject):
     def _read(self, path: Path) -> None:
         self._path = path
 
-        def work(_: Report, __: Asked) -> ForeignContents | Path:
-            return path if is_foreign(path) else foreign_channels(path)  # the folder's mapping may be there by now
+        def work(_: Report, __: Asked) -> _Seen | Path:
+            if is_foreign(path):  # the folder's mapping may be there by now
+                return path
+            held = foreign_channels(path)
+            try:
+                return _Seen(held, looks_of(held))
+            except Exception:  # whatever a format's library raises: the channels can be told without a look at them
+                return _Seen(held, ())
 
         self._job = self._workbench.errands.submit(path.name, work, "foreign")
+
+    def can_swap(self, path: Path) -> bool:
+        """Return whether PD0 and PD1 of a file can be exchanged: one of another program, which has both."""
+        mapping = remembered_mapping(path)
+        if mapping is None:
+            return False
+        roles = {channel.role for channel in read_mapping(mapping).channels}
+        return {Role.REFERENCE, Role.MEASUREMENT} <= roles
+
+    def swap(self, path: Path, number: int) -> None:
+        """Exchange PD0 and PD1 of a file of another program, for good, and analyse it again."""
+        mapping = remembered_mapping(path)
+        if mapping is None:
+            return
+        known = read_mapping(mapping)
+        other = {Role.REFERENCE: Role.MEASUREMENT, Role.MEASUREMENT: Role.REFERENCE}
+        channels = tuple(replace(channel, role=other.get(channel.role, channel.role)) for channel in known.channels)
+        write_mapping(replace(known, channels=channels), own_mapping(path))
+        self._workbench.reanalyse([number])
 
     @Slot(object)
     def _applied(self, answer: Answer) -> None:

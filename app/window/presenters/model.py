@@ -80,7 +80,7 @@ class ModelPresenter(QObject):
     @Slot()
     def foretell(self) -> None:
         """Ask for a model file and say what it foretells of the selected shots, or of all; nothing is changed."""
-        ask(self._panels, "Put a model to the test", Want.FILE, self._foretell_asked, self._folder, KINDS)
+        ask(self._panels, "Test a model's predictions", Want.FILE, self._foretell_asked, self._folder, KINDS)
 
     def _foretell_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent

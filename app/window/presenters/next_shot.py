@@ -65,5 +65,5 @@ class NextShotPresenter(QObject):
 
     @Slot()
     def give_up(self) -> None:
-        """Wait no longer for the planned shot."""
+        """Stop waiting for the planned shot."""
         self._plans.give_up()

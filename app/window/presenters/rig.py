@@ -124,7 +124,7 @@ class RigPresenter(QObject):
     def save_elsewhere(self) -> None:
         """Ask for a folder and save the shots there that are only in memory."""
         if not self._rig.latest().unsaved:
-            self.said.emit("No shot waits: all are saved", Tone.NEUTRAL)
+            self.said.emit("All shots are saved", Tone.NEUTRAL)
             return
         ask(self._panels, "Save the shots in memory to", Want.FOLDER, self._save_asked, Path.home())
 

@@ -10,6 +10,7 @@ from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 from app.report.pdf import document_of
 from app.session.choices import Choices
 from app.session.event import Event, Kind
+from app.session.swapped import is_swapped
 from app.session.workbench import Workbench
 from app.window.file_question import Want, ask
 from app.window.layout import Layout
@@ -34,6 +35,7 @@ class SessionPresenter(QObject):
 
     said = Signal(str, Tone)
     arrived = Signal(object)
+    swap_wanted = Signal(object, int)  # path and number of a file of another program whose PD0 and PD1 are swapped
     mapping_wanted = Signal(object)  # paths of files whose channels are not known yet
 
     def __init__(
@@ -82,6 +84,8 @@ class SessionPresenter(QObject):
 
     def _happened(self, event: Event) -> None:
         self._show_table()
+        if event.kind in (Kind.SHOT, Kind.CHANGED):
+            self._look_for_swapped(event.numbers)
         if event.kind is Kind.SHOT:
             if not self._choose_next:  # of a folder's shots the first: no other selection is spoilt
                 return
@@ -101,6 +105,17 @@ class SessionPresenter(QObject):
             self.said.emit(event.words, Tone.GOOD)
         else:
             self.said.emit(event.words, Tone.BAD if event.kind is Kind.PROBLEM else Tone.GOOD)
+
+    def _look_for_swapped(self, numbers: tuple[int, ...]) -> None:
+        """Offer to exchange PD0 and PD1 of a shot whose analysis says that they are."""
+        for number in numbers:
+            entry = self._workbench.session.entry(number)
+            if entry is None or entry.path is None or not is_swapped(entry.shot):
+                continue
+            path = Path(entry.path)
+            if is_foreign(path):
+                words = f"{entry.name}: PD0 and PD1 are swapped"
+                self._panels.work.notices.offer(words, "Swap them", partial(self.swap_wanted.emit, path, number))
 
     def take_captured(self, captured: WaitingShot) -> None:
         """List a shot whose analysis is to come."""
@@ -149,13 +164,18 @@ class SessionPresenter(QObject):
             self._chosen = paths[0].parent
             self._choices.remember_recent(paths)
             for path in [path for path in paths if path.is_file() and not path.name.lower().endswith(ENDINGS)]:
-                self.said.emit(f"{path.name} is no recording: {', '.join(ENDINGS)} are", Tone.BAD)
+                self.said.emit(f"{path.name} is not a recording (they end in {', '.join(ENDINGS)})", Tone.BAD)
                 paths = [other for other in paths if other != path]
             unmapped = [path for path in paths if path.is_file() and is_unmapped(path)]
             if self._workbench.open_paths([path for path in paths if path not in unmapped]):
                 self._choose_next = True
             if unmapped:
                 self.mapping_wanted.emit(unmapped)
+
+    @Slot()
+    def open_folder(self) -> None:
+        """Ask for a folder and open every recording in it."""
+        ask(self._panels, "Open a folder of recordings", Want.FOLDER, self.open_paths, self._folder)
 
     @Slot(list)
     def _export_pressed(self, _: list[int]) -> None:
@@ -165,6 +185,15 @@ class SessionPresenter(QObject):
     def export_selected(self) -> None:
         """Ask for a folder and export the selected shots, or all."""
         ask(self._panels, "Export CSV to", Want.FOLDER, self._export_asked, self._folder)
+
+    @Slot()
+    def export_hdf5(self) -> None:
+        """Ask for a folder and write the selected shots, or all, as HDF5."""
+        ask(self._panels, "Export HDF5 to", Want.FOLDER, self._hdf5_asked, self._folder)
+
+    def _hdf5_asked(self, paths: list[Path]) -> None:
+        self._chosen = paths[0]
+        self._workbench.papers.export_hdf5(self._panels.table.numbers, paths[0])
 
     def _export_asked(self, paths: list[Path]) -> None:
         self.export_to(paths[0])
@@ -192,7 +221,7 @@ class SessionPresenter(QObject):
     def print_report(self) -> None:
         """Make the report of the selected shots, or of all, and ask for a printer."""
         self._workbench.papers.report_to_print(self._panels.table.numbers)
-        self.said.emit("The report is being made; the printer is asked for next", Tone.NEUTRAL)
+        self.said.emit("Preparing the report; the printer dialogue follows", Tone.NEUTRAL)
 
     def _print(self, html: str) -> None:
         printer = QPrinter(QPrinter.PrinterMode.HighResolution)
@@ -219,13 +248,13 @@ class SessionPresenter(QObject):
 
     @Slot()
     def remove_selected(self) -> None:
-        """Take the selected shots off the list."""
+        """Remove the selected shots from the list."""
         numbers = self._panels.table.numbers
         if numbers:
             self._workbench.session.remove(numbers)
             self._show_table()
             self._selection.show_again()
-            self.said.emit(f"{len(numbers)} shots taken off the list; Undo (Ctrl+Z) brings them back", Tone.NEUTRAL)
+            self.said.emit(f"{len(numbers)} shots removed from the list; Undo (Ctrl+Z) restores them", Tone.NEUTRAL)
 
     @Slot(list)
     def _reanalyse_pressed(self, _: list[int]) -> None:
@@ -237,7 +266,7 @@ class SessionPresenter(QObject):
         count = self._workbench.reanalyse(self._panels.table.numbers)
         self._choose_next = count > 0
         put_right = self._workbench.put_right()
-        words = f"{count} shots are analysed again as copies, with the present settings"
+        words = f"Re-analysing {count} shots as copies with the present settings"
         words += f" and {put_right} in place of the recordings' own" if put_right else ""
         self.said.emit(words if count else "Select shots that have a recording", Tone.NEUTRAL)
 
@@ -297,4 +326,5 @@ class SessionPresenter(QObject):
 
     @Slot()
     def _cancel_work(self) -> None:
+        self._workbench.why.stop()
         self._workbench.jobs.cancel()

@@ -147,7 +147,7 @@ class ViewPresenter(QObject):
     def _step_view(self, by: int) -> None:
         plot = self._plot()
         if plot is not None and not plot.step_view(by):
-            self.said.emit("Nothing was in view before" if by < 0 else "Nothing was in view after", Tone.NEUTRAL)
+            self.said.emit("No previous view" if by < 0 else "No next view", Tone.NEUTRAL)
 
     @Slot()
     def toggle_cursors(self) -> None:
@@ -158,11 +158,11 @@ class ViewPresenter(QObject):
 
     @Slot()
     def copy_cursors(self) -> None:
-        """Copy what lies between the cursors in front."""
+        """Copy the cursor readings in front."""
         plot = self._plot()
         if plot is not None and plot.cursors.shown:
             plot.copy_cursors()
-            self.said.emit("What lies between the cursors is on the clipboard", Tone.NEUTRAL)
+            self.said.emit("The cursor readings are on the clipboard", Tone.NEUTRAL)
 
     @Slot()
     def copy_plot(self) -> None:
@@ -170,7 +170,7 @@ class ViewPresenter(QObject):
         plot = self._plot()
         if plot is not None:
             QGuiApplication.clipboard().setImage(save.picture(plot))
-            self.said.emit("The plot is on the clipboard, as a picture", Tone.NEUTRAL)
+            self.said.emit("The plot is on the clipboard as a picture", Tone.NEUTRAL)
 
     @Slot()
     def plot_menu(self) -> None:

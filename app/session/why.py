@@ -1,0 +1,126 @@
+"""What each candidate of a diagnosis would leave of its shots: fits made while nothing else is to be done.
+
+A diagnosis keeps the numbers of its candidates, not their curves.  The base model with one candidate is fitted to all
+shots jointly, the best candidate first; work that a person asks for comes before.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.result import Candidate, Diagnosis
+from analysis.fitted.fitted_shot import fit_jointly, shaking_of
+from analysis.shot.disturbance import Shaking
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError, Progress, Shot
+from app.session.jobs import Asked, Job, Report
+from app.session.work import Work
+
+Floats = NDArray[np.float64]
+MOST = 6  # candidates: the named ones and their neighbours
+KIND = "why"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Remainder:
+    """What the model with one candidate leaves over: of each shot shape (n,), in m; None where it did not converge."""
+
+    name: str
+    left_m: tuple[Floats, ...] | None
+    reduced_chi2: float
+
+
+def by_evidence(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates in the order of their evidence: those fitted in full first, by the fall of the BIC."""
+    return sorted(candidates, key=lambda c: (c.delta_bic is None, c.delta_bic or 0.0, -abs(c.score)))
+
+
+def remainder_of(
+    motions: Sequence[Motion],
+    base: str,
+    effects: tuple[str, ...],
+    shakings: Sequence[Shaking | None],
+    *,
+    progress: Progress,
+    cancelled: Asked,
+) -> Remainder:
+    """Return what a joint fit with these effects, the last of which is the candidate, leaves over."""
+    try:
+        fit = fit_jointly(motions, base, effects, cancelled, shakings)
+    except AnalysisError:
+        return Remainder(effects[-1], None, float("nan"))
+    left = tuple(np.asarray(part.residual_m) for part in fit.shots) if fit.converged else None
+    return Remainder(effects[-1], left, fit.reduced_chi2)
+
+
+class Why:
+    """The remainders of one diagnosis's candidates, as far as they are there."""
+
+    def __init__(self, work: Work) -> None:
+        self._work = work
+        self._of: Diagnosis | None = None
+        self._motions: list[Motion] = []
+        self._shakings: list[Shaking | None] = []
+        self._wanted: list[str] = []
+        self._job: Job | None = None
+        self.found: dict[str, Remainder] = {}
+
+    @property
+    def waiting(self) -> bool:
+        """Get whether some candidates are still to be fitted."""
+        return bool(self._wanted)
+
+    def show(self, diagnosis: Diagnosis | None, shots: Sequence[Shot]) -> None:
+        """Begin with another diagnosis of these shots, in the order of its fits; None: with none."""
+        if diagnosis is self._of:
+            return
+        if self._job is not None:
+            self._job.cancel()
+        self._of, self.found, self._job = diagnosis, {}, None
+        self._motions = [shot.motion for shot in shots if shot.motion is not None]
+        self._shakings = [shaking_of(shot) for shot in shots if shot.motion is not None]
+        self._wanted = []
+        if diagnosis is None or diagnosis.fit_before.model == "driven" or not self._motions:
+            return
+        before = set(diagnosis.fit_before.effects)
+        named = [effect.name for effect in diagnosis.effects]
+        ranked = [candidate.name for candidate in by_evidence(diagnosis.candidates)]
+        self._wanted = [name for name in dict.fromkeys([*named, *ranked]) if name not in before][:MOST]
+
+    def first(self, name: str) -> None:
+        """Fit this candidate before the others: a person points at it."""
+        if name in self._wanted:
+            self._wanted.remove(name)
+            self._wanted.insert(0, name)
+
+    def stop(self) -> None:
+        """Fit no more candidates of this diagnosis."""
+        self._wanted = []
+
+    def refresh(self) -> bool:
+        """Take a fit that is there, ask for the next while there is no other work; return whether one came."""
+        job, came = self._job, False
+        if job is not None and job.done.is_set():
+            self._job = None
+            if isinstance(job.result, Remainder) and not job.cancelled:
+                self.found[job.result.name] = job.result
+                came = True
+            if not job.cancelled:
+                self._wanted = [name for name in self._wanted if name != job.name]
+        if self._job is None and self._wanted and self._of is not None and self._work.jobs.open_jobs == 0:
+            self._ask(self._of, self._wanted[0])
+        return came
+
+    def _ask(self, diagnosis: Diagnosis, name: str) -> None:
+        effects = (*diagnosis.fit_before.effects, name)
+        fitting = partial(remainder_of, self._motions, diagnosis.fit_before.model, effects, self._shakings)
+
+        def work(report: Report, cancelled: Asked) -> Remainder:
+            report("what this candidate would leave", 0.0)
+            made: Remainder = self._work.do(fitting, report, cancelled)
+            return made
+
+        self._job = self._work.jobs.submit(name, work, KIND)

@@ -1,0 +1,169 @@
+"""Why this effect: the residuals of all shots, before and after, and what the candidate pointed at would explain.
+
+The remainders of the best candidate and of its neighbour stand side by side on request.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from PySide6.QtCore import Signal, Slot
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from analysis.diagnosis.result import Diagnosis
+from analysis.shot.shot import Shot
+from analysis.uncertainty.noise_band import diagnosed_band
+from app.report.shot_times import time_zero
+from app.session.why import Remainder, by_evidence
+from app.window.panels.candidates import CandidateBars
+from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid
+from app.window.theme import Colours, Tone
+from app.words.wording import effect_words, number, short_name
+
+BESIDE_SHOTS = 4  # whose two remainders stand side by side
+
+
+class WhyCanvas(QWidget):
+    """Heading, canvas, and the button that puts two remainders side by side; candidates stand to its left."""
+
+    pointed = Signal(str)
+
+    def __init__(self, colours: Colours, bars: CandidateBars, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._diagnosis: Diagnosis | None = None
+        self._shots: list[Shot] = []
+        self._accepted = False
+        self._found: Mapping[str, Remainder] = {}
+        self._name = ""
+        column = QVBoxLayout(self)
+        column.setContentsMargins(6, 0, 0, 0)
+        top = QHBoxLayout()
+        self._heading = QLabel(self)
+        self._heading.setProperty("heading", True)
+        self._heading.setWordWrap(True)
+        self.neighbour = QPushButton("Beside its neighbour", self)
+        self.neighbour.setCheckable(True)
+        self.neighbour.setToolTip("The remainders of the best candidate and of the runner-up side by side")
+        self.neighbour.toggled.connect(self._draw)
+        top.addWidget(self._heading, 1)
+        top.addWidget(self.neighbour)
+        column.addLayout(top)
+        self.grid = ResidualGrid(colours, self)
+        column.addWidget(self.grid, 1)
+        self._say = QLabel(self)
+        self._say.setWordWrap(True)
+        self._say.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
+        column.addWidget(self._say)
+        bars.pointed.connect(self.point_at)
+
+    @property
+    def words(self) -> str:
+        """Get the line under the canvas."""
+        return self._say.text()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self.grid.dress(colours)
+        self._draw()
+
+    def show_diagnosis(self, diagnosis: Diagnosis | None, shots: list[Shot], accepted: bool) -> None:
+        """Show the residuals of all shots; ``accepted``: what was found is in the model, so after is what there is."""
+        if diagnosis is not self._diagnosis:
+            self._found, self._name = {}, ""
+            self.neighbour.setChecked(False)
+        self._diagnosis, self._shots, self._accepted = diagnosis, shots, accepted
+        self._draw()
+
+    def show_found(self, found: Mapping[str, Remainder]) -> None:
+        """Take the candidates' remainders, as far as they are there."""
+        self._found = dict(found)
+        self._draw()
+
+    @Slot(str)
+    def point_at(self, name: str) -> None:
+        """Lay over the canvas what a candidate would explain; "" takes it away."""
+        self._name = name
+        if name:
+            self.pointed.emit(name)
+        self._draw_overlay()
+
+    def _pair(self) -> tuple[Remainder, Remainder] | None:
+        """Return the remainders of the best candidate and of its neighbour, once both are there."""
+        if self._diagnosis is None:
+            return None
+        ranked = [candidate.name for candidate in by_evidence(self._diagnosis.candidates)]
+        there = [self._found[name] for name in ranked if name in self._found and self._found[name].left_m is not None]
+        return (there[0], there[1]) if len(there) > 1 else None
+
+    @Slot()
+    def _draw(self) -> None:
+        found, pair = self._diagnosis, self._pair()
+        self.neighbour.setVisible(found is not None)
+        self.neighbour.setEnabled(pair is not None)
+        if found is None:
+            self.grid.show_cells(())
+            self._heading.setText("")
+            self._say.setText("")
+            return
+        if pair is not None and self.neighbour.isChecked():
+            self._draw_pair(*pair)
+            return
+        self.grid.show_cells(self._cells(found))
+        count = len(self.grid.cells)
+        more = f" (first {MOST} of {len(self._shots)})" if len(self._shots) > count else ""
+        which = "AFTER" if self._accepted else "BEFORE (grey) AND AFTER (blue)"
+        self._heading.setText(f"RESIDUAL OF DISPLACEMENT {which}, {count} SHOT{'S' if count != 1 else ''}{more}")
+        self._draw_overlay()
+
+    def _cells(self, found: Diagnosis) -> list[Cell]:
+        cells = []
+        before, after = found.fit_before.shots, found.fit_after.shots
+        for place, shot in enumerate(shot for shot in self._shots if shot.motion is not None):
+            if place >= min(len(before), len(after)) or shot.motion is None:
+                break
+            noise_m, _ = diagnosed_band(found, shot)
+            left = None if self._accepted else np.asarray(before[place].residual_m)
+            time_ms = 1e3 * (shot.motion.time_s - time_zero(shot)[0])
+            title = short_name(shot.name)
+            cells.append(Cell(title, time_ms, left, np.asarray(after[place].residual_m), float(np.nanmedian(noise_m))))
+        return cells
+
+    def _draw_pair(self, first: Remainder, second: Remainder) -> None:
+        assert self._diagnosis is not None
+        cells = []
+        for place, cell in enumerate(self._cells(self._diagnosis)[:BESIDE_SHOTS]):
+            for remainder in (first, second):
+                left = remainder.left_m[place] if remainder.left_m is not None else cell.after_m
+                title = f"{cell.title}: {effect_words(remainder.name)}"
+                cells.append(Cell(title, cell.time_ms, None, left, cell.noise_m))
+        self.grid.show_cells(cells)
+        names = [effect_words(remainder.name) for remainder in (first, second)]
+        self._heading.setText("RESIDUAL UNDER THE BEST CANDIDATE AND UNDER ITS NEIGHBOUR")
+        chi2 = [number(remainder.reduced_chi2, 3) for remainder in (first, second)]
+        self._say.setText(f"Joint χ²/ν {chi2[0]} with {names[0]}, {chi2[1]} with {names[1]}")
+
+    def _draw_overlay(self) -> None:
+        found = self._diagnosis
+        if found is None or (self.neighbour.isChecked() and self._pair() is not None):
+            return
+        words = "Point at a candidate to see what it would explain and what would remain."
+        overlays: Sequence[Overlay | None] = ()
+        if self._name:
+            remainder = self._found.get(self._name)
+            name = effect_words(self._name)
+            if remainder is None:
+                words = f"{name}: not fitted in full yet"
+            elif remainder.left_m is None:
+                words = f"{name}: its fit did not converge"
+            else:
+                lefts = [np.asarray(shot.residual_m) for shot in found.fit_before.shots]
+                pairs = zip(lefts, remainder.left_m, strict=False)
+                overlays = [Overlay(left - remains, remains) for left, remains in pairs if left.shape == remains.shape]
+                colour, rest = self._colours.simulated, self._colours.signs[Tone.GOOD]
+                words = (
+                    f"<b>{name}</b>: <span style='color:{colour}'>━</span> would explain, "
+                    f"<span style='color:{rest}'>━</span> would remain; χ²/ν {number(remainder.reduced_chi2, 3)}"
+                )
+        self.grid.overlay(overlays)
+        self._say.setText(words)

@@ -1,0 +1,178 @@
+"""Residuals of all shots as small multiples on one symmetric-log axis: before and after, and what a candidate explains.
+
+Drawn by hand: some dozens of small plots of pyqtgraph would cost a frame each time a candidate is pointed at.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
+from PySide6.QtWidgets import QSizePolicy, QWidget
+
+from app.window.plots.symlog import SymLog, scale_of
+from app.window.theme import Colours, Tone
+from app.words.prefixes import prefix_for
+from app.words.wording import number
+
+Floats = NDArray[np.float64]
+MOST = 12  # shots drawn; a word says how many there are besides
+WIDEST = 4  # cells side by side
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cell:
+    """One shot; arrays of shape (n,), in m and ms.  ``before`` None: only what is left after."""
+
+    title: str
+    time_ms: Floats
+    before_m: Floats | None
+    after_m: Floats
+    noise_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Overlay:
+    """What a candidate would explain of a shot, and what would remain; shape (n,), in m."""
+
+    signature_m: Floats
+    remains_m: Floats
+
+
+class ResidualGrid(QWidget):
+    """The canvas of DIAGNOSIS."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self.cells: tuple[Cell, ...] = ()
+        self.overlays: tuple[Overlay | None, ...] = ()
+        self.scale = SymLog(1.0, 10.0)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setMinimumHeight(13 * self.fontMetrics().lineSpacing())
+        self.setAccessibleName("Residuals of all shots, before and after")
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self._colours = colours
+        self.update()
+
+    def show_cells(self, cells: Sequence[Cell]) -> None:
+        """Show these shots on one axis; the scale holds until others are shown."""
+        self.cells, self.overlays = tuple(cells[:MOST]), ()
+        curves = [c for cell in self.cells for c in (cell.before_m, cell.after_m) if c is not None]
+        noises = [cell.noise_m for cell in self.cells if math.isfinite(cell.noise_m)]
+        self.scale = scale_of(curves, 2.0 * float(np.median(noises)) if noises else math.nan)
+        self._describe()
+        self.update()
+
+    def overlay(self, overlays: Sequence[Overlay | None]) -> None:
+        """Lay over each shot what a candidate would explain, and what would remain; nothing: take it away."""
+        self.overlays = tuple(overlays)
+        self.update()
+
+    def _describe(self) -> None:
+        unit = self._unit()
+        self.setAccessibleDescription(
+            f"{len(self.cells)} shots; up to {number(unit[0] * self.scale.most, 3)} {unit[1]}, noise band "
+            f"{number(unit[0] * self.scale.linear, 3)} {unit[1]}"
+        )
+
+    def _unit(self) -> tuple[float, str]:
+        return prefix_for(self.scale.most, "m")
+
+    def paintEvent(self, _: QPaintEvent) -> None:
+        """Draw every cell."""
+        painter = QPainter(self)
+        painter.fillRect(self.rect(), QColor(self._colours.plot))
+        if not self.cells:
+            return
+        metrics = self.fontMetrics()
+        factor, unit = self._unit()
+        labels = [number(factor * tick, 3) for tick in self.scale.ticks()]
+        left = max(metrics.horizontalAdvance(label) for label in [*labels, unit]) + 8
+        bottom = metrics.height() + 4
+        count = len(self.cells)
+        columns = min(WIDEST, count, max(1, (self.width() - left) // (14 * metrics.horizontalAdvance("M"))))
+        rows = math.ceil(count / columns)
+        wide, high = (self.width() - left) / columns, (self.height() - bottom) / rows
+        for place, cell in enumerate(self.cells):
+            row, column = divmod(place, columns)
+            area = QRectF(left + column * wide, row * high, wide - 8, high - 8)
+            over = self.overlays[place] if place < len(self.overlays) else None
+            self._draw(painter, area, cell, over)
+            if column == 0:
+                self._draw_axis(painter, area, labels, unit)
+            if row == rows - 1 or place + columns >= count:
+                ends = cell.time_ms[[0, -1]] if cell.time_ms.size else np.array([0.0, 1.0])
+                told = f"{number(float(ends[0]), 3)} … {number(float(ends[1]), 3)} ms"
+                under = QRectF(area.left(), area.bottom(), area.width(), bottom)
+                painter.setPen(QColor(self._colours.faint))
+                painter.drawText(under, Qt.AlignmentFlag.AlignCenter, told)
+
+    def _draw_axis(self, painter: QPainter, area: QRectF, labels: Sequence[str], unit: str) -> None:
+        painter.setPen(QColor(self._colours.faint))
+        height = self.fontMetrics().height()
+        last = math.inf
+        for tick, label in zip(self.scale.ticks(), labels, strict=True):
+            y = self._y(area, np.array([tick]))[0]
+            if last - y < height:
+                continue
+            last = y
+            box = QRectF(0.0, y - height / 2, area.left() - 4, height)
+            painter.drawText(box, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, label)
+        painter.drawText(QRectF(2.0, area.top(), area.left() - 4, height), Qt.AlignmentFlag.AlignLeft, unit)
+
+    def _y(self, area: QRectF, values: Floats) -> Floats:
+        return area.center().y() - 0.5 * area.height() * self.scale.place(values)
+
+    def _draw(self, painter: QPainter, area: QRectF, cell: Cell, over: Overlay | None) -> None:
+        c = self._colours
+        band = self._y(area, np.array([2.0 * cell.noise_m, -2.0 * cell.noise_m]))
+        painter.fillRect(QRectF(area.left(), band[0], area.width(), band[1] - band[0]), QColor(c.band))
+        painter.setPen(QPen(QColor(c.grid)))
+        for tick in self.scale.ticks():
+            y = self._y(area, np.array([tick]))[0]
+            painter.drawLine(QPointF(area.left(), y), QPointF(area.right(), y))
+        painter.drawRect(area)
+        if cell.before_m is not None:
+            self._curve(painter, area, cell.before_m, QColor(c.marker), 1)
+        self._curve(painter, area, cell.after_m, QColor(c.residual), 1)
+        if over is not None:
+            self._curve(painter, area, over.signature_m, QColor(c.simulated), 3)
+            self._curve(painter, area, over.remains_m, QColor(c.signs[Tone.GOOD]), 1)
+        painter.setPen(QColor(c.text))
+        title = self.fontMetrics().elidedText(cell.title, Qt.TextElideMode.ElideRight, int(area.width()) - 8)
+        painter.drawText(area.adjusted(5, 2, -3, -2), Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft, title)
+
+    def _curve(self, painter: QPainter, area: QRectF, values: Floats, colour: QColor, width: int) -> None:
+        """Draw a curve, at most two points a pixel, its extremes kept."""
+        columns = max(16, int(area.width()))
+        x, y = _thinned(values, columns)
+        at = self._y(area, y)
+        pen = QPen(colour)
+        pen.setWidth(width)
+        painter.setPen(pen)
+        points = QPolygonF()
+        for a, b in zip((area.left() + x * area.width()).tolist(), at.tolist(), strict=True):
+            if math.isfinite(b):
+                points.append(QPointF(a, b))
+            else:
+                painter.drawPolyline(points)
+                points = QPolygonF()
+        painter.drawPolyline(points)
+
+
+def _thinned(values: Floats, columns: int) -> tuple[Floats, Floats]:
+    """Return (place from 0 to 1, value), at most two points a column: its least and its greatest."""
+    size = values.size
+    if size <= 2 * columns:
+        return np.linspace(0.0, 1.0, size), values
+    edges = np.linspace(0, size, columns + 1).astype(int)[:-1]
+    filled = np.where(np.isfinite(values), values, np.nan)
+    low = np.fmin.reduceat(filled, edges)
+    high = np.fmax.reduceat(filled, edges)
+    return np.repeat((np.arange(columns) + 0.5) / columns, 2), np.column_stack([low, high]).ravel()

@@ -1,0 +1,112 @@
+"""Channels of foreign files are proposed by what their signals are, and exchanged where they are swapped."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.shot.recording import Role
+from app.session.channel_looks import Kind, looks_of, proposed
+from app.session.choices import Choices
+from app.session.load import load_and_analyse
+from app.session.session import Session
+from app.session.swapped import is_swapped
+from app.session.workbench import Workbench
+from app.window.layout import Layout
+from app.window.panels.mapping_sheet import MappingSheet
+from app.window.presenters.mapping import MappingPresenter
+from app.window.presenters.selection import SelectionPresenter
+from app.window.presenters.session import SessionPresenter
+from app.window.theme import LIGHT, Theme
+from instrument.bench.simulate import simulate
+from instrument.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
+from instrument.foreign.reading import foreign_channels, read_foreign
+from instrument.foreign.remembered import own_mapping
+from instrument.open_recording import open_recording
+from instrument.recording_file import write_recording
+from tests.app import synthetic
+
+
+def _shot(folder: Path, speed: float = 0.25):
+    return open_recording(simulate(folder, 1, speeds_m_per_s=[speed])[0])
+
+
+def _scope_csv(path: Path, recording, order) -> None:
+    """Write what an oscilloscope writes: a header wider than its rows, and a counter before the channels."""
+    columns = [recording.counts[:, c].astype(float) * 1e-3 for c in order]
+    step = 1.0 / recording.sample_rate_hz
+    lines = [",".join(["X", *(f"CH{n + 1}" for n in range(len(order))), "Start", "Increment"])]
+    lines.append(",".join(["Sequence", *["Volt"] * len(order), "0.000000e+00", f"{step:.9e}"]))
+    table = np.column_stack(columns)
+    lines += [f"{n}," + ",".join(f"{v:.4f}" for v in row) + "," for n, row in enumerate(table)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (2, 1, 0)])
+def test_an_oscilloscopes_csv_is_read_with_its_names_and_proposed_by_its_signals(tmp_path, order):
+    recording = _shot(tmp_path)
+    path = tmp_path / "scope.csv"
+    _scope_csv(path, recording, order)
+    held = foreign_channels(path)
+    assert [channel.name for channel in held.channels] == ["X", "CH1", "CH2", "CH3"]
+    assert held.channels[1].sample_rate_hz == pytest.approx(recording.sample_rate_hz)
+    looks = looks_of(held)
+    assert looks[0].kind is Kind.COUNTER
+    roles = [recording.channels[c].role for c in order]
+    wanted = {role: f"CH{place + 1}" for place, role in enumerate(roles)}
+    assert dict(proposed(looks)) == wanted
+    mapping = ForeignMapping("csv", tuple(MappedChannel(r, n) for r, n in wanted.items()), recording.setup)
+    assert read_foreign(path, mapping).sample_rate_hz == pytest.approx(recording.sample_rate_hz)
+
+
+def test_the_sheet_shows_what_each_channel_is_and_proposes_it(qtbot, tmp_path):
+    recording = _shot(tmp_path)
+    path = tmp_path / "scope.csv"
+    _scope_csv(path, recording, (1, 0, 2))
+    held = foreign_channels(path)
+    sheet = MappingSheet(LIGHT)
+    qtbot.addWidget(sheet)
+    sheet.ask(held, 17.85e-3, None, looks_of(held))
+    assert [sheet.boxes[role].currentData() for role in sheet.boxes] == ["CH1", "CH2", "CH3"]
+    words = sheet._looks.text()
+    assert "<b>X</b>: counts its rows" in words and "MHz" in words and "beat that moves" in words
+
+
+def test_swapped_beats_are_exchanged_for_good(qtbot, tmp_path):
+    recording = _shot(tmp_path)
+    path = tmp_path / "shot.csv"
+    _scope_csv(path, recording, (0, 1, 2))
+    wrong = {Role.MEASUREMENT: "CH1", Role.REFERENCE: "CH2", Role.SWITCH: "CH3"}
+    mapping = ForeignMapping("csv", tuple(MappedChannel(r, n) for r, n in wrong.items()), recording.setup)
+    write_mapping(mapping, own_mapping(path))
+    panels = Layout(Theme("light"))
+    qtbot.addWidget(panels)
+    choices = Choices(tmp_path / "settings.json")
+    bench = Workbench(Session(), choices.analysis)
+    try:
+        presenter = MappingPresenter(bench, choices, panels)
+        session = SessionPresenter(bench, choices, panels, SelectionPresenter(bench, panels, panels), panels)
+        session.swap_wanted.connect(presenter.swap)
+        session.open_paths([path])
+        qtbot.waitUntil(lambda: (session.refresh(), len(bench.session.read) == 1)[1], timeout=60_000)
+        assert "swapped" in (bench.session.entries[0].shot.problem or "")
+        assert panels.work.notices._do.text() == "Swap them"
+        panels.work.notices._do.click()
+        entries = bench.session
+        qtbot.waitUntil(lambda: (session.refresh(), entries.read[0].shot.impact is not None)[1], timeout=60_000)
+        roles = {channel.role: channel.name for channel in read_mapping(own_mapping(path)).channels}
+        assert roles[Role.MEASUREMENT] == "CH2" and len(bench.session.entries) == 1
+    finally:
+        bench.close()
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.25, 0.5])
+def test_a_recording_with_swapped_beats_says_so_whatever_its_speed(tmp_path, speed):
+    """A force of -2.5 N stood under the words that the force never rises above its noise."""
+    recording = _shot(tmp_path, speed)
+    other = {Role.REFERENCE: Role.MEASUREMENT, Role.MEASUREMENT: Role.REFERENCE}
+    channels = tuple(replace(channel, role=other.get(channel.role, channel.role)) for channel in recording.channels)
+    write_recording(replace(recording, channels=channels), tmp_path / "swapped")
+    assert is_swapped(load_and_analyse(tmp_path / "swapped.sigmf-meta"))
+    assert not is_swapped(synthetic.shot())

@@ -1,0 +1,208 @@
+"""The page that shows why: residuals of all shots on one axis, candidates by evidence, and what each would explain."""
+
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QEvent, QPointF
+from PySide6.QtGui import QColor, QEnterEvent
+from PySide6.QtWidgets import QApplication, QLabel
+
+from analysis.diagnosis.result import Candidate
+from app.session import why
+from app.session.jobs import Jobs
+from app.session.why import Remainder, Why, by_evidence
+from app.session.work import Work
+from app.window.panels.candidates import CandidateBars
+from app.window.panels.diagnosis import DiagnosisPanel
+from app.window.plots.symlog import SymLog, scale_of
+from app.window.theme import LIGHT
+from tests.app import synthetic
+
+CANDIDATES = (
+    Candidate("viscous_drag", 494.0, -580.0),
+    Candidate("quadratic_drag", 394.0, -11400.0),
+    Candidate("lugre_friction", 3.0, -1000.0),
+    Candidate("tilt", 450.0, None),
+    Candidate("adhesion", 60.0, -4.0),
+)
+
+
+@pytest.fixture
+def shots():
+    return [synthetic.shot(f"shot-{n}", 0.2 + 0.05 * n, n) for n in (1, 2, 3)]
+
+
+@pytest.fixture
+def told(shots):
+    """A joint diagnosis of three shots whose residual before is a wave, and after is noise."""
+    one = synthetic.diagnosis(shots[0])
+    parts = [shot.fit.shots[0] for shot in shots]
+    waves = [replace(part, residual_m=part.residual_m + _wave(part)) for part in parts]
+    before, after = replace(shots[0].fit, shots=tuple(waves)), replace(shots[0].fit, shots=tuple(parts))
+    return replace(one, candidates=CANDIDATES, fit_before=before, fit_after=after)
+
+
+def _wave(part):
+    return 1e-6 * np.sin(np.linspace(0.0, 20.0, part.residual_m.size))
+
+
+def _page(qtbot, told, shots, effects=()):
+    page = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(page)
+    page.resize(1100, 600)
+    page.show()
+    page.show_diagnosis(told, shots, effects)
+    return page
+
+
+def test_candidates_stand_in_the_order_of_their_evidence():
+    """The winner stood second: by its score, 394 behind 494, with a fall of the BIC of 11400 against 580."""
+    names = ["quadratic_drag", "lugre_friction", "viscous_drag", "adhesion", "tilt"]
+    assert [candidate.name for candidate in by_evidence(CANDIDATES)] == names
+
+
+def test_columns_have_headings_and_a_line_says_where_evidence_begins(qtbot):
+    bars = CandidateBars(LIGHT)
+    qtbot.addWidget(bars)
+    bars.resize(500, 400)
+    bars.show()
+    bars.show_candidates(CANDIDATES, {"quadratic_drag"})
+    qtbot.wait(20)
+    labels = {label.text(): label.mapTo(bars, label.rect().topLeft()).y() for label in bars.findChildren(QLabel)}
+    assert {"−ΔBIC", "size (σ)", "11400", "394"} <= set(labels)
+    (rule,) = (words for words in labels if words.startswith("evidence begins"))
+    assert bars.threshold == pytest.approx(10.0 + 2.0 * np.log(5))
+    assert labels["viscous drag on the block"] < labels[rule] < labels["adhesion at release"]
+
+
+def test_all_shots_stand_on_one_axis_and_accepting_turns_before_into_after(qtbot, told, shots):
+    page = _page(qtbot, told, shots)
+    cells = page.why.grid.cells
+    assert [cell.title for cell in cells] == [shot.name for shot in shots]
+    assert page.why.grid.scale.most == pytest.approx(max(np.nanmax(np.abs(c.before_m)) for c in cells))
+    assert all(shot.name in page._of.text() for shot in shots)
+    page.show_diagnosis(told, shots, tuple(effect.name for effect in told.effects))
+    accepted = page.why.grid.cells
+    assert all(cell.before_m is None for cell in accepted)
+    assert all(np.array_equal(new.after_m, old.after_m) for new, old in zip(accepted, cells, strict=True))
+    assert "AFTER" in page.why._heading.text() and "BEFORE" not in page.why._heading.text()
+
+
+def test_pointing_at_a_candidate_overlays_what_it_would_explain_at_once(qtbot, told, shots):
+    page = _page(qtbot, told, shots)
+    left = tuple(part.residual_m - 0.7 * _wave(part) for part in told.fit_before.shots)
+    page.why.show_found({"viscous_drag": Remainder("viscous_drag", left, 44.0)})
+    orange = _pixels(page.why.grid, LIGHT.simulated)
+    (name,) = (w for w in page.bars.findChildren(QLabel) if w.text() == "viscous drag on the block")
+    QApplication.sendEvent(name, QEnterEvent(*[QPointF(2.0, 2.0)] * 3))
+    for over, part in zip(page.why.grid.overlays, told.fit_before.shots, strict=True):
+        assert np.allclose(over.signature_m + over.remains_m, part.residual_m)
+    assert _pixels(page.why.grid, LIGHT.simulated) > orange + 200
+    assert "would remain" in page.why.words and "44" in page.why.words
+    QApplication.sendEvent(name, QEvent(QEvent.Type.Leave))
+    assert page.why.grid.overlays == () and "Point at" in page.why.words
+    page.why.point_at("tilt")
+    assert "not fitted in full yet" in page.why.words
+
+
+def test_the_best_candidate_and_its_neighbour_stand_side_by_side(qtbot, told, shots):
+    page = _page(qtbot, told, shots)
+    assert not page.why.neighbour.isEnabled()
+    found = {}
+    for name, share in (("quadratic_drag", 0.0), ("lugre_friction", 0.4)):
+        left = tuple(part.residual_m + share * _wave(part) for part in told.fit_after.shots)
+        found[name] = Remainder(name, left, 1.0 + 100 * share)
+    page.why.show_found(found)
+    page.why.neighbour.click()
+    cells = page.why.grid.cells
+    assert len(cells) == 6
+    assert np.array_equal(cells[0].after_m, found["quadratic_drag"].left_m[0])
+    assert np.array_equal(cells[1].after_m, found["lugre_friction"].left_m[0])
+    assert "41" in page.why.words
+
+
+def test_tables_and_limits_are_folded_beneath(qtbot, told, shots):
+    page = _page(qtbot, told, shots)
+    assert not page.residuals.isVisible() and not page._blind.isVisible()
+    page.fold.click()
+    assert page.residuals.isVisible() and page._blind.isVisible()
+
+
+def test_a_diagnosis_names_its_shots_from_the_first_second(qtbot):
+    page = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(page)
+    page.show()
+    page.show_progress("starting", 0.0, "diagnosis of shots 1, 2, 3")
+    assert "shots 1, 2, 3" in page._of.text() and page.progress.isVisible()
+    page.show_progress(None, 0.0)
+    assert page._of.text() == ""
+
+
+def test_candidates_are_fitted_while_nothing_else_is_to_be_done(told, shots, monkeypatch):
+    asked, go = [], threading.Event()
+
+    def fitted(motions, base, effects, shakings, *, progress, cancelled):
+        asked.append(effects[-1])
+        while not go.wait(0.01):
+            if cancelled():
+                raise why.AnalysisError("given up")
+        return Remainder(effects[-1], (np.zeros(3),) * len(motions), 1.0)
+
+    monkeypatch.setattr(why, "remainder_of", fitted)
+    work = Work(None)
+    try:
+        whole = Why(work)
+        whole.show(told, shots)
+        whole.refresh()
+        until(lambda: asked == ["quadratic_drag"])
+        other = work.jobs.submit("export", lambda _, __: None, "export")  # it comes first
+        assert other.done.wait(5.0)
+        whole.first("tilt")
+        go.set()
+        until(lambda: whole.refresh() or not whole.waiting)
+        until(lambda: (whole.refresh(), not whole.waiting and len(whole.found) == 5)[1])
+        assert asked[1] == "tilt" and set(whole.found) == {candidate.name for candidate in CANDIDATES}
+        whole.show(None, [])
+        assert whole.found == {}
+    finally:
+        go.set()
+        work.close()
+
+
+def test_work_that_makes_way_is_cancelled_by_any_other():
+    jobs, held = Jobs(), threading.Event()
+    try:
+        first = jobs.submit("hold", lambda _, __: held.wait(5.0), "hold")
+        yielding = jobs.submit("candidate", lambda _, __: None, "why")
+        assert not yielding.cancelled
+        jobs.submit("open", lambda _, __: None, "open")
+        assert yielding.cancelled and not first.cancelled
+    finally:
+        held.set()
+        jobs.close()
+
+
+def test_the_axis_is_linear_in_the_noise_and_logarithmic_beyond():
+    scale = scale_of([np.array([1e-6, -2e-6])], 2e-10)
+    assert scale == SymLog(2e-10, 2e-6)
+    at = scale.place(np.array([-2e-6, -2e-10, 0.0, 2e-10, 2e-8, 2e-6, np.nan, 1.0]))
+    assert at[0] == -1.0 and at[2] == 0.0 and at[5] == 1.0 == at[7] and np.isnan(at[6])
+    assert 0.0 < at[3] < at[4] < at[5] and at[1] == -at[3]
+    ticks = scale.ticks()
+    assert 0.0 in ticks and ticks == sorted(ticks) and len(ticks) <= 9
+
+
+def _pixels(widget, colour):
+    image = widget.grab().toImage()
+    wanted = QColor(colour).rgb()
+    return sum(image.pixel(x, y) == wanted for x in range(0, image.width(), 2) for y in range(0, image.height(), 2))
+
+
+def until(true):
+    end = time.monotonic() + 20.0
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.005)

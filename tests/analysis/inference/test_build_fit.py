@@ -11,7 +11,7 @@ def test_a_fit_with_a_chosen_parameter_is_saved_and_read_again() -> None:
         model="paper",
         effects=("cyclic_error",),
         values=np.array([221.4, 1e-9]),
-        covariance=np.array([[4.0, 1e-9], [1e-9, 1e-20]]),
+        covariance=np.array([[4.0, 1e-11], [1e-11, 1e-20]]),
         shared={"plate_stiffness_n_per_m": 0, "cyclic_error.amplitude_m": 1},
         free=2,
         converged=True,

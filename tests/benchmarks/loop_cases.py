@@ -13,13 +13,13 @@ from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.bench import Bench
-from instrument.bench.blind import RATE_HZ, Record, Truth, drawn, records
 from instrument.bench.effects import BEYOND, CATALOGUE
 from instrument.bench.noise import Noise, NoiseKind
 from instrument.bench.optics import Optics
-from instrument.bench.separation import separation
 from instrument.bench.simulate import record_shot
-from instrument.bench.strength import Tangents, at_snr, base_tangents, cramer_rao, residual_snr
+from tests.bench.blind import RATE_HZ, Record, Truth, drawn, records
+from tests.bench.separation import separation
+from tests.bench.strength import Tangents, at_snr, base_tangents, cramer_rao, residual_snr
 
 SNRS = (13.0, 20.0, 40.0, 100.0, 300.0)
 RAW = ("eight_bit", "low_light", "no_reference")

@@ -16,7 +16,7 @@ from analysis.planning.distances import screened
 from analysis.planning.next_shot import NextShot, Reach, contact_s, undecided
 from analysis.planning.steps import Step, next_step, stand
 from analysis.shot.motion import Motion
-from instrument.bench.blind import Take, Truth, records
+from tests.bench.blind import Take, Truth, records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
 
 MOST = 3

@@ -24,7 +24,7 @@ from analysis.inference.noise.floor import Floor
 from analysis.planning.contest import Contest, Member, again, contest, rivals
 from analysis.planning.foreseen import Informs, at_hand, blank, eliminated, foretold, informs
 from analysis.planning.next_shot import NextShot, Reach, next_shots
-from instrument.bench.blind import records
+from tests.bench.blind import records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
 
 Floats = NDArray[np.float64]

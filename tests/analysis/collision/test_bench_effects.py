@@ -3,8 +3,8 @@
 import pytest
 
 from analysis.inference.fit.fitting import fit_shots
-from instrument.bench.blind import drawn
 from tests.analysis.diagnosis.shots import shots
+from tests.bench.blind import drawn
 
 NAMES = (
     "plate_stiffness_n_per_m",

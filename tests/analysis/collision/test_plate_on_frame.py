@@ -15,8 +15,8 @@ from analysis.inference.fit.response import Model, ShotData, respond
 from analysis.inference.fit.starts import Course
 from analysis.inference.noise.noise import Noise
 from instrument.bench import frame
-from instrument.bench.blind import Truth, clean_m, drawn, run
 from instrument.bench.mechanics import Trajectory
+from tests.bench.blind import Truth, clean_m, drawn, run
 
 NAME = "frame_vibration_with_plate"
 LINE = {"amplitude_m_per_s": 5e-5, "frequency_hz": 90.0, "phase_rad": 0.4, "plate_factor": 0.8}

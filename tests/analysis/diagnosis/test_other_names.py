@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
-from instrument.bench.blind import records
+from tests.bench.blind import records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
 
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from analysis.planning.next_shot import NextShot
-from instrument.bench.blind import Take, Truth, drawn
 from instrument.bench.effects import Effects
 from instrument.bench.noise import Noise, NoiseKind
 from tests.analysis.diagnosis.shots import WHITE_M
+from tests.bench.blind import Take, Truth, drawn
 
 
 def rig(effects: Effects) -> Truth:

@@ -10,9 +10,9 @@ from analysis.inference.fit.fitting import fit_shots
 from analysis.planning.contest import Contest, contest
 from analysis.planning.distances import nearest, refitted, screened
 from analysis.planning.next_shot import NextShot, contact_s
-from instrument.bench.blind import Truth
 from tests.analysis.diagnosis.shots import calm, motions_of
 from tests.analysis.planning.rig import rig, with_shots
+from tests.bench.blind import Truth
 
 NAMES = ("nonlinear_contact_damping", "plate_motion")
 

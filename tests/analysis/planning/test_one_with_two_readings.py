@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.words import ONE_WITH_TWO_READINGS
-from instrument.bench.blind import Take, Truth, clean_m, drawn
 from instrument.bench.mechanics import Bodies
+from tests.bench.blind import Take, Truth, clean_m, drawn
 
 COMPLIANCE_M_PER_N, CLAMP_HZ = 2e-5, 700.0
 

@@ -20,9 +20,9 @@ from analysis.planning.words import told
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Cancelled
-from instrument.bench.blind import Truth
 from tests.analysis.diagnosis.shots import calm, motions_of
 from tests.analysis.planning.rig import rig, with_shots
+from tests.bench.blind import Truth
 
 NAMES = ("coulomb_friction", "sensor_drift")
 REACH = Reach(speeds_m_per_s=(0.1, 0.3), added_kg=(0.0, 0.05))

@@ -10,11 +10,11 @@ from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.bench import Bench
-from instrument.bench.blind import RATE_HZ, Record, clean_m, drawn, records
 from instrument.bench.noise import Noise, NoiseKind
-from instrument.bench.separation import separation
 from instrument.bench.simulate import record_shot
-from instrument.bench.strength import at_snr, base_tangents, cramer_rao, residual_snr
+from tests.bench.blind import RATE_HZ, Record, clean_m, drawn, records
+from tests.bench.separation import separation
+from tests.bench.strength import at_snr, base_tangents, cramer_rao, residual_snr
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_residual_grows_with_the_effect_and_is_nothing_without(tilted):
 
 def test_a_change_of_the_base_is_no_effect(tilted):
     """A stiffer plate is swallowed by the base fit."""
-    from instrument.bench import strength
+    from tests.bench import strength
 
     truth, tangents = tilted
     plain = replace(truth, effects={})

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
-from instrument.bench.blind import Truth, clean_m, run, times_s
 from instrument.bench.effects import CATALOGUE, PER_SHOT
-from instrument.bench.strength import Tangents, base_tangents, best_base
+from tests.bench.blind import Truth, clean_m, run, times_s
+from tests.bench.strength import Tangents, base_tangents, best_base
 
 Floats = NDArray[np.float64]
 Mover = Callable[[str, Mapping[str, float]], Floats]

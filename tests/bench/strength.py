@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.bench.blind import RATE_HZ, Truth, clean_m
 from instrument.bench.effects import PER_SHOT, known_of, scaled
 from instrument.bench.mechanics import Bodies
+from tests.bench.blind import RATE_HZ, Truth, clean_m
 
 Floats = NDArray[np.float64]
 

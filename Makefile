@@ -45,7 +45,7 @@ bench-soak: $(READY)
 	$(BIN)/python -m tests.benchmarks.kill --times 100
 	$(BIN)/python -m tests.benchmarks.fuzz --times 12000
 
-# crafted files, rogue devices, crowds and a cluster on this machine: a quarter of an hour
+# crafted files, untrue recordings, extremes, rogue devices, crowds and a cluster on this machine: half an hour
 attack: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.attack
 

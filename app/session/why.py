@@ -18,6 +18,7 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Progress, Shot
 from app.session.jobs import Asked, Job, Report
 from app.session.work import Work
+from app.words.physics_words import effect_words
 
 Floats = NDArray[np.float64]
 MOST = 6  # candidates: the named ones and their neighbours
@@ -66,6 +67,7 @@ class Why:
         self._shakings: list[Shaking | None] = []
         self._wanted: list[str] = []
         self._job: Job | None = None
+        self._fitting = ""  # the candidate that the job is about
         self.found: dict[str, Remainder] = {}
 
     @property
@@ -109,7 +111,7 @@ class Why:
                 self.found[job.result.name] = job.result
                 came = True
             if not job.cancelled:
-                self._wanted = [name for name in self._wanted if name != job.name]
+                self._wanted = [name for name in self._wanted if name != self._fitting]
         if self._job is None and self._wanted and self._of is not None and self._work.jobs.open_jobs == 0:
             self._ask(self._of, self._wanted[0])
         return came
@@ -123,4 +125,5 @@ class Why:
             made: Remainder = self._work.do(fitting, report, cancelled)
             return made
 
-        self._job = self._work.jobs.submit(name, work, KIND)
+        self._fitting = name
+        self._job = self._work.jobs.submit(effect_words(name), work, KIND)

@@ -12,7 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QWidget
 
 from app.window.layout import Layout
-from app.window.main_window import MainWindow, open_window
+from app.window.main_window import FRAMED_MS, MainWindow, open_window
 from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.simulate import simulate
@@ -51,8 +51,9 @@ class Photographer:
         (folder / "settings.json").write_text(f'{{"levimass_settings": 1, "folder": "{(folder / "data").as_posix()}"}}')
         self.window: MainWindow = open_window(folder, self._source)
         self.window.theme.choose("light")
-        self.window.resize(*SIZE)
         self.window.show()
+        QTest.qWait(2 * FRAMED_MS)  # by then it has been fitted to the screen, which is a small one here
+        self.window.resize(*SIZE)
         self.window.activateWindow()
 
     def _source(self, _: str) -> Digitizer:

@@ -21,7 +21,7 @@ RESIDUALS = (
     ("velocity", "Residual of velocity", "m/s"),
     ("displacement", "Residual of displacement", "m"),
 )
-STANDS_OUT = 1.3  # times its band: less is what a slow floor leaves
+STANDS_OUT = 2.0  # times its band: a slow floor, seen for few of its periods, leaves up to that
 BOUNCE_MS = 0.6  # on either side of a bounce that was clicked on
 
 

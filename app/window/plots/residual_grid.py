@@ -119,7 +119,7 @@ class ResidualGrid(QWidget):
         last = math.inf
         for tick, label in zip(self.scale.ticks(), labels, strict=True):
             y = self._y(area, np.array([tick]))[0]
-            if last - y < height:
+            if last - y < height or y < area.top() + 1.4 * height:  # the topmost place is the unit's
                 continue
             last = y
             box = QRectF(0.0, y - height / 2, area.left() - 4, height)

@@ -70,7 +70,7 @@ def test_a_stalled_stream_and_a_driver_that_hangs_are_said(tmp_path: Path) -> No
 
     with Capturing(tmp_path, FakeDigitizer(before_block=silent), live=False, clock=lambda: now[0]) as rig:
         rig.capture.arm()
-        assert "no samples" in until(rig.capture, lambda s: s.state is State.FAULT).message
+        assert "10000 samples came, then none for 3 s" in until(rig.capture, lambda s: s.state is State.FAULT).message
         mode[0] = "hang"
         rig.capture.abort()
         rig.capture.arm()

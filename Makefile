@@ -71,7 +71,7 @@ bench-sites: $(READY)
 	$(BIN)/python -m tests.benchmarks.sites --clean 100 --effects 5 --seed 2 --keep .bench/sites.jsonl
 
 screenshots: $(READY)
-	QT_QPA_PLATFORM=offscreen $(BIN)/python -m app.window.screenshots docs/images
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.app.screenshots docs/images
 
 # a whole session through the real window on virtual screens (Xvfb): light, dark, and twice as dense
 session: $(READY)

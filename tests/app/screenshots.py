@@ -1,4 +1,4 @@
-"""``python -m app.window.screenshots DIR``: the window and its panels as pictures, by pressing what a person would."""
+"""``python -m tests.app.screenshots DIR``: the window and its panels as pictures, by pressing what a person would."""
 
 import sys
 import tempfile
@@ -202,7 +202,7 @@ class Photographer:
 def main(arguments: list[str]) -> int:
     """Take the pictures into the folder named; return the exit status."""
     if len(arguments) != 1:
-        print("usage: python -m app.window.screenshots DIR", file=sys.stderr)
+        print("usage: python -m tests.app.screenshots DIR", file=sys.stderr)
         return 2
     into = Path(arguments[0])
     into.mkdir(parents=True, exist_ok=True)

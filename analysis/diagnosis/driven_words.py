@@ -32,12 +32,12 @@ def sentence(
         listed = "; ".join(effect.sentence for effect in effects)
         text = (
             f"The drive has {listed}. Force error {before.rms_n:.3g} -> {after.rms_n:.3g} N rms, "
-            f"{held_n:.3g} N in the half that took no part; {against}."
+            f"{held_n:.3g} N on the validation half; {against}."
         )
     elif times <= 1.5:
         text = f"Adequate: mass, viscous drag and offset leave nothing to speak of; {against}."
     else:
-        text = f"Unexplained: {before.rms_n:.3g} N rms remain and no law of the catalogue foretells them; {against}."
+        text = f"Unexplained: {before.rms_n:.3g} N rms remain and no law of the catalogue predicts them; {against}."
     return f"{text} {weighed.words}".strip()
 
 

@@ -16,7 +16,8 @@ CLASSES = {
     frozenset({"cubic_stiffness", "contact_exponent"}): "a stiffness that grows with the load",
     frozenset({"support_compliance", "second_plate_mode"}): "a plate of two modes, whose second has two readings",
 }
-CALM = "nothing is left that the noise does not do"
+CALM = "residual consistent with noise"
+_REDUCED = 0.995  # of the residual before: what is closer to it than that is no reduction to speak of
 # what is the same by physics, wholly or in a limit: no shot of any rig tells them apart there
 ONE_WITH_TWO_READINGS = {
     frozenset({"plate_damping", "viscoelastic_arm"}): (
@@ -100,16 +101,18 @@ def verdict(
     """
     if kind is Verdict.ADEQUATE:
         return "The model is adequate: nothing is missing that this data could show."
-    cured = f" The error falls to {100 * fall:.2g} % of what it was." if fall is not None and (effects or laws) else ""
+    cured = ""
+    if fall is not None and fall < _REDUCED and (effects or laws):
+        cured = f" Residual reduced to {100 * fall:.2g} %."
     listed = " and ".join([*(effect.sentence for effect in effects), *map(learned, laws)])
     if kind in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
         return f"The model lacks {listed}.{cured}"
     if kind is Verdict.PARTLY_EXPLAINED:
         lacks = "the model lacks" if certain else "what is missing is mostly like"
         stays = (
-            f"a rest stays: {remainder}"
+            f"a significant residual remains: {remainder}"
             if remainder != CALM
-            else f"it did not pass every test, though beside it {CALM}"
+            else f"it did not pass every test; {CALM}"
         )
         return f"Partly explained: {lacks} {listed}; {stays}.{cured}"
     return f"Unexplained: something is missing that no effect of the catalogue accounts for: {remainder}."

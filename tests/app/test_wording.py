@@ -7,7 +7,7 @@ import pytest
 from PySide6.QtCore import QLocale
 
 from analysis.diagnosis import words
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.signal.quality import MEANINGS
 from app.words import verdict, wording
@@ -98,6 +98,14 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
 
 
 def test_a_partly_explained_set_never_has_a_rest_that_is_nothing():
-    for remainder, said in ((words.CALM, "did not pass every test"), ("12 nm rms", "a rest stays: 12 nm rms")):
+    for remainder, said in ((words.CALM, "did not pass every test"), ("12 nm rms", "a significant residual remains: 12 nm rms")):
         sentence = words.verdict(Verdict.PARTLY_EXPLAINED, [], remainder, None)
-        assert said in sentence and f"a rest stays: {words.CALM}" not in sentence
+        assert said in sentence and f"a significant residual remains: {words.CALM}" not in sentence
+
+
+@pytest.mark.parametrize(("fall", "said"), [(0.0038, "Residual reduced to 0.38 %."), (0.96, "96 %"), (0.997, "")])
+def test_no_sentence_says_that_a_residual_is_reduced_to_all_of_it(fall, said):
+    effect = FoundEffect("tilt", {}, {}, (), "tilt: angle 0.1 mrad")
+    sentence = words.verdict(Verdict.EFFECT_FOUND, [effect], "", fall)
+    assert said in sentence and "100 %" not in sentence and "1e+02" not in sentence
+    assert ("reduced" in sentence) == bool(said)

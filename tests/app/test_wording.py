@@ -98,7 +98,8 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
 
 
 def test_a_partly_explained_set_never_has_a_rest_that_is_nothing():
-    for remainder, said in ((words.CALM, "did not pass every test"), ("12 nm rms", "a significant residual remains: 12 nm rms")):
+    remains = "a significant residual remains: 12 nm rms"
+    for remainder, said in ((words.CALM, "did not pass every test"), ("12 nm rms", remains)):
         sentence = words.verdict(Verdict.PARTLY_EXPLAINED, [], remainder, None)
         assert said in sentence and f"a significant residual remains: {words.CALM}" not in sentence
 

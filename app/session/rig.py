@@ -116,8 +116,8 @@ class Rig:
     def arm(self) -> None:
         """Wait for the light switch; a source that failed to open is opened again."""
         if self._running is not None:
+            self._asked = (self._clock(), self.latest().since_s)  # before it can be armed: that may take no time at all
             self._running.capture.arm(automatic=self.rearm)
-            self._asked = (self._clock(), self.latest().since_s)
         elif self._fault is not None:
             self.open(self.source)
 

@@ -41,6 +41,16 @@ def same_rights(path: Path, like: Path) -> None:
         return
 
 
+def sync_folder(folder: Path) -> None:
+    """Bring the names in a folder to disk: only then is a file that was moved into place safe.  Raises OSError."""
+    if os.name == "posix":  # Windows has no such call and needs none
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
 def _may_be_held(target: Path) -> bool:
     return os.name == "nt" or os.access(target.parent, os.W_OK)  # else nobody holds it: it is not ours to write
 

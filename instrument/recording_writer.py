@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Channel, Gap, Recording, Setup
-from instrument.into_place import into_place, same_rights
+from instrument.into_place import into_place, same_rights, sync_folder
 from instrument.recording_error import RecordingError, RecordingExists
 from instrument.recording_metadata import Metadata, metadata_json, read_metadata
 
@@ -212,7 +212,7 @@ def write_beside(path: Path, content: Iterable[bytes | memoryview], *, sync: boo
                 beside.unlink()
             raise
         if sync:
-            _sync_folder(path.parent)
+            sync_folder(path.parent)
 
 
 def check_writable(path: Path) -> None:
@@ -232,16 +232,6 @@ def check_writable(path: Path) -> None:
 
 def _is_device(path: Path) -> bool:
     return os.path.exists(path) and not os.path.isfile(path)
-
-
-def _sync_folder(folder: Path) -> None:
-    # a rename is durable only once its folder is; Windows has no such call and needs none
-    if os.name == "posix":
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
 
 
 @contextlib.contextmanager

@@ -42,7 +42,7 @@ def write_bundle(path: Path, checks: Sequence[Check]) -> None:
     with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as bundle:
         for name, text in texts.items():
             bundle.writestr(name, _anonymous(text))
-    write_beside(path, [whole.getvalue()], sync=False)
+    write_beside(path, [whole.getvalue()], sync=True)
 
 
 def _end_of(file: Path) -> str:

@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from app.session.settings import Settings, WrongSettings
-from instrument.into_place import into_place, same_rights
+from instrument.into_place import into_place, same_rights, sync_folder
 from instrument.recording_error import RecordingError, one_line, shown
 from instrument.text_file import read_json
 
@@ -50,6 +50,7 @@ def save(path: Path, settings: Settings) -> str | None:
         with contextlib.suppress(FileNotFoundError):  # the first time, or just moved by another window
             into_place(path, _last_good(path))
         into_place(beside, path)
+        sync_folder(path.parent)
     except OSError as error:
         return f"The settings could not be saved: {error}"
     return None

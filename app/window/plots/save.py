@@ -1,7 +1,8 @@
 """A plot as a file: picture, drawing, or the samples that are in view."""
 
 import csv
-from collections.abc import Sequence
+import io
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from app.window.plots.curve import SampledCurve
 from app.window.plots.legend import Look, legend_height, paint_legend
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
+from instrument.recording_writer import write_text_beside
 
 
 def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:
@@ -77,7 +79,10 @@ def save_svg(view: pg.GraphicsView, path: Path) -> None:
 
 
 def save_csv(stack: TimeStack, path: Path) -> None:
-    """Write every sample in view, undecimated: one column of time a sampling grid, "." and ",".  Raises OSError."""
+    """Write every sample in view, undecimated: one column of time a sampling grid, "." and ",".
+
+    Raises RecordingError.
+    """
     left, right = stack.span
     groups: dict[tuple[float, float, int, int], list[tuple[str, SampledCurve]]] = {}
     for plot in stack.plots:
@@ -98,14 +103,22 @@ def save_csv(stack: TimeStack, path: Path) -> None:
 
 
 def save_columns(columns: dict[str, np.ndarray], path: Path) -> None:
-    """Write named columns.  Raises OSError."""
+    """Write named columns.  Raises RecordingError."""
     _write(list(columns), list(columns.values()), path)
 
 
 def _write(heads: list[str], columns: list[np.ndarray], path: Path) -> None:
     longest = max((len(column) for column in columns), default=0)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        rows.writerow(heads)
+
+    def rows() -> Iterator[list[str]]:
+        yield heads
         for index in range(longest):
-            rows.writerow([f"{column[index]:.12g}" if index < len(column) else "" for column in columns])
+            yield [f"{column[index]:.12g}" if index < len(column) else "" for column in columns]
+
+    write_text_beside(path, map(_line, rows()), sync=True)  # a disk that fills up spoils no file that was there
+
+
+def _line(cells: Sequence[str]) -> str:
+    text = io.StringIO()
+    csv.writer(text).writerow(cells)
+    return text.getvalue()

@@ -13,6 +13,7 @@ from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Tone
+from instrument.recording_error import RecordingError
 
 
 class ViewPresenter(QObject):
@@ -211,7 +212,7 @@ class ViewPresenter(QObject):
                 save.save_columns(plot.columns, path)
             else:
                 raise OSError(f"{path}: this plot has no samples to save")
-        except OSError as error:
+        except (OSError, RecordingError) as error:
             self.said.emit(f"The plot was not saved: {error}", Tone.BAD)
         else:
             self.said.emit(f"Plot saved as {path}", Tone.GOOD)

@@ -1,0 +1,171 @@
+"""Every criterion of a verdict with a case that it refuses and one that it lets pass next to each other."""
+
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.diagnosis.search.forward_selection import Trail
+from analysis.diagnosis.verdict import other_names as names
+from analysis.diagnosis.verdict.acceptance import accepted_effects, clear
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.cross_validation import Prediction, choose
+from analysis.diagnosis.verdict.identifiability import Separation
+from analysis.diagnosis.verdict.lack_of_fit import LackOfFit
+from analysis.diagnosis.verdict.residual import CALM, Residual
+from tests.analysis.diagnosis.shots import calm
+from tests.analysis.diagnosis.test_acceptance import Fit
+
+NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, CALM)
+SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, "a shape", size=10.0)  # and no freedom that the law lacks
+MISFIT_LEFT = replace(NOTHING_LEFT, misfit=LackOfFit("a force of the place", 104.0, 63.0, 4))
+ONE = cast(Any, Fit(("tilt",)))
+
+
+def effect(snr: float, alike: int = 0) -> FoundEffect:
+    return FoundEffect("tilt", {}, {"snr": snr}, tuple(f"other {k}" for k in range(alike)), "tilt")
+
+
+def said(effects: list[FoundEffect], rest: Residual, fit: Any = ONE) -> tuple[int, Verdict]:
+    named, verdict = accepted_effects(effects, rest, fit)
+    return len(named), verdict
+
+
+@pytest.mark.parametrize(("alike", "named"), [(0, True), (5, True), (6, False)])
+def test_beside_a_rest_more_than_five_look_alikes_are_no_class(alike: int, named: bool) -> None:
+    verdict = Verdict.PARTLY_EXPLAINED if named else Verdict.UNEXPLAINED
+    assert said([effect(1e3, alike)], SHAPE_LEFT) == (int(named), verdict)
+    assert clear(effect(1e3, alike), SHAPE_LEFT, CRITERIA.clear_of_rest) is named
+
+
+@pytest.mark.parametrize(
+    ("snr", "rest", "several", "named"),
+    [
+        (20.5, SHAPE_LEFT, False, True),  # twice what is left
+        (19.5, SHAPE_LEFT, False, False),
+        (1010.0, SHAPE_LEFT, True, True),  # several imitate what none of them is: a hundred times
+        (990.0, SHAPE_LEFT, True, False),
+        (1010.0, MISFIT_LEFT, False, True),  # the law is another one: a hundred times, too
+        (990.0, MISFIT_LEFT, False, False),
+    ],
+)
+def test_an_effect_stands_clear_of_what_is_left(snr: float, rest: Residual, several: bool, named: bool) -> None:
+    effects = [effect(snr)] + [effect(1e5)] * several
+    count = len(effects) if named else 0
+    assert said(effects, rest) == (count, Verdict.PARTLY_EXPLAINED if named else Verdict.UNEXPLAINED)
+
+
+@pytest.mark.parametrize(
+    ("changed", "verdict"),
+    [
+        ({}, Verdict.EFFECT_FOUND),
+        ({"correlation": 0.16}, Verdict.UNEXPLAINED),
+        ({"correlation": 0.14}, Verdict.EFFECT_FOUND),
+        ({"ratio": 2.6}, Verdict.UNEXPLAINED),
+        ({"ratio": 2.4}, Verdict.EFFECT_FOUND),
+        ({"coherence": 56.9}, Verdict.EFFECT_FOUND),
+        ({"coherence": 57.1, "size": 6.0}, Verdict.PARTLY_EXPLAINED),
+        ({"misfit": LackOfFit("x", 62.9, 63.0, 4)}, Verdict.EFFECT_FOUND),
+        ({"misfit": LackOfFit("x", 63.1, 63.0, 4)}, Verdict.PARTLY_EXPLAINED),
+    ],
+)
+def test_what_is_left_decides_what_is_said(changed: dict[str, Any], verdict: Verdict) -> None:
+    named = verdict is not Verdict.UNEXPLAINED
+    assert said([effect(1e4)], replace(NOTHING_LEFT, **changed)) == (int(named), verdict)
+
+
+def test_a_fit_that_did_not_arrive_names_nothing() -> None:
+    assert said([effect(1e4)], NOTHING_LEFT) == (1, Verdict.EFFECT_FOUND)
+    assert said([effect(1e4)], NOTHING_LEFT, cast(Any, Fit(("tilt",), converged=False))) == (0, Verdict.UNEXPLAINED)
+
+
+def test_where_no_effect_stands_a_rest_makes_the_difference() -> None:
+    assert said([], NOTHING_LEFT) == (0, Verdict.ADEQUATE)
+    assert said([], SHAPE_LEFT) == (0, Verdict.UNEXPLAINED)
+
+
+@pytest.mark.parametrize(
+    ("surprise", "rms", "beats"), [(9.0, 1.0, True), (11.0, 0.5, False), (9.0, 1.01, True), (9.0, 1.03, False)]
+)
+def test_what_foretells_better_is_likelier_and_not_further_off(surprise: float, rms: float, beats: bool) -> None:
+    assert Prediction((), surprise, rms).beats(Prediction((), 10.0, 1.0)) is beats
+
+
+@pytest.mark.parametrize(("remainder", "near"), [(0.0, ("a", "b")), (2.0, ("a", "b", "c"))])
+def test_look_alikes_are_those_that_stand_nearer_than_five_norms_and_what_is_left(
+    remainder: float, near: tuple[str, ...]
+) -> None:
+    far = Separation(50.0, {"d": 7.1, "b": 4.9, "c": 5.1, "a": 1.0}, {})
+    assert far.too_close(remainder) == near
+
+
+class Likely(Fit):
+    """A fit of the names by its criterion and its likelihood."""
+
+    def __init__(self, named: tuple[str, ...], bic: float, log_likelihood: float) -> None:
+        super().__init__(named)
+        object.__setattr__(self, "_likely", (bic, log_likelihood))
+
+    @property
+    def bic(self) -> float:
+        """Get the criterion."""
+        return float(cast(Any, self)._likely[0])
+
+    @property
+    def log_likelihood(self) -> float:
+        """Get ln L."""
+        return float(cast(Any, self)._likely[1])
+
+
+@pytest.mark.parametrize(
+    ("behind", "less_likely", "named"),
+    [
+        (5.9, 20.0, True),
+        (6.1, 20.0, False),
+        (20.0, 5.9, True),  # fewer parameters make no effect the true one
+        (20.0, 6.1, False),
+    ],
+)
+def test_what_was_fitted_in_the_place_and_is_nearly_as_likely_is_named_beside(
+    behind: float, less_likely: float, named: bool
+) -> None:
+    best, other = Likely(("tilt",), 0.0, 0.0), Likely(("adhesion",), behind, -less_likely / 2)
+    trail = Trail(cast(Any, Fit(())), (), calm)
+    for one in (best, other):
+        trail.fits[one.names] = cast(Any, one)
+    far = Separation(50.0, {"adhesion": 40.0}, {})
+    found, lead = names.other_names(cast(Any, best), "tilt", SHAPE_LEFT, far, trail)
+    assert found == (("adhesion",) if named else ())
+    assert lead == behind
+
+
+@pytest.mark.parametrize(("distance", "named"), [(4.9, True), (5.1, False)])
+@pytest.mark.parametrize("rest", [NOTHING_LEFT, SHAPE_LEFT])
+def test_what_is_near_to_first_order_is_named_beside(distance: float, named: bool, rest: Residual) -> None:
+    far = Separation(50.0, {"adhesion": distance + rest.size}, {})
+    trail = Trail(cast(Any, Fit(())), (), calm)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Trail, "of", lambda _trail, _names: None)  # it was never fitted
+        found, _ = names.other_names(cast(Any, Fit(("tilt",))), "tilt", rest, far, trail)
+    assert found == (("adhesion",) if named else ())
+
+
+@pytest.mark.parametrize(
+    ("speeds", "held"),
+    [((0.3,), ()), ((0.3, 0.1), (1,)), ((0.3, 0.1, 0.2), (0, 1, 2)), ((0.5, 0.1, 0.3, 0.2, 0.4), (0, 1, 2))],
+)
+def test_of_many_shots_the_slowest_a_middle_one_and_the_fastest_are_held_out(
+    speeds: tuple[float, ...], held: tuple[int, ...]
+) -> None:
+    class Data:
+        shots = [type("S", (), {"course": type("C", (), {"velocity_in_m_per_s": -v})}) for v in speeds]
+
+    assert choose(cast(Any, Data)) == held
+
+
+def test_criteria_ask_more_of_many() -> None:
+    assert [CRITERIA.size_of_one(n) for n in (1, 2, 3, 4)] == [5.0, 12.0, 30.0, 30.0]
+    assert CRITERIA.fall(1) == 10.0 and CRITERIA.fall(10) == pytest.approx(10.0 + 2.0 * np.log(10.0))
+    assert CRITERIA.fall(1, wandering=True) == 22.0

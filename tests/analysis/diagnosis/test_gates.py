@@ -1,6 +1,7 @@
 """Every criterion of a verdict with a case that it refuses and one that it lets pass next to each other."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -14,11 +15,11 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, choose
 from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.diagnosis.verdict.lack_of_fit import LackOfFit
-from analysis.diagnosis.verdict.residual import CALM, Residual
+from analysis.diagnosis.verdict.residual import Residual
 from tests.analysis.diagnosis.shots import calm
 from tests.analysis.diagnosis.test_acceptance import Fit
 
-NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, CALM)
+NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, "")
 SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, "a shape", size=10.0)  # and no freedom that the law lacks
 MISFIT_LEFT = replace(NOTHING_LEFT, misfit=LackOfFit("a force of the place", 104.0, 63.0, 4))
 ONE = cast(Any, Fit(("tilt",)))
@@ -159,10 +160,8 @@ def test_what_is_near_to_first_order_is_named_beside(distance: float, named: boo
 def test_of_many_shots_the_slowest_a_middle_one_and_the_fastest_are_held_out(
     speeds: tuple[float, ...], held: tuple[int, ...]
 ) -> None:
-    class Data:
-        shots = [type("S", (), {"course": type("C", (), {"velocity_in_m_per_s": -v})}) for v in speeds]
-
-    assert choose(cast(Any, Data)) == held
+    data = SimpleNamespace(shots=[SimpleNamespace(course=SimpleNamespace(velocity_in_m_per_s=-v)) for v in speeds])
+    assert choose(cast(Any, data)) == held
 
 
 def test_criteria_ask_more_of_many() -> None:

@@ -1,0 +1,135 @@
+"""What a law of a drive must pass, with a case refused beside one let pass, and properties over random drives."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from analysis.drive import search
+from analysis.drive.alike import look_alikes
+from analysis.drive.catalogue import LAWS
+from analysis.drive.regress import Regression, regress
+from analysis.drive.run import prepare
+from analysis.drive.search import Ground, Trial, crossed, stable
+from analysis.drive.table import Table
+from tests.analysis.drive.slider import Drive, Floats
+
+
+def table_of(*drives: Drive) -> Table:
+    return Table.of(prepare([drive.motion() for drive in drives]))
+
+
+def with_force(table: Table, added: Floats) -> Table:
+    """Return a table whose measured force has ``added``, shape (m,), more than it had."""
+    other = Table.of(table.runs)
+    other._seen["", (0.0,)] = (table.force() + added)[:, None]
+    return other
+
+
+@pytest.fixture(scope="module")
+def drag() -> Table:
+    return table_of(Drive(lambda x, v: 20.0 * np.sign(v)))
+
+
+@pytest.mark.parametrize(("later", "same"), [(1.0, True), (1.3, True), (1.45, False), (-1.0, False), (0.0, False)])
+def test_a_law_is_the_same_in_both_halves_or_is_none(drag: Table, later: float, same: bool) -> None:
+    ground = Ground.of(drag)
+    friction = drag.columns(LAWS["coulomb_friction"], ())[:, 0]
+    changed = with_force(drag, np.where(ground.held, (later - 1.0) * 20.0 * friction, 0.0))
+    ground = Ground.of(changed)
+    found = regress(changed, ("coulomb_friction",), ground.kept)
+    assert stable(ground, found, "coulomb_friction") is same
+
+
+def trial(ground: Ground, delta_bic: float, held: float, across: float) -> Trial:
+    """Return a trial that foretells ``held`` and ``across`` times as badly as the model before."""
+    before = regress(ground.table, (), ground.kept)
+    found = regress(ground.table, ("coulomb_friction",), ground.kept)
+    error = crossed(ground, before.laws, before.bent)
+    return Trial(("coulomb_friction",), found, delta_bic, held * before.foretold_n(ground.held), across * error)
+
+
+@pytest.mark.parametrize(
+    ("delta_bic", "held", "across", "joins"),
+    [
+        (-11.5, 0.97, 0.97, True),
+        (-11.3, 0.97, 0.97, False),  # ten and twice ln 2
+        (-100.0, 0.99, 0.5, False),  # the later half
+        (-100.0, 0.5, 0.99, False),  # parts of the cycle that took no part
+        (-100.0, 0.97, 0.5, True),
+        (-100.0, 0.5, 0.97, True),
+    ],
+)
+def test_a_law_pays_in_the_criterion_and_in_both_ways_of_foretelling(
+    drag: Table, delta_bic: float, held: float, across: float, joins: bool
+) -> None:
+    ground = Ground.of(drag)
+    before = regress(drag, (), ground.kept)
+    assert (search._best(ground, before, [trial(ground, delta_bic, held, across)]) is not None) is joins
+
+
+def test_a_law_that_changes_between_the_halves_does_not_join(drag: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+    ground = Ground.of(drag)
+    before, one = regress(drag, (), ground.kept), trial(ground, -100.0, 0.5, 0.5)
+    assert search._best(ground, before, [one]) is one
+    monkeypatch.setattr(search, "stable", lambda *_: False)
+    assert search._best(ground, before, [one]) is None
+
+
+def test_a_part_of_the_cycle_is_foretold_without_itself(drag: Table) -> None:
+    ground = Ground.of(drag)
+    spoilt = ground.fold == ground.fold[0]
+    force = drag.force() + np.where(spoilt, 300.0 * np.sin(drag.time_s), 0.0)
+    columns = drag.base()
+    left = np.empty(force.size)
+    for fold in np.unique(ground.fold):
+        out = ground.fold == fold
+        left[out] = force[out] - columns[out] @ np.linalg.lstsq(columns[~out], force[~out], rcond=None)[0]
+    other = with_force(drag, force - drag.force())
+    of_others = crossed(Ground.of(other), (), {})
+    assert len(np.unique(ground.fold)) > 2
+    assert of_others == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-6)
+    assert of_others > 1.002 * regress(other).rms_n
+
+
+@pytest.mark.parametrize(("coefficient", "alike"), [(7e7, True), (2e8, False)])
+def test_what_would_do_as_well_is_named_and_what_would_not_is_not(coefficient: float, alike: bool) -> None:
+    law = "cubic_stiffness"  # over so little travel that its force is about the noise
+    table = table_of(Drive(lambda x, v: coefficient * x**3, waves=((1e-3, 0.31), (4e-4, 0.97))))
+    assert ("bearing_gradient" in look_alikes(table, regress(table, (law,)), law)) is alike
+
+
+def _some(seed: int, laws: tuple[str, ...]) -> Regression:
+    return regress(table_of(Drive(seed=seed, seconds=6.0)), laws)
+
+
+FREE: list[tuple[str, ...]] = [(), ("coulomb_friction",), ("bearing_gradient", "quadratic_drag"), ("cubic_stiffness",)]
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**31), laws=st.sampled_from(FREE))
+def test_every_std_is_the_root_of_its_variance(seed: int, laws: tuple[str, ...]) -> None:
+    found = _some(seed, laws)
+    stds = [found.quantity(name).std for name in found.names]
+    np.testing.assert_allclose(np.square(stds), np.diag(found.covariance), rtol=1e-12)
+    for law in laws:
+        for name, quantity in found.parameters(law).items():
+            place = found.names.index(f"{law}.{name}")
+            assert quantity.std**2 == pytest.approx(found.covariance[place, place], rel=1e-12)
+            assert quantity.value == found.values[place]
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**31),
+    times=st.floats(0.1, 30.0),
+    coefficients=arrays(np.float64, 3, elements=st.floats(-1e3, 1e3)),
+)
+def test_a_force_in_another_unit_has_its_numbers_and_stds_in_it(seed: int, times: float, coefficients: Floats) -> None:
+    table = table_of(Drive(seed=seed, seconds=6.0))
+    one = regress(table)
+    more = with_force(table, (times - 1.0) * table.force() + table.base() @ coefficients)
+    other = regress(more)
+    np.testing.assert_allclose(other.values, times * one.values + coefficients, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(other.covariance, times**2 * one.covariance, rtol=1e-5)

@@ -1,0 +1,64 @@
+"""What planned shots tell, as properties over random cases: information adds up, and mass on the block counts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.planning.foreseen import at_hand, blank, foretold, informs
+from analysis.planning.next_shot import NextShot, contact_s, effort
+from analysis.planning.precision import _spread
+from tests.analysis.diagnosis.shots import base_fit, shots
+
+FEW = settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+SPEED, ADDED = st.floats(0.08, 0.6), st.sampled_from([0.0, 0.02, 0.05, 0.1])
+
+
+@pytest.fixture(scope="module")
+def fitted() -> Fitted:
+    return base_fit(shots({}, count=2))
+
+
+def shot_of(speed: float, added: float) -> NextShot:
+    return NextShot(speed, added, 0.01, 0.02)
+
+
+@FEW
+@given(speed=SPEED, added=ADDED)
+def test_two_equal_shots_add_twice_the_information(fitted: Fitted, speed: float, added: float) -> None:
+    one = informs(fitted, foretold(fitted, blank(shot_of(speed, added), fitted)), fitted.floor)
+    two = one + one
+    for name in ("curvature", "gradient", "chi2", "coincidence"):
+        np.testing.assert_allclose(getattr(two, name), 2.0 * np.asarray(getattr(one, name)), rtol=1e-12)
+    known = at_hand(fitted, fitted.floor).curvature
+    for count in (1, 2, 3):
+        assert _spread(known * (1 + count), None) == pytest.approx(_spread(known, None) / np.sqrt(1 + count))
+    rows = np.eye(len(known))
+    assert all(_spread(known + two.curvature, row) <= _spread(known + one.curvature, row) * (1 + 1e-9) for row in rows)
+
+
+@FEW
+@given(speed=SPEED)
+def test_shots_at_hand_twice_over_know_each_number_by_the_root_of_two_better(fitted: Fitted, speed: float) -> None:
+    information = informs(fitted, foretold(fitted, blank(shot_of(speed, 0.0), fitted)), fitted.floor).curvature
+    known = at_hand(fitted, fitted.floor).curvature + information
+    for row in np.eye(len(known)):
+        assert _spread(2.0 * known, row) == pytest.approx(_spread(known, row) / np.sqrt(2.0), rel=1e-6)
+
+
+@FEW
+@given(speed=SPEED, added=st.floats(0.005, 0.2))
+def test_added_mass_counts(fitted: Fitted, speed: float, added: float) -> None:
+    samples = fitted.hypothesis.data.shots
+    bare, laden = shot_of(speed, 0.0), shot_of(speed, added)
+    mass = samples[0].moving_mass_kg
+    assert blank(laden, fitted).moving_mass_kg == pytest.approx(mass + added, rel=1e-12)
+    ratio = contact_s(laden, samples) / contact_s(bare, samples)
+    assert ratio == pytest.approx(np.sqrt((mass + added) / mass), rel=1e-12)
+    assert effort((laden,), 0.0) == effort((bare,), 0.0) + 0.5 == effort((laden, laden), 0.0) - 1.0
+    heavy = foretold(fitted, blank(laden, fitted)).displacement_m
+    light = foretold(fitted, replace(blank(laden, fitted), moving_mass_kg=mass)).displacement_m
+    assert np.max(np.abs(heavy - light)) > 1e-6, "a heavier block goes deeper"

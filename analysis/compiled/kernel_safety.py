@@ -53,6 +53,8 @@ def only_own(folder: Path) -> bool:
 
 
 def _own_group(group: int, user: int) -> bool:
+    if sys.platform == "win32":  # which has no such groups
+        return True
     import grp
     import pwd
 

@@ -76,9 +76,9 @@ class RigPresenter(QObject):
         """Let the trigger be heard and seen, as was chosen, once a shot."""
         before, now = self._before, (snapshot.state, snapshot.shots)
         self._before = now
-        fired = now[0] is State.TRIGGERED and before[0] is not State.TRIGGERED
-        missed = now[1] > before[1] and before[0] is State.ARMED  # it came and went between two looks
-        if fired or missed:
+        taking = (State.TRIGGERED, State.TRANSFERRING)
+        # it may have come and gone between two looks, with ARMED before it
+        if before[0] not in taking and (now[0] in taking or now[1] > before[1]):
             if self._choices.settings.sound:
                 QApplication.beep()
             if self._choices.settings.flash:

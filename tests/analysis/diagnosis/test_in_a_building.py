@@ -17,6 +17,7 @@ def test_a_clean_set_is_adequate_where_the_optical_path_wanders_too(site: str, s
     assert not found.effects and not found.laws
 
 
+@pytest.mark.slow  # quicker: friction is named in the bench's building, in tests/analysis/inference/test_site.py
 def test_friction_is_named_beside_a_building_and_a_path_that_wanders() -> None:
     found = diagnose(Rig("VC-C").with_bodies(friction_n=1.2e-4).shots(102))
     assert found.verdict is Verdict.EFFECT_FOUND

@@ -13,7 +13,7 @@ def combined_of(shot: Shot) -> dict[str, float]:
     return {q.key: q.std for q in budget(shot).quantities} if shot.impact is not None else {}
 
 
-def stated(reading: Reading | None, key: str, combined: Mapping[str, float]) -> Reading | None:
+def stated(reading: Reading, key: str, combined: Mapping[str, float]) -> Reading:
     """Return a reading with the uncertainty that stands under its key, or as it is where none does."""
     std = combined.get(key)
     return replace(reading, std=std) if isinstance(reading, Quantity) and std is not None else reading

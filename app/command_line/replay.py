@@ -22,7 +22,7 @@ from analysis.shot.one_rig import why_not_together
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Shot
 from analysis.uncertainty.combined import combined_of, stated
-from analysis.uncertainty.series import read
+from analysis.uncertainty.numbers import Kind, of_collision
 from app.command_line.model_choice import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.command_line.plan_ahead import Ahead, plan_ahead
@@ -239,25 +239,11 @@ def summary(shot: Shot) -> str:
     lines, combined = [f"{shot.path or shot.name}"], combined_of(shot)
     if shot.problem:
         lines.append(f"  not analysed: {shot.problem}")
-    impact = shot.impact
-    if impact is not None:
-        rows: list[tuple[str, str, float, str]] = [
-            ("v in", "velocity_in_m_per_s", 1.0, "m/s"),
-            ("v out", "velocity_out_m_per_s", 1.0, "m/s"),
-            ("COR quasi-static", "cor_quasi_static", 1.0, ""),
-            ("COR impulse ratio", "cor_impulse", 1.0, ""),
-            ("COR kinetic (force peaks)", "cor_kinetic.force_peaks", 1.0, ""),
-            ("COR kinetic (contact)", "cor_kinetic.contact", 1.0, ""),
-            ("peak force", "force_peak_n", 1.0, "N"),
-            ("pulse width (FWHM)", "force_fwhm_s", 1e3, "ms"),
-            ("contact", "contact_time_s", 1e3, "ms"),
-            ("deflection", "deflection_max_m", 1e3, "mm"),
-            ("slope F/deflection", "stiffness_slope_n_per_m", 1.0, "N/m"),
-        ]
-        for label, key, factor, unit in rows:
-            reading = stated(read(shot, key), key, combined)
-            shown = reading.scaled(factor) if isinstance(reading, Quantity) else f"– ({reading.reason})"
-            lines.append(f"  {label:<27}{shown} {unit}".rstrip())
+    if shot.impact is not None:
+        for number in of_collision(Kind.READ):
+            reading = stated(number.find(shot), number.key, combined)
+            shown = reading.scaled(number.scale) if isinstance(reading, Quantity) else f"– ({reading.reason})"
+            lines.append(f"  {number.title:<27}{shown} {number.shown_unit}".rstrip())
         rests = readings_model(shot)
         if rests is not None and shot.readings_fit is not None:
             model, again = _with_effects(rests.base, rests.effects), ", ".join(rests.readings)

@@ -1,9 +1,8 @@
 """What moved the path beside the block, as a report tells it: lines, floor, knocks, and what they cost."""
 
 from analysis.shot.disturbance import Disturbance
+from analysis.uncertainty.numbers import number_of
 from app.report.markup import Markup, joined, table, tag
-
-_WORDS = {"velocity_in_m_per_s": "velocity before touch", "velocity_out_m_per_s": "velocity after release"}
 
 
 def disturbance_section(disturbance: Disturbance) -> Markup:
@@ -25,7 +24,7 @@ def disturbance_section(disturbance: Disturbance) -> Markup:
     knocks = ", ".join(f"{1e3 * begin:.1f} to {1e3 * end:.1f} ms" for begin, end in disturbance.knocks_s)
     if knocks:
         parts.append(tag("p", f"Excluded because the table was struck: {knocks} of the record."))
-    shares = [f"{100 * share:.0f} % for {_WORDS.get(name, name)}" for name, share in disturbance.shares.items()]
+    shares = [f"{100 * share:.0f} % for {number_of(name).words}" for name, share in disturbance.shares.items()]
     if shares:
         parts.append(tag("p", f"Share of the variance due to table vibration: {', '.join(shares)}."))
     return joined(*parts)

@@ -31,7 +31,7 @@ from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
 from app.window.layout import Layout
-from app.window.panels.session_model import COLUMNS, FIRST_EXTRA, FLAGS, VERDICT
+from app.window.panels.session_model import FLAGS, VERDICT
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
@@ -355,9 +355,12 @@ def test_a_usual_shots_numbers_have_room_in_their_columns(window):
         "F max": "0.436073(77)",
         "k_p": "221.383(15)",
     }
-    for column, (heading, _) in enumerate(COLUMNS[:FIRST_EXTRA]):
+    for column, heading in enumerate(c.head for c in table.model.columns if not c.hidden):
         shown = next((text for name, text in widths.items() if heading.startswith(name)), "")
-        cells = (shown, *(str(table.model.index(row, column).data()) for row in (0, 1) if 3 <= column <= 8))
+        cells = (
+            shown,
+            *(str(table.model.index(row, column).data()) for row in (0, 1) if table.model.columns[column].number),
+        )
         for text in cells:
             assert table.fontMetrics().horizontalAdvance(text) < table.table.columnWidth(column) - 14, (heading, text)
 

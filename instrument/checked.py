@@ -1,11 +1,17 @@
 """The values of a foreign file, read without trust: every one is checked where it is used."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
+from analysis.shot.setting import setting_of
 from instrument.recording_error import RecordingError, shown
+
+Built = TypeVar("Built")
+_LONGEST = 1e15  # the largest number of a dataclass that declares no bounds
 
 
 class Checked:
@@ -103,3 +109,56 @@ class Checked:
                 raise self.refuse(f"{key}[{index}]", f"{shown(item)} is not an object")
             checked.append(Checked(self.path, item, f"{place}[{index}]"))
         return checked
+
+    def names(self, key: str, kind: type = str) -> tuple[Any, ...]:
+        """Return the texts (or whole numbers) listed under ``key``; none where it is missing."""
+        values = self.get(key)
+        if values is None:
+            return ()
+        if not isinstance(values, list) or not all(type(value) is kind for value in values):
+            raise self.refuse(key, f"not a list of {'names' if kind is str else 'numbers'}")
+        return tuple(values)
+
+    def built(self, kind: type[Built], own: Mapping[str, Callable[["Checked"], Any]] | None = None) -> Built:
+        """Return a dataclass made of the fields that this object has, each checked by its type and its declaration.
+
+        A field that is missing keeps its default and is refused where there is none; ``own`` reads some by their names.
+        """
+        types, own, values = get_type_hints(kind), own or {}, {}
+        for field in fields(kind):  # type: ignore[arg-type]
+            name = field.name
+            if name in own:
+                values[name] = own[name](self)
+            elif self.get(name) is not None:
+                values[name] = self._typed(name, types[name])
+                setting = setting_of(field)
+                try:
+                    if setting is not None:
+                        setting.check(values[name])
+                except ValueError as error:
+                    raise self.refuse(name, str(error)) from None
+            elif field.default is MISSING and field.default_factory is MISSING:
+                if type(None) not in get_args(types[name]):
+                    raise self.refuse(name, "missing")
+                values[name] = None
+        return kind(**values)
+
+    def _typed(self, name: str, kind: Any) -> Any:
+        """Return the value under ``name`` as the type that a dataclass gives it."""
+        if get_origin(kind) is UnionType:  # with None, which a missing key stands for
+            kind = next(part for part in get_args(kind) if part is not type(None))
+        if get_origin(kind) is tuple:
+            return self.names(name, get_args(kind)[0])
+        if kind is bool:
+            if not isinstance(self.values[name], bool):
+                raise self.refuse(name, f"{shown(self.values[name])} is neither true nor false")
+            return self.values[name]
+        if kind is float:
+            return self.number(name, -_LONGEST, _LONGEST)
+        if kind is int:
+            return self.whole(name, 1, 2**31)
+        if kind is str:
+            return self.text(name)
+        inner = self.object(name)
+        assert inner is not None
+        return inner.built(kind)

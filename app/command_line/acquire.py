@@ -1,6 +1,7 @@
 """``levimass --acquire``: arm, wait for the light switch, record, N times; no screen."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 from instrument.acquire import AcquireError
@@ -14,13 +15,24 @@ LEAST_ARMING_S = 10.0  # firmware is loaded and the device comes back under anot
 BEFORE_SWITCH = 0.15  # of it lies before the light switch
 
 
-def acquire(shots: int, *, source: str, out: Path, rate_hz: float | None, samples: int | None, timeout_s: float) -> int:
-    """Record ``shots`` shots into ``out``; print each recording's path; return the exit status."""
+@dataclass(frozen=True, slots=True)
+class Taking:
+    """Where shots come from and go to; ``rate_hz`` and ``samples`` are those of the first set."""
+
+    source: str
+    out: Path
+    rate_hz: float | None
+    samples: int | None
+    timeout_s: float
+
+
+def acquire(shots: int, taking: Taking) -> int:
+    """Record ``shots`` shots; print each recording's path; return the exit status."""
     saved: list[Path] = []
     try:
-        digitizer = open_apart(source, arms_s=max(timeout_s, LEAST_ARMING_S))
-        settings = capture_settings(digitizer, rate_hz, samples)
-        saved = record(digitizer, out, shots, settings, timeout_s, report=_say)
+        digitizer = open_apart(taking.source, arms_s=max(taking.timeout_s, LEAST_ARMING_S))
+        settings = capture_settings(digitizer, taking.rate_hz, taking.samples)
+        saved = record(digitizer, taking.out, shots, settings, taking.timeout_s, report=_say)
     except AcquireError as error:
         saved = error.saved
         print(f"levimass: {error}", file=sys.stderr)

@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from analysis.shot.analysis_settings import AnalysisChoices
+from analysis.shot.setting import settings_of
+
 if TYPE_CHECKING:
     from analysis.diagnosis.model_file import SavedModel
 
-MODELS = ("paper", "clamped", "no_tension", "contact", "driven")
+MODELS = next(tuple(name for name, _ in s.choices) for s in settings_of(AnalysisChoices) if s.key == "model")
 
 
 def is_model_file(model: str) -> bool:

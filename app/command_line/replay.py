@@ -3,10 +3,10 @@
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose as diagnose_motions
-from analysis.diagnosis.limit import SECONDS as LONGEST
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
@@ -39,57 +39,61 @@ from instrument.recording_search import find_recordings
 from instrument.recording_writer import write_text_beside
 
 DRIFT_SIGMAS = 4.0
-NOWHERE = Outputs()
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is to be found out of the shots: ``laws`` are files of a person's own, which the diagnosis asks, too.
+
+    ``foretell`` puts a model file to the test, as it is.  ``plan`` asks for the next shots: those that decide (""), or
+    that make a parameter surer; ``reach`` is what the rig can do.
+    """
+
+    diagnosis: bool = True
+    laws: Sequence[Path] = ()
+    foretell: bool = False
+    plan: str | None = None
+    reach: Reach | None = None
 
 
 def replay(
     paths: Sequence[Path],
+    asked: Asked,
+    outputs: Outputs,
     *,
-    outputs: Outputs = NOWHERE,
-    diagnose: bool = True,
-    model: str | None = None,
-    foretell: bool = False,
-    laws: Sequence[Path] = (),
+    model: str | None,
+    settings: AnalysisSettings,
     checked: bool = True,
-    plan: str | None = None,
-    reach: Reach | None = None,
-    fit_seconds: float | None = None,
-    diagnosis_seconds: float | None = None,
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
-    ``model`` is a base model's name or the path of a model file, whose effects are then part of the model;
-    ``foretell`` puts the file's model to the test, as it is.
-    ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue; ``checked`` compares the
-    data with their hash.  ``plan`` asks for the next shots: those that decide (""), or that make a parameter surer;
-    ``reach`` is what the rig can do.  ``fit_seconds`` is the longest that the fit of one shot may take,
-    ``diagnosis_seconds`` the time after which a diagnosis leaves out what may be left out.  A diagnosis that fails is a
-    failure.
+    ``model`` is a base model's name or the path of a model file, whose effects are then part of the model; ``checked``
+    compares the data with their hash.  A diagnosis that fails is a failure.
     """
     shots: list[Shot] = []
     try:
-        own = [read_law(path).key for path in laws]
+        own = [read_law(path).key for path in asked.laws]
         known = known_model(model)
         check_outputs(outputs.json, outputs.export, outputs.report, outputs.model)
     except (AnalysisError, RecordingError, OSError) as error:
         print(f"levimass: {in_a_line(error, model)}", file=sys.stderr)
         return 1
-    settings = AnalysisSettings(effects=known.effects if known else (), fit_seconds=fit_seconds or SECONDS)
+    settings = replace(settings, effects=known.effects if known else ())
     for path in find_recordings(paths):
         shot = load_and_analyse(path, known.base if known else model, settings=settings, checked=checked)
         if why := shot.problem or shot.fit_problem:
             print(complaint(shot.path or shot.name, why if shot.problem else f"not fitted: {why}"), file=sys.stderr)
         shots.append(shot)
-    diagnosis, failed = _diagnosis(shots, own, diagnosis_seconds or LONGEST) if diagnose else (None, False)
+    diagnosis, failed = _diagnosis(shots, own, settings.diagnosis_seconds) if asked.diagnosis else (None, False)
     if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
         shots = read_together(shots, diagnosis.fit_after)
-    told = _foretold(shots, known) if foretell and known is not None else None
+    told = _foretold(shots, known) if asked.foretell and known is not None else None
     tried = known.tried if known is not None else ()
-    ahead = plan_ahead(shots, diagnosis, plan, reach) if plan is not None else None
-    ok = _write(shots, diagnosis, told, outputs, tried, ahead) and (told is not None or not foretell)
-    ok = ok and (ahead is not None or plan is None) and not failed
+    ahead = plan_ahead(shots, diagnosis, asked.plan, asked.reach) if asked.plan is not None else None
+    ok = _write(shots, diagnosis, told, outputs, tried, ahead) and (told is not None or not asked.foretell)
+    ok = ok and (ahead is not None or asked.plan is None) and not failed
     if known is not None and diagnosis is not None:
         _tell_drift(known, diagnosis)
     if outputs.model is not None:

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import cast
 
 from analysis.shot.corrected import AIR
+from analysis.shot.setting import Value
 from analysis.shot.shot import AnalysisSettings
 from app.session import settings_file
-from app.session.setting_field import Value
 from app.session.settings import MOST_ADDRESSES, WrongSettings
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import Digitizer

@@ -5,6 +5,7 @@ What only some of them need is imported there: a window starts without it.
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.fitted.fitted_shot import fit_again
@@ -32,26 +33,17 @@ def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, canc
 
 def diagnose_motions(
     motions: Sequence[Motion],
-    *,
     model: str,
     accepted: Sequence[str],
     laws: Sequence[str],
     shakings: Sequence[Shaking | None],
-    progress: Progress,
-    cancelled: Asked,
+    seconds: float,
+    **watched: Any,  # progress and cancelled
 ) -> Diagnosis:
-    """Return what the model of these motions lacks."""
+    """Return what the model of these motions lacks; ``seconds`` after which other ways are left out."""
     from analysis.diagnosis.diagnose import diagnose  # and all that it needs: not at every start
 
-    return diagnose(
-        motions,
-        model=model,
-        accepted=accepted,
-        laws=laws,
-        shakings=shakings,
-        progress=progress,
-        cancelled=cancelled,
-    )
+    return diagnose(motions, model=model, accepted=accepted, laws=laws, shakings=shakings, seconds=seconds, **watched)
 
 
 def write_model(

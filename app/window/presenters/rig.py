@@ -6,10 +6,10 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QApplication
 
+from analysis.shot.setting import Value
 from app.session.choices import Choices
 from app.session.rig import Rig
 from app.session.session import Entry
-from app.session.setting_field import Value
 from app.session.settings import FIELDS
 from app.window import state_words
 from app.window.file_question import Want, ask

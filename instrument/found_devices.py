@@ -8,6 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from instrument import sources
 from instrument.digitizer import DigitizerError
 
 _NI_VENDOR = "0x1093"
@@ -44,12 +45,14 @@ def udev_instructions() -> str:
 
 def found_devices(backend: Any = None) -> tuple[FoundDevice, ...]:
     """Return the digitizers plugged in, opening none.  Raises DigitizerError where the USB library is missing."""
-    return (*_usb_devices(backend), *_ni_cards(_ni_places()))
+    finders = [sources.imported(source.found) for source in sources.SOURCES if source.found]
+    return tuple(device for find in finders for device in find(backend))
 
 
-def _usb_devices(backend: Any) -> list[FoundDevice]:
+def hantek6022(backend: Any) -> list[FoundDevice]:
+    """Return the Hantek 6022 on USB, with or without their firmware."""
     from instrument.drivers import hantek6022_firmware as firmware
-    from instrument.drivers import usb_bus, usbtmc
+    from instrument.drivers import usb_bus
 
     found = []
     for device in usb_bus.find_devices((*firmware.COLD_IDS, *firmware.WARM_IDS), backend):
@@ -60,10 +63,18 @@ def _usb_devices(backend: Any) -> list[FoundDevice]:
             except DigitizerError as error:
                 problem, remedy = error.what, error.remedy
         found.append(FoundDevice("hantek6022", "Hantek 6022", _where(device), problem, remedy))
+    return found
+
+
+def oscilloscopes(backend: Any) -> list[FoundDevice]:
+    """Return the oscilloscopes on USB that speak SCPI."""
+    from instrument.drivers import usb_bus, usbtmc
+
+    found = []
     for device in usbtmc.find_instruments(backend):
-        identity = usb_bus.identify(device)
         name = f"{usbtmc.VENDORS[device.idVendor]} oscilloscope"
-        found.append(FoundDevice(f"scpi:usb:{identity}", name, _where(device), *_permission(device)))
+        source = f"scpi:usb:{usb_bus.identify(device)}"
+        found.append(FoundDevice(source, name, _where(device), *_permission(device)))
     return found
 
 
@@ -83,11 +94,11 @@ def _permission(device: Any) -> tuple[str, str]:
     return ("", "") if permitted else ("no permission to open it", PERMISSION_REMEDY)
 
 
-def _ni_cards(places: list[str]) -> list[FoundDevice]:
+def ni_cards(_: Any) -> list[FoundDevice]:
     """Return National Instruments' PCI cards; which of them digitize only the runtime knows."""
     from instrument.drivers.niscope_card import load_package
 
-    problem = remedy = ""
+    places, problem, remedy = _ni_places(), "", ""
     if places:
         try:
             load_package()

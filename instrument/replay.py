@@ -14,6 +14,7 @@ from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer
 from instrument.open_recording import open_recording
 from instrument.recording_file import RecordingError, find_recordings
 from instrument.recording_search import is_motion_record
+from instrument.source_options import SourceOptions
 
 
 class ReplayDigitizer(Digitizer):
@@ -160,3 +161,10 @@ class ReplayDigitizer(Digitizer):
 def _at_rail(counts: NDArray[np.int16], bits: int) -> tuple[int, ...]:
     rail = 1 << (bits - 1)
     return tuple(int(n) for n in np.count_nonzero((counts >= rail - 1) | (counts <= -rail), axis=0))
+
+
+def opened(path: str, _: SourceOptions) -> ReplayDigitizer:
+    """Return what plays the recordings at a path."""
+    if not Path(path).exists():
+        raise DigitizerError(f"nothing to replay at {path}", "name a recording, or a folder that holds some")
+    return ReplayDigitizer([path])

@@ -13,6 +13,7 @@ from typing import Any
 from analysis.shot.analysis_settings import AnalysisChoices, AnalysisSettings
 from analysis.shot.setting import Setting, settings_of
 from app.command_line.model_choice import MODELS, is_model_file
+from instrument.sources import is_bench, source_words
 
 Parsed = Callable[[str], Any]
 
@@ -170,7 +171,7 @@ GROUPS = (
         Option("--figures", "draw figures 4 to 7, PNG and SVG", "DIR", _path),
     )),
     Group("with --acquire", ("acquire",), (
-        Option("--source", "bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE", "SOURCE", str),
+        Option("--source", source_words(), "SOURCE", str),
         Option("--out", "folder for the recordings", "DIR", _path),
         Option("--rate", "sample rate", "HZ", _positive),
         Option("--samples", "samples a channel and shot", "N", _positive_int),
@@ -334,7 +335,6 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
 
 def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace, command: str) -> None:
     from instrument.bench.site import site_named
-    from instrument.sources import is_bench
 
     if command == "acquire" and not is_bench(options.source):
         parser.error("--site is where the simulated bench stands: with --simulate, --acquire --source bench or alone")

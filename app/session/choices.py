@@ -12,6 +12,7 @@ from app.session import settings_file
 from app.session.settings import MOST_ADDRESSES, WrongSettings
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import Digitizer
+from instrument.sources import source_of
 
 MOST_RECENT = 12
 RIG = (  # what belongs together when it is put right
@@ -41,7 +42,7 @@ class Choices:
 
     def remember_source(self, source: str) -> None:
         """Open this source at the next start too; a recording played back is not remembered."""
-        if not source.startswith("replay"):
+        if source_of(source).remembered:
             self.change({"source": source})
 
     def remember_network(self, source: str) -> None:

@@ -1,7 +1,6 @@
 """What a person may choose: the rig, the shot, the analysis, the folders; checked as a whole, in SI units."""
 
 import contextlib
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -15,11 +14,11 @@ from analysis.shot.setting import Setting, Value, choice, declared, flag, number
 from instrument.bench.site import LEVELS_M_PER_S, NAMES, USUAL_SITE
 from instrument.capture_options import CaptureOptions
 from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.network_scope import network_source
+from instrument.drivers.scpi_address import network_source
 from instrument.recording_error import shown
+from instrument.sources import source_of
 from instrument.trigger import Edge
 
-KNOWS_ITS_RIG = ("bench", "replay")  # sources that bring mass and wavelength along
 MOST_ADDRESSES = 5
 
 
@@ -170,7 +169,7 @@ class Settings(AnalysisChoices):
             if able.max_samples is not None:
                 samples = min(samples, able.max_samples)
             settings = CaptureSettings(rate, samples, min(round(self.pre_trigger_s * rate), samples - 1))
-        knows = re.split("[:?]", source, maxsplit=1)[0] in KNOWS_ITS_RIG
+        knows = source_of(source).knows_its_rig
         setup = None if knows else replace(self.setup, digitizer_bits=digitizer.capabilities.bits)
         edge = {"rising": Edge.RISING, "falling": Edge.FALLING}.get(self.edge, Edge.EITHER)
         return CaptureOptions(folder, settings, setup, edge, self.switch_low_v, self.switch_high_v)

@@ -19,7 +19,7 @@ from instrument.apart.conversation import Conversation, error_of
 from instrument.apart.messages import Came
 from instrument.apart.shared_ring import SharedRing
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.sources import open_source
+from instrument.sources import open_source, source_of
 
 HELD_S = 1.5  # of the stream, for a parent that stands still
 MOST_RING_BYTES = 320 * 2**20
@@ -36,10 +36,10 @@ def open_apart(source: str, *, setup: Setup | None = None, arms_s: float = ARMS_
     A device that takes longer than ``arms_s`` to open, or to arm, does not answer; the bench takes what it needs.
     A recording played back is opened here: it waits for its reader, so there is nothing to lose.
     """
-    kind = source.strip().lower()
-    if kind.startswith("replay"):
+    kind = source_of(source)
+    if not kind.apart:
         return open_source(source, setup=setup)
-    patience_s = ARMS_S if kind.startswith("bench") else min(arms_s, ARMS_S)
+    patience_s = ARMS_S if kind.simulated else min(arms_s, ARMS_S)
     return DigitizerApart(partial(open_source, source, setup=setup), patience_s)
 
 

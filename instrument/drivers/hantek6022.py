@@ -25,6 +25,7 @@ from instrument.drivers.bulk_stream import BulkStream, QueuedBulkStream
 from instrument.drivers.byte_clock import LASTING_STEP_S
 from instrument.drivers.hantek6022_calibration import EEPROM_BYTES, EEPROM_START, GAINS, scale_of
 from instrument.drivers.streamed_codes import StreamedCodes
+from instrument.source_options import SourceOptions
 
 NAME = "Hantek 6022"
 ENDPOINT = 0x86
@@ -222,3 +223,14 @@ class Hantek6022(Digitizer):
 def _preference(rate_hz: float) -> tuple[bool, float]:
     """Order rates: the fastest that is easy first, those that are not easy last."""
     return rate_hz > _EASY_HZ, -rate_hz
+
+
+def opened(_: str, options: SourceOptions) -> Hantek6022:
+    """Return the first one that is plugged in."""
+    firmware = options.text("firmware", "")
+    return Hantek6022(
+        options.roles("reference,measurement"),
+        options.wholes("gains", "2,2", "gain"),
+        firmware=Path(firmware) if firmware else None,
+        setup=options.rig(8),
+    )

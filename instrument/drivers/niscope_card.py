@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from analysis.shot.recording import Channel, Role, Setup
 from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.drivers.assumed_rig import assumed_rig
+from instrument.source_options import SourceOptions
 
 PACKAGE_REMEDY = "pip install 'levimass[niscope]'"
 RUNTIME_REMEDY = "install the NI-SCOPE runtime from ni.com/downloads (Windows and Linux), then restart"
@@ -228,3 +229,11 @@ class NiscopeCard(Digitizer):
         if type(error).__name__ in ("DriverNotInstalledError", "DriverTooOldError"):
             return DigitizerError("the NI-SCOPE runtime is not installed", RUNTIME_REMEDY)
         return DigitizerError(f"{self._resource}: {line}", "check the name in NI MAX, or levimass --doctor")
+
+
+def opened(resource: str, options: SourceOptions) -> NiscopeCard:
+    """Return the card of this name in NI MAX."""
+    channels = [str(number) for number in options.wholes("channels", "0,1", "channel")]
+    trigger = CardTrigger(options.text("trigger", "2"), options.number("level", "1"), options.slope())
+    range_v = options.number("range", "2")
+    return NiscopeCard(resource, options.assigned(channels), trigger, range_v=range_v, setup=options.rig(16))

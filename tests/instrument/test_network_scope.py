@@ -3,7 +3,7 @@
 import pytest
 
 from instrument.digitizer import DigitizerError
-from instrument.network_scope import network_name, network_source
+from instrument.drivers.scpi_address import network_name, network_source
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from app.session.rig import Rig
 from app.window.layout import Layout
 from instrument.digitizer import DigitizerError
 from instrument.doctor import Check
+from instrument.drivers.scpi_address import network_name, network_source
 from instrument.found_devices import FoundDevice, found_devices, udev_instructions
-from instrument.network_scope import network_name, network_source
 from instrument.setup_check import judge, judge_site
 from instrument.snapshot import Snapshot
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
+from enum import Enum
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -157,6 +158,11 @@ class Checked:
             return self.number(name, -_LONGEST, _LONGEST)
         if kind is int:
             return self.whole(name, 1, 2**31)
+        if isinstance(kind, type) and issubclass(kind, Enum):
+            try:
+                return kind(self.values[name])
+            except ValueError:
+                raise self.refuse(name, f"{shown(self.values[name])} is none of {', '.join(map(str, kind))}") from None
         if kind is str:
             return self.text(name)
         inner = self.object(name)

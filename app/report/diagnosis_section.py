@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw
 from analysis.shot.plates_of_set import plates_words
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
@@ -16,15 +16,9 @@ from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
 from app.words.physics_words import effect_words, parameter_parts
 from app.words.prefixes import prefix_for
+from app.words.verdict import VERDICTS
 from instrument.recording_error import one_line
 
-VERDICTS = {
-    Verdict.ADEQUATE: "adequate: no missing effect within the detection limits",
-    Verdict.EFFECT_FOUND: "effect found",
-    Verdict.LAW_LEARNED: "law learned: a force that is not in the catalogue",
-    Verdict.PARTLY_EXPLAINED: "partly explained: predictions improve, a significant residual remains",
-    Verdict.UNEXPLAINED: "unexplained: a significant residual remains",
-}
 ERRORS = (
     ("displacement_rms_m", "displacement, rms", "m"),
     ("velocity_rms_m_per_s", "velocity, rms", "m/s"),
@@ -42,7 +36,7 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     count = len(motions)
     taken = "; ".join(filter(None, (weights_words([m.moving_mass_kg for m in motions]), plates_words(motions))))
     parts = [
-        tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict]}."), class_="verdict"),
+        tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict].full}."), class_="verdict"),
         tag("p", diagnosis.sentence),
         tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together{f': {taken}' if taken else ''}."),
     ]

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from analysis.collision.laws.own import is_law
-from app.words.physics_words import EFFECT_WORDS
+from app.words.physics_words import known_effect
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,4 +32,4 @@ class ModelEffects:
 
 def known_effects(names: Iterable[object]) -> tuple[str, ...]:
     """Return those of the names that the catalogue still has, and the laws that can be read from theirs."""
-    return tuple(name for name in names if isinstance(name, str) and (name in EFFECT_WORDS or is_law(name)))
+    return tuple(name for name in names if isinstance(name, str) and (known_effect(name) or is_law(name)))

@@ -4,16 +4,20 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from analysis.collision.effects import findings
-from analysis.diagnosis.result import Diagnosis
+from analysis.diagnosis.result import Diagnosis, Verdict
 
 
 @dataclass(frozen=True, slots=True)
 class VerdictOf:
-    """``effects`` were in the model that was diagnosed, ``found`` are what the diagnosis adds; ``shots`` by number."""
+    """``effects`` were in the model that was diagnosed, ``found`` are what the diagnosis adds; ``shots`` by number.
 
-    effects: tuple[str, ...]
-    found: tuple[str, ...]
-    shots: tuple[int, ...]
+    ``conclusion`` is None where an earlier version kept the verdict.
+    """
+
+    effects: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+    shots: tuple[int, ...] = ()
+    conclusion: Verdict | None = None
 
     def holds(self, effects: Iterable[str], there: Collection[int]) -> bool:
         """Return whether the verdict still holds for a model with these effects and a list with these shots.
@@ -27,4 +31,4 @@ class VerdictOf:
 def verdict_of(diagnosis: Diagnosis, numbers: Iterable[int]) -> VerdictOf:
     """Return what the verdict of a diagnosis of these shots was passed on."""
     found = tuple(effect.name for effect in diagnosis.findings)
-    return VerdictOf(tuple(findings(diagnosis.fit_before.effects)), found, tuple(numbers))
+    return VerdictOf(tuple(findings(diagnosis.fit_before.effects)), found, tuple(numbers), diagnosis.verdict)

@@ -80,7 +80,7 @@ class Workbench:
         self.elsewhere = Elsewhere(session, self.errands)
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
-        self._take: dict[type, Callable[[Any], object]] = {  # what each kind of result is taken by
+        self._takers: dict[type, Callable[[Any], object]] = {  # what each kind of result is taken by
             Event: lambda result: self._waiting.append(result),
             Diagnosed: self._take_diagnosed,
             SavedElsewhere: lambda result: self._waiting.append(self.elsewhere.take(result)),
@@ -315,9 +315,13 @@ class Workbench:
             if job.problem is not None:
                 self._waiting.append(Event(Kind.PROBLEM, f"{job.name}: {job.problem}"))
             else:
-                self._take.get(type(result), lambda _: None)(result)
+                self._take(result)
         happened, self._waiting = self._waiting, []
         return happened
+
+    def _take(self, result: object) -> None:
+        if (take := self._takers.get(type(result))) is not None:
+            take(result)
 
     def _take_diagnosed(self, result: Diagnosed) -> None:
         self.diagnoses.append(result)
@@ -326,7 +330,7 @@ class Workbench:
             self._kept.keep_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
         of = verdict_of(result.diagnosis, result.numbers)
         for number in result.numbers:
-            self.session.set_verdict(number, verdict_words(result.diagnosis), of)
+            self.session.set_verdict(number, verdict_words(result.diagnosis.verdict, of.found), of)
         self._waiting.append(Event(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
         if result.diagnosis.not_asked:
             self._waiting.append(Event(Kind.PROBLEM, f"no time for {'; '.join(result.diagnosis.not_asked)} (F2)"))

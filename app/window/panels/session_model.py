@@ -15,7 +15,7 @@ from app.window.combined import COMBINED, NOISE_ONLY, CombinedOnce
 from app.window.flag_tone import flag_line
 from app.window.panels.session_order import Order, ordered
 from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
-from app.words.verdict import OUTDATED, verdict_in_short
+from app.words.verdict import OUTDATED, verdict_words
 from app.words.wording import DASH, concise_text, how_text, value_text
 
 LETTERS = 14  # a number's width, in digits
@@ -208,8 +208,10 @@ class SessionModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.DisplayRole and column == FLAGS:
             return flags_in_short(entry.shot.flags) if entry.shot is not None else ""
         if role == Qt.ItemDataRole.DisplayRole and column == VERDICT:
-            words = self._text(entry, column)  # or why there is none
-            return verdict_in_short(words) if words == entry.verdict else words
+            of = entry.verdict_of
+            if of is None or of.conclusion is None or entry.shot is None or entry.shot.problem:
+                return self._text(entry, column)
+            return verdict_words(of.conclusion, of.found, short=True)
         if role == Qt.ItemDataRole.EditRole and column == VERDICT and entry.number in self._struck:
             return f"{self._text(entry, column)} (of another model)"
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):

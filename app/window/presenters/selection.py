@@ -103,8 +103,7 @@ class SelectionPresenter(QObject):
         entry = self.front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
         holds = entry is None or self._workbench.session.verdict_holds(entry)
-        verdict = entry.verdict if entry is not None else ""
-        self._panels.model.show_verdict(*told(verdict, fit.effects if fit is not None else (), holds))
+        self._panels.model.show_verdict(*told(entry, fit.effects if fit is not None else (), holds))
 
     def _recording(self, entry: Entry) -> Recording | None:
         if self._raw is None or self._raw[0] != entry.number:

@@ -20,7 +20,7 @@ def everything():
         if not module.name.startswith("levimass.app.window."):
             importlib.import_module(module.name)
     from levimass.analysis.compiled import kernel_cache
-    from levimass.instrument.apart.give_way import give_way
+    from levimass.instrument.process.give_way import give_way
     from levimass.instrument.found_devices import udev_rule_path
     own = {"app", "analysis", "instrument", "resources"}
     assert not own & {name.split(".")[0] for name in sys.modules}

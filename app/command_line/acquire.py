@@ -4,11 +4,11 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from instrument.acquire import AcquireError
-from instrument.acquire import acquire as record
-from instrument.apart.digitizer import open_apart
-from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.recording_error import RecordingError
+from instrument.capture.acquire import AcquireError
+from instrument.capture.acquire import acquire as record
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.files.recording_error import RecordingError
+from instrument.process.digitizer import open_apart
 
 SHOT_S = 0.06  # default length: the contact of some 30 ms with free flight on both sides
 LEAST_ARMING_S = 10.0  # firmware is loaded and the device comes back under another name

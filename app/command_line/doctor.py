@@ -11,11 +11,11 @@ from app.command_line.display import why_no_window
 from app.command_line.version import installed
 from app.session.log import NAME
 from app.session.prepare import complete
-from instrument.apart.digitizer import open_apart
-from instrument.digitizer import DigitizerError
-from instrument.doctor import Check, Grade, examine
-from instrument.recording_error import RecordingError
-from instrument.signal_trial import try_signals
+from instrument.devices.digitizer import DigitizerError
+from instrument.devices.doctor import Check, Grade, examine
+from instrument.files.recording_error import RecordingError
+from instrument.live.signal_trial import try_signals
+from instrument.process.digitizer import open_apart
 
 
 def doctor(folder: Path | None = None, source: str | None = None, bundle: Path | None = None) -> int:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.shot.recording import Role, Setup
-from instrument.foreign.contents import ForeignContents
-from instrument.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
-from instrument.foreign.reading import foreign_channels, read_foreign
-from instrument.foreign.remembered import OF_FOLDER, own_mapping, remembered_mapping
-from instrument.recording_error import RecordingError
+from instrument.files.foreign.contents import ForeignContents
+from instrument.files.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
+from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.foreign.remembered import OF_FOLDER, own_mapping, remembered_mapping
+from instrument.files.recording_error import RecordingError
 
 
 @dataclass(frozen=True, slots=True)

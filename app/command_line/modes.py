@@ -83,7 +83,7 @@ def _replay(options: argparse.Namespace) -> Run:
 
 def _acquire(options: argparse.Namespace) -> Run:
     from app.command_line.acquire import Taking, acquire
-    from instrument.sources import at_site
+    from instrument.devices.sources import at_site
 
     source = options.source if options.site is None else at_site(options.source, options.site)
     taking = Taking(source, options.out, options.rate, options.samples, options.timeout)

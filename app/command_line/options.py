@@ -13,7 +13,7 @@ from typing import Any
 from analysis.shot.analysis_settings import AnalysisChoices, AnalysisSettings
 from analysis.shot.setting import Setting, settings_of
 from app.command_line.model_choice import MODELS, is_model_file
-from instrument.sources import is_bench, source_words
+from instrument.devices.sources import is_bench, source_words
 
 Parsed = Callable[[str], Any]
 

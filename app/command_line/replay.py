@@ -33,10 +33,10 @@ from app.report.export_laws import export_laws
 from app.report.page import report_of
 from app.session.load import complaint, load_and_analyse
 from app.words.flag_words import by_weight, flag_words
-from instrument.law_file import read_law
-from instrument.recording_error import RecordingError
-from instrument.recording_search import find_recordings
-from instrument.recording_writer import write_text_beside
+from instrument.files.law_file import read_law
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_search import find_recordings
+from instrument.files.recording_writer import write_text_beside
 
 DRIFT_SIGMAS = 4.0
 

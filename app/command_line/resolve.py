@@ -17,12 +17,12 @@ from app.command_line.acquire import LEAST_ARMING_S, Taking, capture_settings
 from app.command_line.outputs import check_outputs, in_a_line
 from app.session.load import complaint, load_and_analyse
 from app.session.planned_record import planned_record, planned_setup
-from instrument.acquire import AcquireError, acquire
-from instrument.apart.digitizer import open_apart
-from instrument.digitizer import DigitizerError
-from instrument.recording_error import RecordingError
-from instrument.recording_writer import write_text_beside
-from instrument.sources import is_bench, pushed
+from instrument.capture.acquire import AcquireError, acquire
+from instrument.devices.digitizer import DigitizerError
+from instrument.devices.sources import is_bench, pushed
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_writer import write_text_beside
+from instrument.process.digitizer import open_apart
 
 
 def resolve(first: int, most: int, taking: Taking, json_to: str | None, reach: Reach | None = None) -> int:

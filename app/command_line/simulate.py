@@ -6,7 +6,7 @@ from pathlib import Path
 from instrument.bench.effects import parse
 from instrument.bench.simulate import simulate as write_simulated
 from instrument.bench.site import QUIET, site_named
-from instrument.recording_error import RecordingError
+from instrument.files.recording_error import RecordingError
 
 
 def simulate(

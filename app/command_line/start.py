@@ -29,7 +29,7 @@ def headless_shot() -> int:
     from app.session.prepare import Stage, prepare_first_shot
     from app.words.flag_words import by_weight, flag_words
     from instrument.bench.simulate import simulate
-    from instrument.open_recording import open_recording
+    from instrument.files.open_recording import open_recording
 
     ready = {stage: threading.Event() for stage in (Stage.READINGS, Stage.FIT)}
     with ThreadPoolExecutor(1) as beside, tempfile.TemporaryDirectory(prefix="levimass-") as folder:

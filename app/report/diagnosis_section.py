@@ -17,7 +17,7 @@ from app.report.svg_plot import Band, Line, Plot
 from app.words.physics_words import effect_words, parameter_parts
 from app.words.prefixes import prefix_for
 from app.words.verdict import VERDICTS
-from instrument.recording_error import one_line
+from instrument.files.recording_error import one_line
 
 ERRORS = (
     ("displacement_rms_m", "displacement, rms", "m"),

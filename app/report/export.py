@@ -23,7 +23,7 @@ from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
 from analysis.uncertainty.series import series
 from analysis.uncertainty.series import to_rows as series_rows
 from app.words.plain import cell
-from instrument.recording_writer import write_text_beside
+from instrument.files.recording_writer import write_text_beside
 
 Floats = NDArray[np.float64]
 MOTION_COLUMNS = (

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Role
-from instrument.foreign import csv_table, hdf5, tdms, wav
-from instrument.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents
+from instrument.files.foreign import csv_table, hdf5, tdms, wav
+from instrument.files.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents
 
 LOOKED_AT = 2**22  # samples of a channel
 PARTS, PART = 48, 4096  # stretches over the record in which the beat is looked for, and their length at most

@@ -10,9 +10,9 @@ from analysis.shot.setting import Value
 from analysis.shot.shot import AnalysisSettings
 from app.session import settings_file
 from app.session.settings import MOST_ADDRESSES, WrongSettings
-from instrument.capture_options import CaptureOptions
-from instrument.digitizer import Digitizer
-from instrument.sources import source_of
+from instrument.capture.capture_options import CaptureOptions
+from instrument.devices.digitizer import Digitizer
+from instrument.devices.sources import source_of
 
 MOST_RECENT = 12
 RIG = (  # what belongs together when it is put right

@@ -6,7 +6,7 @@ from pathlib import Path
 from app.session.event import Event, Kind, SavedElsewhere
 from app.session.jobs import Asked, Jobs, Report
 from app.session.session import Session
-from instrument.recording_error import PartlySaved
+from instrument.files.recording_error import PartlySaved
 
 
 class Elsewhere:

@@ -15,9 +15,9 @@ from analysis.shot.shot import AnalysisError, Shot
 from analysis.uncertainty.budget import budget
 from app.session.model_effects import ModelEffects
 from app.words.wording import effect_words, local, model_in_words, parameter_parts
-from instrument.recording_error import RecordingError
-from instrument.recording_writer import write_text_beside
-from instrument.text_file import read_toml_text
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_writer import write_text_beside
+from instrument.files.text_file import read_toml_text
 
 NOISE_ALONE = "value, and standard uncertainty from noise alone, SI units"
 COMBINED = "combined standard uncertainties: noise, and mass, wavelength, air and clock"

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
-from instrument.law_file import read_laws, write_law
+from instrument.files.law_file import read_laws, write_law
 
 
 class OwnLaws:

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from app.session.session import SCHEMA, Session
-from instrument.folder_lock import FolderHeld, FolderLock
-from instrument.recording_error import RecordingError
+from instrument.files.folder_lock import FolderHeld, FolderLock
+from instrument.files.recording_error import RecordingError
 
 MOST_WINDOWS = 20
 

@@ -14,11 +14,11 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.shot.shot import AnalysisSettings, Shot
 from analysis.shot.version import program, program_version
 from app.session.frozen_file import NotKept, head_of, packed, unpacked
-from instrument.foreign.remembered import is_foreign
-from instrument.recording_error import RecordingError
-from instrument.recording_metadata import read_metadata
-from instrument.recording_search import recording_stem
-from instrument.recording_writer import write_beside
+from instrument.files.foreign.remembered import is_foreign
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_metadata import read_metadata
+from instrument.files.recording_search import recording_stem
+from instrument.files.recording_writer import write_beside
 
 SCHEMA = "levimass.kept/2"
 MOST_BYTES = 2_000_000_000  # in all; the oldest go first

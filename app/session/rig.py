@@ -13,19 +13,19 @@ from analysis.pipeline import read
 from analysis.shot.recording import Channel, Recording
 from analysis.shot.shot import AnalysisSettings, Cancelled, Progress, Shot
 from app.session.prepare import Stage
-from instrument.acquisition import Deadlines, State
-from instrument.analyst import fit_here
-from instrument.apart.analysis import AnalysisApart
-from instrument.apart.digitizer import open_apart
-from instrument.capture_options import CaptureOptions
-from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.drivers.scpi_address import network_name
-from instrument.found_devices import FoundDevice, found_devices
-from instrument.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot, empty_view
-from instrument.sources import listed_sources
+from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.analyst import fit_here
+from instrument.capture.capture_options import CaptureOptions
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.found_devices import FoundDevice, found_devices
+from instrument.devices.scpi_address import network_name
+from instrument.devices.sources import listed_sources
+from instrument.live.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot, empty_view
+from instrument.process.analysis import AnalysisApart
+from instrument.process.digitizer import open_apart
 
 if TYPE_CHECKING:
-    from instrument.capture import Capture
+    from instrument.capture.capture import Capture
 
 Open = Callable[[str], Digitizer]
 Awaited = Callable[[Stage, Callable[[], bool]], None]  # returns when kernels are ready, or raises Cancelled
@@ -285,7 +285,7 @@ class Rig:
             self._problems.append(f"{running.source} did not end in time; re-plug it before it is used again")
 
     def _open_source(self, source: str) -> None:
-        from instrument.capture import Capture  # brings the numerics: only now, beside the screen
+        from instrument.capture.capture import Capture  # brings the numerics: only now, beside the screen
 
         self._fault = None
         try:

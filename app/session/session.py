@@ -11,10 +11,10 @@ from analysis.shot.corrected import NAMES
 from analysis.shot.shot import AnalysisSettings, Shot
 from app.session.model_effects import ModelEffects, known_effects
 from app.session.verdict_of import VerdictOf
-from instrument.checked import Checked
-from instrument.recording_error import RecordingError, shown
-from instrument.recording_writer import write_json_beside
-from instrument.text_file import read_json
+from instrument.files.checked import Checked
+from instrument.files.recording_error import RecordingError, shown
+from instrument.files.recording_writer import write_json_beside
+from instrument.files.text_file import read_json
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100

@@ -12,12 +12,12 @@ from analysis.shot.analysis_settings import AnalysisChoices, AnalysisSettings
 from analysis.shot.recording import Air, Setup
 from analysis.shot.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
 from instrument.bench.site import LEVELS_M_PER_S, NAMES, USUAL_SITE
-from instrument.capture_options import CaptureOptions
-from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.drivers.scpi_address import network_source
-from instrument.recording_error import shown
-from instrument.sources import source_of
-from instrument.trigger import Edge
+from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.trigger import Edge
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.scpi_address import network_source
+from instrument.devices.sources import source_of
+from instrument.files.recording_error import shown
 
 MOST_ADDRESSES = 5
 

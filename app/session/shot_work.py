@@ -16,7 +16,7 @@ from app.session.jobs import Asked
 from app.session.load import load_and_analyse
 from app.session.model_effects import ModelEffects
 from app.session.model_in_use import save_model
-from instrument.recording_writer import write_text_beside
+from instrument.files.recording_writer import write_text_beside
 
 
 def open_shot(

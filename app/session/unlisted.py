@@ -4,10 +4,10 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from instrument.checked import Checked
-from instrument.recording_error import RecordingError
-from instrument.recording_metadata import read_metadata
-from instrument.text_file import read_json
+from instrument.files.checked import Checked
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_metadata import read_metadata
+from instrument.files.text_file import read_json
 
 MOST = 1000  # newest recordings of the folder that are looked at
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from app.session.event import InSession
 from app.session.jobs import Asked, Job, Jobs, Report
-from instrument.apart.work import WorkApart
+from instrument.process.work import WorkApart
 
 OF_A_SESSION = ("open", "refit", "diagnosis", "plan", "kept")  # kinds that concern nobody once another session is open
 

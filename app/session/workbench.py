@@ -37,10 +37,10 @@ from app.session.verdict_of import verdict_of
 from app.session.why import Why
 from app.session.work import Work
 from app.words.verdict import verdict_words
-from instrument.analyst import STOPPED
-from instrument.apart.work import WorkApart
-from instrument.recording_error import RecordingError
-from instrument.recording_file import find_recordings, rewrite_note
+from instrument.capture.analyst import STOPPED
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import find_recordings, rewrite_note
+from instrument.process.work import WorkApart
 
 MOST_NAMED = 6  # shots, in the name of a diagnosis under way
 

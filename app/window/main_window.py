@@ -41,13 +41,13 @@ from app.window.presenters.tour import TourPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
 from app.window.within_screen import first_size, keep_within_screen
-from instrument.acquisition import State
-from instrument.apart.analysis import AnalysisApart
-from instrument.apart.digitizer import open_apart
-from instrument.apart.work import WorkApart
-from instrument.digitizer import Digitizer
-from instrument.snapshot import FinishedShot, Snapshot
-from instrument.sources import at_site
+from instrument.capture.acquisition import State
+from instrument.devices.digitizer import Digitizer
+from instrument.devices.sources import at_site
+from instrument.live.snapshot import FinishedShot, Snapshot
+from instrument.process.analysis import AnalysisApart
+from instrument.process.digitizer import open_apart
+from instrument.process.work import WorkApart
 
 PULL_MS = 35
 FRAMED_MS = 300  # after the first show: by then the system has given the window its title bar

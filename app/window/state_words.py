@@ -10,9 +10,9 @@ from app.session.session import Entry
 from app.window.panels.signal_line import Sign
 from app.window.theme import Tone
 from app.words.wording import local, number, room, value_text
-from instrument.acquisition import State
-from instrument.snapshot import KEPT_IN_MEMORY, ChannelSignal, SignalLine, Snapshot
-from instrument.trigger import Level
+from instrument.capture.acquisition import State
+from instrument.capture.trigger import Level
+from instrument.live.snapshot import KEPT_IN_MEMORY, ChannelSignal, SignalLine, Snapshot
 
 GOOD_SNR_DB = 25.0
 POOR_SNR_DB = 15.0

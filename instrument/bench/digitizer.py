@@ -12,8 +12,8 @@ from analysis.shot.recording import Setup
 from instrument.bench.bench import Bench, Stage
 from instrument.bench.effects import parse
 from instrument.bench.site import QUIET, site_named
-from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.source_options import SourceOptions
+from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.source_options import SourceOptions
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
 _CHUNK = 1 << 17

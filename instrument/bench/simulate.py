@@ -20,7 +20,7 @@ from instrument.bench.optics import Path as LightPath
 from instrument.bench.optics import fill, node_times_s
 from instrument.bench.sight import lit, seen, shoot
 from instrument.bench.site import QUIET, Site
-from instrument.recording_file import write_recording
+from instrument.files.recording_file import write_recording
 
 SAMPLE_RATE_HZ = 10e6
 DURATION_S = 0.06

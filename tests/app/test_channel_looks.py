@@ -20,11 +20,11 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from instrument.bench.simulate import simulate
-from instrument.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
-from instrument.foreign.reading import foreign_channels, read_foreign
-from instrument.foreign.remembered import own_mapping
-from instrument.open_recording import open_recording
-from instrument.recording_file import write_recording
+from instrument.files.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
+from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.foreign.remembered import own_mapping
+from instrument.files.open_recording import open_recording
+from instrument.files.recording_file import write_recording
 from tests.app import synthetic
 
 

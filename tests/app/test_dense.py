@@ -18,7 +18,7 @@ from app.window.plots.cursor_readout import CursorReadout
 from app.window.theme import LIGHT, Theme, Tone
 from app.window.waiting import waits_for
 from app.words.wording import concise_text
-from instrument.doctor import Check, Grade
+from instrument.devices.doctor import Check, Grade
 from tests.app import synthetic
 
 

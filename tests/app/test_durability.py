@@ -18,8 +18,8 @@ from app.session.session import Session
 from app.session.settings import Settings
 from app.session.settings_file import load, save
 from app.window.plots.save import save_columns
-from instrument.recording_error import RecordingError
-from instrument.recording_file import read_recording, rewrite_note, verify, write_recording
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import read_recording, rewrite_note, verify, write_recording
 from tests.app import synthetic
 from tests.only_synced import Image, only_synced
 

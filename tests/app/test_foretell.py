@@ -16,7 +16,7 @@ from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main
 from app.session.load import load_and_analyse
 from app.session.put_to_test import put_to_test
-from instrument.motion_file import read_motion
+from instrument.files.motion_file import read_motion
 from tests.analysis.drive.slider import Drive, Floats
 
 

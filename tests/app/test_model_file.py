@@ -15,7 +15,7 @@ from app.session.model_effects import ModelEffects
 from app.session.model_in_use import drift_words, load_model, model_words, save_model
 from app.session.session import Session
 from app.window.main_window import open_window
-from instrument.recording_error import RecordingError
+from instrument.files.recording_error import RecordingError
 from tests.app import rigs, synthetic
 
 WAIT_MS = 60_000

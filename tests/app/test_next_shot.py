@@ -20,7 +20,7 @@ from app.session.next_shots import NextShots
 from app.session.planned_record import planned_setup
 from app.session.settings import Settings
 from app.window.panels.next_shot import NextShotCard
-from instrument.capture_options import CaptureOptions
+from instrument.capture.capture_options import CaptureOptions
 from tests.analysis.diagnosis.shots import motions_of
 from tests.analysis.planning.rig import rig
 from tests.app import synthetic

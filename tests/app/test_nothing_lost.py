@@ -33,13 +33,13 @@ from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from app.words.typed_number import typed_number
 from app.words.wording import DASH, local
-from instrument.analyst import Analyst
 from instrument.bench.simulate import simulate
-from instrument.digitizer import CaptureSettings
-from instrument.open_recording import open_recording
-from instrument.recording_file import write_recording
-from instrument.recording_writer import RecordingWriter
-from instrument.snapshot import FinishedShot, WaitingShot
+from instrument.capture.analyst import Analyst
+from instrument.devices.digitizer import CaptureSettings
+from instrument.files.open_recording import open_recording
+from instrument.files.recording_file import write_recording
+from instrument.files.recording_writer import RecordingWriter
+from instrument.live.snapshot import FinishedShot, WaitingShot
 from tests.app import synthetic
 
 WAIT_MS = 30_000

@@ -11,11 +11,11 @@ import pytest
 from analysis.shot.recording import Role
 from app.command_line import options
 from app.session.rig import Rig
-from instrument import sources
-from instrument.acquire import acquire
-from instrument.digitizer import CaptureSettings, DigitizerError
-from instrument.open_recording import open_recording
-from instrument.sources import Source, open_source, source_of, source_words
+from instrument.capture.acquire import acquire
+from instrument.devices import sources
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.sources import Source, open_source, source_of, source_words
+from instrument.files.open_recording import open_recording
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "add-a-digitizer.md"
 
@@ -23,7 +23,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "add-a-digitizer.md"
 @pytest.fixture
 def registered(monkeypatch: pytest.MonkeyPatch) -> None:
     driver, row = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    module = types.ModuleType("instrument.drivers.tone_generator")
+    module = types.ModuleType("instrument.devices.tone_generator")
     monkeypatch.setitem(sys.modules, module.__name__, module)
     exec(compile(driver, "tone_generator.py", "exec"), module.__dict__)
     monkeypatch.setattr(sources, "SOURCES", (*sources.SOURCES, eval(row, {"Source": Source})))

@@ -10,8 +10,8 @@ from typing import IO, Any, cast
 
 from app.command_line.campaign.task import Entry
 from app.report.export import shot_columns
-from instrument.recording_error import RecordingError
-from instrument.text_file import open_regular
+from instrument.files.recording_error import RecordingError
+from instrument.files.text_file import open_regular
 
 JOURNAL = "campaign.jsonl"
 _HEAD = b'{"sha256": "'

@@ -18,9 +18,9 @@ from app.command_line.model_choice import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.report.export import write_shots
 from app.session.load import complaint
-from instrument.recording_error import RecordingError
-from instrument.recording_search import find_recordings
-from instrument.recording_writer import write_text_beside
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_search import find_recordings
+from instrument.files.recording_writer import write_text_beside
 
 AHEAD = 4  # shots handed out for each worker, so that none waits and none hoards
 

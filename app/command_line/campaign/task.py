@@ -10,9 +10,9 @@ from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program
 from app.report.export import motion_file_names, shot_row, write_motion
 from app.session.load import analysed, cause_of, unanalysed
-from instrument.foreign.remembered import remembered_mapping
-from instrument.recording_error import FileNotReached, RecordingError, one_line
-from instrument.recording_search import recording_stem
+from instrument.files.foreign.remembered import remembered_mapping
+from instrument.files.recording_error import FileNotReached, RecordingError, one_line
+from instrument.files.recording_search import recording_stem
 
 Entry = dict[str, Any]  # "stamp", "shot" as in the result file, "row" of shots.csv
 

@@ -8,7 +8,7 @@ from analysis.collision.laws.own import LawError, from_key
 from app.session.own_laws import OwnLaws
 from app.window.layout import Layout
 from app.window.theme import Tone
-from instrument.recording_error import RecordingError
+from instrument.files.recording_error import RecordingError
 
 
 class LawsPresenter(QObject):

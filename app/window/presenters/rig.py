@@ -17,9 +17,9 @@ from app.window.layout import Layout
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import Tone
 from app.words.wording import duration
-from instrument.acquisition import State
-from instrument.snapshot import Snapshot
-from instrument.sources import is_bench
+from instrument.capture.acquisition import State
+from instrument.devices.sources import is_bench
+from instrument.live.snapshot import Snapshot
 
 RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)"
 

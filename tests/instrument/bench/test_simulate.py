@@ -11,7 +11,7 @@ from instrument.bench.optics import Optics
 from instrument.bench.sight import cyclic_m, lit, seen, shoot
 from instrument.bench.simulate import draw_undeclared, read_truth, simulate, speeds_of_set
 from instrument.bench.site import site_named
-from instrument.recording_file import find_recordings, read_recording, verify
+from instrument.files.recording_file import find_recordings, read_recording, verify
 
 SPEED = 0.265
 TIME = np.arange(0.0, 0.06, 1e-5)

@@ -26,7 +26,7 @@ PUSH = ("speed", "added", "first")
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A kind of digitizer; what opens and finds it is named "module:function" and imported only then.
+    """A kind of digitizer; what opens and finds it is named "folder.module:function" and imported only then.
 
     ``opened`` takes the address and a ``SourceOptions`` and returns the digitizer; ``found`` takes a USB backend (None:
     the system's) and returns what is plugged in.  ``listed`` are the texts that the window always offers, with their
@@ -53,7 +53,7 @@ class Source:
 SOURCES = (
     Source(
         "bench",
-        "instrument.bench.digitizer:opened",
+        "bench.digitizer:opened",
         options=("effect", "seed", "site", *PUSH),
         listed={  # the effect is not named on the screen: it is to be found
             "bench": "Simulated bench",
@@ -64,7 +64,7 @@ SOURCES = (
     ),
     Source(
         "replay",
-        "instrument.devices.replay:opened",
+        "devices.replay:opened",
         "PATH",
         listed={"replay:": "Play a recording …"},
         knows_its_rig=True,
@@ -73,23 +73,23 @@ SOURCES = (
     ),
     Source(
         "hantek6022",
-        "instrument.devices.hantek6022:opened",
+        "devices.hantek6022:opened",
         options=("roles", "gains", "firmware", *_RIG),
-        found="instrument.devices.found_devices:hantek6022",
+        found="devices.found_devices:hantek6022",
     ),
     Source(
         "scpi",
-        "instrument.devices.scpi_address:opened",
+        "devices.scpi_address:opened",
         "ADDRESS",
         options=("channels", "roles", "trigger", "slope", "level", *_RIG),
-        found="instrument.devices.found_devices:oscilloscopes",
+        found="devices.found_devices:oscilloscopes",
     ),
     Source(
         "niscope",
-        "instrument.devices.niscope_card:opened",
+        "devices.niscope_card:opened",
         "RESOURCE",
         options=("channels", "roles", "trigger", "slope", "level", "range", *_RIG),
-        found="instrument.devices.found_devices:ni_cards",
+        found="devices.found_devices:ni_cards",
     ),
 )
 
@@ -134,12 +134,12 @@ def open_source(text: str, *, setup: "Setup | None" = None) -> "Digitizer":
 
 
 def imported(name: str) -> Any:
-    """Return the function that "module:function" names.  Raises DigitizerError where a package is missing."""
+    """Return the function that "folder.module:function" names.  Raises DigitizerError where a package is missing."""
     from instrument.devices.digitizer import DigitizerError
 
     module, _, function = name.partition(":")
     try:
-        return getattr(importlib.import_module(module), function)
+        return getattr(importlib.import_module(f"..{module}", __package__), function)
     except ModuleNotFoundError as error:
         raise DigitizerError(f"this source needs {error.name}, which is not installed", "reinstall Levimass") from error
 

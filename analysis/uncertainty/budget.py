@@ -1,14 +1,14 @@
 """Uncertainty budget of a shot in the sense of the GUM (JCGM 100:2008): source by source, type A and B apart."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from uncertainties.core import AffineScalarFunc
 
-from analysis.shot.quantity import Quantity
+from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget_sources import ShotSources
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
@@ -210,3 +210,14 @@ def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> Budg
     about = " about their line over speed" if sloped else ""
     how = f"scatter of {len(readings)} shots at a like speed{about}, beyond their own noise"
     return BudgetRow("repeatability", "A", spread, unit, 1.0, how)
+
+
+def combined_of(shot: Shot) -> dict[str, float]:
+    """Return the combined standard uncertainty of each number that has a budget, by its key; some ms."""
+    return {q.key: q.std for q in budget(shot).quantities} if shot.impact is not None else {}
+
+
+def stated(reading: Reading, key: str, combined: Mapping[str, float]) -> Reading:
+    """Return a reading with the uncertainty that stands under its key, or as it is where none does."""
+    std = combined.get(key)
+    return replace(reading, std=std) if isinstance(reading, Quantity) and std is not None else reading

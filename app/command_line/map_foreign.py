@@ -8,9 +8,16 @@ from pathlib import Path
 
 from analysis.shot.recording import Role, Setup
 from instrument.files.foreign.contents import ForeignContents
-from instrument.files.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
+from instrument.files.foreign.mapping import (
+    OF_FOLDER,
+    ForeignMapping,
+    MappedChannel,
+    own_mapping,
+    read_mapping,
+    remembered_mapping,
+    write_mapping,
+)
 from instrument.files.foreign.reading import foreign_channels, read_foreign
-from instrument.files.foreign.remembered import OF_FOLDER, own_mapping, remembered_mapping
 from instrument.files.recording_error import RecordingError
 
 

@@ -95,7 +95,7 @@ def _acquire(options: argparse.Namespace) -> Run:
 
 
 def _simulate(options: argparse.Namespace) -> Run:
-    from app.command_line.simulate import simulate
+    from app.command_line.acquire import simulate
 
     return partial(
         simulate,
@@ -122,7 +122,7 @@ def _paper(options: argparse.Namespace) -> Run:
 
 
 def _prepare(options: argparse.Namespace) -> Run:
-    from app.command_line.prepare import prepare
+    from app.command_line.doctor import prepare
 
     return partial(prepare, options.jobs)
 

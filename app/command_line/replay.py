@@ -18,18 +18,17 @@ from analysis.fitted.readings_model import readings_model
 from analysis.planning.next_shot import Reach
 from analysis.report import result
 from analysis.shot.fit import Fit
-from analysis.shot.one_rig import why_not_together
+from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Shot
-from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import Kind, of_collision
 from app.command_line.model_choice import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.command_line.plan_ahead import Ahead, plan_ahead
-from app.report.export import export
+from app.report.export import export, export_laws
 from app.report.export_foretold import export_foretold
 from app.report.export_hdf5 import export_hdf5
-from app.report.export_laws import export_laws
 from app.report.page import report_of
 from app.session.load import complaint, load_and_analyse
 from app.words.flag_words import by_weight, flag_words

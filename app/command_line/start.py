@@ -23,8 +23,8 @@ def main() -> int:
 def headless_shot() -> int:
     """Simulate one shot in a usual laboratory and print its readings as soon as they are there, then its fit."""
     from analysis.pipeline import fitted, read
-    from analysis.uncertainty.combined import combined_of
-    from app.command_line.prepare import progress_lines
+    from analysis.uncertainty.budget import combined_of
+    from app.command_line.doctor import progress_lines
     from app.command_line.replay import fit_lines, summary
     from app.session.prepare import Stage, prepare_first_shot
     from app.words.flag_words import by_weight, flag_words

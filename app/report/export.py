@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.result import Diagnosis, LearnedLaw
 from analysis.fitted.fitted_shot import shaking_of
 from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import COLUMNS as BUDGET_COLUMNS
-from analysis.uncertainty.budget import budget, to_rows
-from analysis.uncertainty.combined import combined_of
+from analysis.uncertainty.budget import budget, combined_of, to_rows
 from analysis.uncertainty.noise_band import noise_band
 from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
 from analysis.uncertainty.series import series
@@ -182,3 +182,28 @@ def _cells(reading: Reading, combined: float | None) -> list[str]:
         return ["", "", ""]
     std = reading.std if combined is None else combined
     return [repr(float(reading.value)), repr(float(std)), repr(float(reading.std))]
+
+
+def export_laws(diagnosis: Diagnosis, folder: Path) -> list[Path]:
+    """Write ``law_1.csv`` and so on, a row a point of the learned curve; return the paths.  Raises OSError."""
+    paths = []
+    for number, law in enumerate(diagnosis.laws, 1):
+        columns = law_columns(law)
+        rows = [[repr(float(value)) for value in row] for row in zip(*columns.values(), strict=True)]
+        path = folder / f"law_{number}.csv"
+        write_table(list(columns), rows, path)
+        paths.append(path)
+    return paths
+
+
+def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
+    """Return the columns of a law's curve by their names: the argument, the free curve, its band, the closed forms."""
+    unit = law.curve_unit.replace("/", "_per_")
+    columns = {f"{law.argument.replace(' ', '_')}_{unit}": law.curve_argument.tolist()}
+    columns |= {"force_n": law.curve_force_n.tolist(), "force_std_n": law.curve_std_n.tolist()}
+    forms = [(law.nearest_form, law.form_force_n)]
+    forms += [(other.form, other.curve_force_n) for other in law.other_forms if other.curve_force_n is not None]
+    for form, curve in forms:
+        assert curve is not None
+        columns[f"{form.replace(', ', '_').replace(' ', '_')}_n"] = curve.tolist()
+    return columns

@@ -9,14 +9,12 @@ import numpy as np
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
 from analysis.shot.units import shown_in
-from analysis.uncertainty.budget import budget
-from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.budget import budget, combined_of, stated
 from analysis.uncertainty.numbers import Kind, of_collision, with_unit
 from analysis.uncertainty.series import Series, Summary, Trend, series
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import scaled
-from app.report.shot_figures import figure
-from app.report.shot_times import contact_span_ms, time_zero
+from app.report.shot_figures import contact_span_ms, figure, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
 from app.words.flag_words import by_weight, flag_name
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
-from analysis.shot.corrected import AIR
+from analysis.shot.recording import AIR
 from analysis.shot.setting import Value
 from analysis.shot.shot import AnalysisSettings
 from app.session import settings_file

@@ -6,8 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from analysis.pipeline import analyse, analyse_motion
-from analysis.shot.corrected import FLAG
-from analysis.shot.recording import Recording
+from analysis.shot.recording import FLAG, Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
 from instrument.files.motion_file import read_motion

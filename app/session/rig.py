@@ -21,8 +21,8 @@ from instrument.devices.found_devices import FoundDevice, found_devices
 from instrument.devices.scpi_address import network_name
 from instrument.devices.sources import listed_sources
 from instrument.live.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot, empty_view
-from instrument.process.analysis import AnalysisApart
 from instrument.process.digitizer import open_apart
+from instrument.process.work import AnalysisApart
 
 if TYPE_CHECKING:
     from instrument.capture.capture import Capture

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.fitted.awaited_fit import awaits_fit
-from analysis.shot.corrected import NAMES
+from analysis.shot.recording import NAMES
 from analysis.shot.shot import AnalysisSettings, Shot
 from app.session.model_effects import ModelEffects, known_effects
 from app.session.verdict_of import VerdictOf

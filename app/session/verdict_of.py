@@ -1,10 +1,11 @@
-"""Which model and which shots a verdict was passed on: with another model or fewer shots it no longer holds."""
+"""The diagnoses of a session, and which model and which shots a verdict was passed on."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from analysis.collision.effects import findings
 from analysis.diagnosis.result import Diagnosis, Verdict
+from app.session.event import Diagnosed
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,3 +33,22 @@ def verdict_of(diagnosis: Diagnosis, numbers: Iterable[int]) -> VerdictOf:
     """Return what the verdict of a diagnosis of these shots was passed on."""
     found = tuple(effect.name for effect in diagnosis.findings)
     return VerdictOf(tuple(findings(diagnosis.fit_before.effects)), found, tuple(numbers), diagnosis.verdict)
+
+
+class Diagnoses(list[Diagnosed]):
+    """Finds the one that a selection is about."""
+
+    @property
+    def newest(self) -> Diagnosed | None:
+        """Get the newest diagnosis."""
+        return self[-1] if self else None
+
+    def of(self, numbers: Sequence[int]) -> Diagnosed | None:
+        """Return the newest diagnosis of just these entries, else of some with the last of them, or None."""
+        newest = self[::-1]
+        exact = next((found for found in newest if set(found.numbers) == set(numbers)), None)
+        return exact or next((found for found in newest if set(numbers[-1:]) & set(found.numbers)), None)
+
+    def within(self, chosen: set[int]) -> Diagnosed | None:
+        """Return the newest diagnosis of which every entry is among these, or None."""
+        return next((found for found in self[::-1] if set(found.numbers) <= chosen), None)

@@ -15,25 +15,20 @@ from typing import Any
 
 from analysis.fitted.awaited_fit import awaits_fit
 from analysis.fitted.fitted_shot import shaking_of
-from analysis.shot.one_rig import why_not_together
+from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisSettings, Shot
-from app.session.diagnoses import Diagnoses
-from app.session.elsewhere import Elsewhere
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Refitted, Reopened, SavedElsewhere
-from app.session.jobs import Asked, Job, Report
-from app.session.kept_work import KeptWork
+from app.session.jobs import Asked, Job, Report, Saver
 from app.session.load import unanalysed
+from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
-from app.session.own_laws import OwnLaws
-from app.session.own_session import held, named_session, own_session
-from app.session.papers import Papers
-from app.session.results import Key, Results
-from app.session.saver import Saver
+from app.session.own_session import Unlisted, held, listed_by, named_session, own_session, unlisted
+from app.session.papers import Elsewhere, Papers
+from app.session.results import KeptWork, Key, Results
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_motions, open_shot
-from app.session.unlisted import Unlisted, listed_by, unlisted
-from app.session.verdict_of import verdict_of
+from app.session.verdict_of import Diagnoses, verdict_of
 from app.session.why import Why
 from app.session.work import Work
 from app.words.verdict import verdict_words

@@ -13,7 +13,6 @@ from app.words.physics_words import model_effect_words as model_effect_words
 from app.words.physics_words import model_in_words as model_in_words
 from app.words.physics_words import parameter_parts as parameter_parts
 from app.words.physics_words import repeatability_words as repeatability_words
-from app.words.prefixes import prefix_for
 
 DASH = "–"
 LONGEST_NAME = 24  # characters of a shot's name beside others
@@ -130,3 +129,42 @@ def with_prefix(value: float | None, unit: str, digits: int = 3) -> str:
         return DASH
     factor, words = prefix_for(value, unit)
     return f"{number(factor * value, digits)} {words}"
+
+
+PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
+
+
+def prefix_for(size: float, unit: str) -> tuple[float, str]:
+    """Return (factor, unit) in which ``size``, in the SI ``unit``, is best told: (1e9, "nm") for 3e-8 m."""
+    if not math.isfinite(size) or size == 0.0:
+        return 1.0, unit
+    least = [(scale, prefix) for scale, prefix in PREFIXES if abs(size) >= 0.9995 * scale]
+    scale, prefix = least[-1] if least else PREFIXES[0]
+    return 1.0 / scale, f"{prefix}{unit}"
+
+
+def typed_number(text: str) -> float:
+    """Return the number: a point and a comma both are the decimal sign.
+
+    Raises ValueError, with the reason in words, where there is more than one of them: which one marks the decimals and
+    which one thousands depends on the country, and the wrong guess is wrong by a factor of a thousand.
+    """
+    plain = text.strip().replace("−", "-")
+    if plain.count(".") + plain.count(",") > 1:
+        raise ValueError(f"{text} could be read in two ways: write it with one decimal sign and without groups")
+    try:
+        value = float(plain.replace(",", "."))
+    except ValueError:
+        raise ValueError(f"{text} is not a number") from None
+    if "_" in plain or not math.isfinite(value):
+        raise ValueError(f"{text} is not a number")
+    return value
+
+
+def typed_numbers(text: str) -> tuple[float, ...]:
+    """Return the numbers of a list, parted by blanks or semicolons; a comma before a blank parts too.
+
+    Raises ValueError as ``typed_number`` does.
+    """
+    words = (word.removesuffix(",") for word in text.replace(";", " ").split())
+    return tuple(typed_number(word) for word in words if word)

@@ -11,13 +11,12 @@ import numpy as np
 from analysis.fitted.awaited_fit import awaits_fit
 from analysis.shot.recording import Gap
 from instrument.capture.acquisition import Acquisition, Action, Deadlines, Event, State, Transition
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.capture_options import CaptureOptions, usual_settings
 from instrument.capture.finished_shots import ABORTED, FinishedShots
 from instrument.capture.growing_shot import GrowingShot
 from instrument.capture.recorder import Recorded, Recorder
 from instrument.capture.ring import Overwritten
 from instrument.capture.source_run import Piece, SourceRun, check_settings
-from instrument.capture.usual_settings import usual_settings
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.files.folder_lock import FolderLock, disk_free_bytes
 from instrument.files.recording_error import RecordingError, one_line

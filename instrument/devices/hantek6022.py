@@ -9,6 +9,7 @@ differently: code 10 is 10 MS/s for one and 100 kS/s for the other.
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,10 @@ from numpy.typing import NDArray
 from analysis.shot.recording import Channel, Role, Setup
 from instrument.devices import hantek6022_firmware as firmware_files
 from instrument.devices import usb_bus
-from instrument.devices.assumed_rig import assumed_rig
 from instrument.devices.bulk_stream import BulkStream, QueuedBulkStream
 from instrument.devices.byte_clock import LASTING_STEP_S
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.hantek6022_calibration import EEPROM_BYTES, EEPROM_START, GAINS, scale_of
-from instrument.devices.source_options import SourceOptions
+from instrument.devices.source_options import SourceOptions, assumed_rig
 from instrument.devices.streamed_codes import StreamedCodes
 
 NAME = "Hantek 6022"
@@ -234,3 +233,35 @@ def opened(_: str, options: SourceOptions) -> Hantek6022:
         firmware=Path(firmware) if firmware else None,
         setup=options.rig(8),
     )
+
+
+FULL_SCALE_V = 5.12  # at gain 1, from the middle code to the rail
+GAINS = {10: 0.5, 5: 1.0, 2: 2.5, 1: 5.0}  # gain step: nominal range, +- V
+EEPROM_START = 8
+EEPROM_BYTES = 80
+
+_RANGE_INDEX = {10: 0, 5: 3, 2: 4, 1: 7}  # which of the eight ranges the calibration programs write for a gain
+_OFFSET, _GAIN, _FINE = 0, 32, 48  # from EEPROM_START
+_UNSET = (0x00, 0xFF)
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Volts of a count, where a count is the code less 128."""
+
+    volts_per_count: float
+    offset_v: float
+
+
+def scale_of(gain: int, channel: int, eeprom: bytes = b"") -> Scale:
+    """Return the scale of ``channel`` (0 or 1) at a gain step; ``eeprom`` is what was read from byte 8 on."""
+    at = 2 * _RANGE_INDEX[gain] + channel
+    offset = _byte(eeprom, _OFFSET + at, 0) + _byte(eeprom, _FINE + at, 0) / 250
+    volts = FULL_SCALE_V / (128 * gain) * (1 + _byte(eeprom, _GAIN + at, 0) / 500)
+    return Scale(volts, -offset * volts)
+
+
+def _byte(eeprom: bytes, at: int, otherwise: int) -> int:
+    if at >= len(eeprom) or eeprom[at] in _UNSET:
+        return otherwise
+    return eeprom[at] - 128

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Channel, Role, Setup
-from instrument.devices.assumed_rig import assumed_rig
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.source_options import SourceOptions
+from instrument.devices.source_options import SourceOptions, assumed_rig
 
 PACKAGE_REMEDY = "pip install 'levimass[niscope]'"
 RUNTIME_REMEDY = "install the NI-SCOPE runtime from ni.com/downloads (Windows and Linux), then restart"

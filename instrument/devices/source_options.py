@@ -3,11 +3,11 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import unquote
 
 from analysis.shot.recording import Role, Setup
-from instrument.devices.assumed_rig import assumed_rig
 from instrument.devices.digitizer import DigitizerError
 
 RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wavelength_air_m"}
@@ -99,3 +99,15 @@ class SourceOptions:
         if "mass" in self:
             rig = replace(rig, extra={key: value for key, value in rig.extra.items() if key != "moving_mass_assumed"})
         return replace(rig, **given)  # type: ignore[arg-type]
+
+
+PAPER_MOVING_MASS_KG = 17.85e-3
+
+
+def assumed_rig(bits: int) -> Setup:
+    """Return the paper's block behind a digitizer of ``bits``; the recording says that it is assumed."""
+    return Setup(
+        moving_mass_kg=PAPER_MOVING_MASS_KG,
+        digitizer_bits=bits,
+        extra=MappingProxyType({"moving_mass_assumed": True}),
+    )

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from analysis.shot.recording import Recording
 from analysis.shot.shot import Shot
-from instrument.files.foreign.mapping import read_mapping
-from instrument.files.foreign.remembered import format_of, remembered_mapping
+from instrument.files.foreign.mapping import format_of, read_mapping, remembered_mapping
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import ALTERED, has_hash, read_recording, read_unhashed
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from instrument.files.foreign.remembered import ENDING, OF_FOLDER, is_foreign
+from instrument.files.foreign.mapping import ENDING, OF_FOLDER, is_foreign
 
 TABLES = {".csv": ",", ".tsv": "\t"}  # of motion records, and what parts their cells
 
@@ -27,7 +27,7 @@ def recording_stem(path: Path | str) -> Path:
 def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
     """Return one path a shot: a ``.sigmf-meta`` for a recording, a ``.csv`` or ``.tsv`` for a motion record.
 
-    A foreign file counts as a shot where its mapping is remembered (``instrument.files.foreign.remembered``).
+    A foreign file counts as a shot where its mapping is remembered (``instrument.files.foreign.mapping``).
     Paths keep their order; within a folder names are in counting order (shot-2 before shot-10).  A folder that holds
     no shot itself is searched downwards (links are not followed).  A path that names nothing is returned as it is:
     reading it says why.  No shot appears twice.

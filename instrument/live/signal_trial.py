@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Role
+from instrument.capture.capture_options import usual_settings
 from instrument.capture.trigger import LightSwitch, TriggerSettings
-from instrument.capture.usual_settings import usual_settings
 from instrument.devices.digitizer import Digitizer, DigitizerError
 from instrument.devices.doctor import Check, Grade
 from instrument.live.setup_check import check_setup

@@ -19,7 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.shot.shot import AnalysisError, Cancelled, Progress
+from analysis.pipeline import fitted, read
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
+from instrument.files.open_recording import analysed_while_hashed
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.process.give_way import give_way
 
@@ -243,3 +246,29 @@ def _seal(value: object) -> None:
     elif isinstance(value, Mapping):
         for part in value.values():
             _seal(part)
+
+
+class AnalysisApart(WorkApart):
+    """Analyses recordings in a child, one at a time: up to the readings, then the fit."""
+
+    def read(
+        self, recording: Recording, settings: AnalysisSettings, progress: Progress, cancelled: Callable[[], bool]
+    ) -> Shot:
+        """Read a recording as ``analysis.pipeline.read`` does; from one thread at a time.
+
+        A recording that is only in memory is read here, as it would be long on its way.  Raises AnalysisError,
+        Cancelled.
+        """
+        if recording.path is None:
+            return read(recording, settings, progress=progress, cancelled=cancelled)
+        shot: Shot = self.run(partial(_read, recording.path, settings), progress, cancelled)
+        return shot
+
+    def fit(self, shot: Shot, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+        """Fit a shot as ``analysis.pipeline.fitted`` does; from one thread at a time.  Raises as ``read``."""
+        whole: Shot = self.run(partial(fitted, shot), progress, cancelled)
+        return whole
+
+
+def _read(path: str, settings: AnalysisSettings, *, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+    return analysed_while_hashed(path, partial(read, settings=settings, progress=progress, cancelled=cancelled))

@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 from analysis.report import result
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty import measurement_equations, numbers
-from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.budget import combined_of, stated
 from app.command_line.replay import summary
 from app.report.export import export
 from app.report.page import report_of

@@ -15,8 +15,7 @@ from analysis.shot.version import program, program_version
 from app.command_line.campaign.cluster import guarded
 from app.command_line.campaign.crew import Processes, most_processes
 from app.command_line.campaign.journal import JOURNAL, Journal
-from app.command_line.campaign.place import unfit
-from app.command_line.campaign.task import NotReached, analyse_one, tasks_of
+from app.command_line.campaign.task import NotReached, analyse_one, tasks_of, unfit
 from app.command_line.cli import main
 from app.report.export import shot_columns
 from tests.app.deadly import DEADLY, unless_deadly

@@ -19,10 +19,10 @@ from analysis.shot.recording import Channel, Recording, Role, Setup
 from analysis.shot.shot import AnalysisSettings, Cancelled, Shot
 from app.session.choices import Choices
 from app.session.log import NAME, ProgramLog, note
+from app.session.own_session import Unlisted, listed_by, unlisted
 from app.session.results import Results
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
-from app.session.unlisted import Unlisted, listed_by, unlisted
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT
@@ -31,8 +31,7 @@ from app.window.panels.side_sheet import SideSheet
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
-from app.words.typed_number import typed_number
-from app.words.wording import DASH, local
+from app.words.wording import DASH, local, typed_number
 from instrument.bench.simulate import simulate
 from instrument.capture.analyst import Analyst
 from instrument.devices.digitizer import CaptureSettings

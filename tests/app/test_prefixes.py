@@ -5,8 +5,7 @@ import math
 import pytest
 from PySide6.QtCore import QLocale
 
-from app.words.prefixes import prefix_for
-from app.words.wording import with_prefix
+from app.words.wording import prefix_for, with_prefix
 
 
 @pytest.mark.parametrize(

@@ -25,8 +25,8 @@ from instrument.capture.acquisition import State
 from instrument.capture.analyst import fit_here
 from instrument.capture.capture import Capture, CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
-from instrument.process.analysis import AnalysisApart
 from instrument.process.digitizer import DigitizerApart
+from instrument.process.work import AnalysisApart
 from tests.benchmarks.streaming import resident_bytes, sweep
 
 RATE_HZ = 8e6

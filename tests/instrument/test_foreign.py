@@ -14,9 +14,17 @@ from hypothesis import strategies as st
 from analysis.shot.recording import Air, Plate, Recording, Role, Setup
 from instrument.files.foreign import contents, csv_table
 from instrument.files.foreign.counts import NotFinite, to_counts
-from instrument.files.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
+from instrument.files.foreign.mapping import (
+    OF_FOLDER,
+    ForeignMapping,
+    MappedChannel,
+    is_foreign,
+    own_mapping,
+    read_mapping,
+    remembered_mapping,
+    write_mapping,
+)
 from instrument.files.foreign.reading import foreign_channels, read_foreign
-from instrument.files.foreign.remembered import OF_FOLDER, is_foreign, own_mapping, remembered_mapping
 from instrument.files.open_recording import open_recording
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings, is_motion_record

@@ -1,6 +1,8 @@
-"""One shot of a campaign, as it is handed out and as it comes back."""
+"""One shot of a campaign, as it is handed out and as it comes back; and who can take it."""
 
-from collections.abc import Sequence
+import os
+import uuid
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,7 @@ from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program
 from app.report.export import motion_file_names, shot_row, write_motion
 from app.session.load import analysed, cause_of, unanalysed
-from instrument.files.foreign.remembered import remembered_mapping
+from instrument.files.foreign.mapping import remembered_mapping
 from instrument.files.recording_error import FileNotReached, RecordingError, one_line
 from instrument.files.recording_search import recording_stem
 
@@ -109,3 +111,22 @@ def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
             sizes.append(state.st_size)
             dates.append(state.st_mtime_ns)
     return tuple(sizes), tuple(dates)
+
+
+def unfit(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:
+    """Return why work that reads from and writes to these folders cannot be done here, or None."""
+    if (own := program()) != wanted_program:
+        return f"has levimass {own}, not {wanted_program}"
+    for folder in reads:
+        if not os.path.isdir(folder):
+            return f"does not see the folder {folder}"
+        if not os.access(folder, os.R_OK | os.X_OK):
+            return f"may not read the folder {folder}"
+    if writes is not None:
+        trial = Path(writes) / f".levimass-{uuid.uuid4().hex}"
+        try:
+            trial.write_bytes(b"levimass")
+            trial.unlink()
+        except OSError as error:
+            return f"cannot write to {writes} ({error.strerror or error})"
+    return None

@@ -4,7 +4,7 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSplitter, QVBoxLayout, QWidget
 
 from analysis.uncertainty.numbers import of_series, with_unit
-from app.report.shot_times import contact_span_ms, time_zero
+from app.report.shot_figures import contact_span_ms, time_zero
 from app.session.session import Entry
 from app.window.panels.trend import TrendPlot
 from app.window.pens import series_pen

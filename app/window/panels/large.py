@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 from analysis.shot.doubts import CONCERNS
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
-from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
 from app.window.theme import MARKS, Colours, Tone
 from app.words.flag_words import MILD_FLAGS

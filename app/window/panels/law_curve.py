@@ -8,15 +8,14 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from analysis.diagnosis.result import LearnedLaw
 from analysis.shot.shot import Shot
-from app.report.export_laws import law_columns
+from app.report.export import law_columns
 from app.window.pens import series_pen, straight, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.legend import Legend, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
-from app.words.prefixes import prefix_for
-from app.words.wording import local_words, short_name
+from app.words.wording import local_words, prefix_for, short_name
 
 MOST_FORMS = 4
 ALONG = CursorAxis("mm", "mm")

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 from analysis.shot.doubts import concerning
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
-from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
 from app.window.combined import COMBINED, NOISE_ONLY
 from app.window.flag_tone import flag_line, flag_tone

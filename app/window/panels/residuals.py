@@ -11,14 +11,13 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves
 from analysis.shot.shot import Shot
 from analysis.uncertainty.noise_band import diagnosed_band
-from app.report.shot_times import time_zero
+from app.report.shot_figures import time_zero
 from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import SECONDS
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.prefixes import prefix_for
-from app.words.wording import number, repeatability_words, short_name
+from app.words.wording import number, prefix_for, repeatability_words, short_name
 
 CELL = "<td align='right' style='padding: 0 6px'>"
 

@@ -8,7 +8,7 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QFont
 
 from analysis.shot.quantity import Quantity, Reading
-from analysis.uncertainty.combined import stated
+from analysis.uncertainty.budget import stated
 from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
 from app.session.session import Entry
 from app.window.combined import COMBINED, NOISE_ONLY, CombinedOnce

@@ -20,8 +20,7 @@ from analysis.shot.setting import Setting, Value
 from app.window.file_question import Want, ask
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
-from app.words.typed_number import typed_number, typed_numbers
-from app.words.wording import local
+from app.words.wording import local, typed_number, typed_numbers
 
 
 class SettingsSheet(SideSheet):

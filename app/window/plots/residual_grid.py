@@ -15,8 +15,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app.window.plots.symlog import SymLog, scale_of
 from app.window.theme import Colours, Tone
-from app.words.prefixes import prefix_for
-from app.words.wording import number
+from app.words.wording import number, prefix_for
 
 Floats = NDArray[np.float64]
 MOST = 12  # shots drawn; a word says how many there are besides

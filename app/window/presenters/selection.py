@@ -6,7 +6,7 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves, drive_curves
 from analysis.shot.recording import Recording
 from analysis.shot.shot import Shot
-from app.report.shot_times import time_zero
+from app.report.shot_figures import time_zero
 from app.session.asked_work import AskedWork, raw_of
 from app.session.jobs import Asked, Report
 from app.session.session import Entry

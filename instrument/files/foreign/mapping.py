@@ -1,4 +1,4 @@
-"""Which channel of a foreign file is which, and the rig it was taken with: asked for once, kept as TOML."""
+"""Which channel of a foreign file is which, and the rig it was taken with: asked for once, remembered as TOML."""
 
 import json
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ from typing import Any
 
 from analysis.shot.recording import Role, Setup
 from instrument.files.checked import Checked
-from instrument.files.recording_error import one_line
+from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
 from instrument.files.recording_writer import write_text_beside
 from instrument.files.text_file import read_toml
@@ -109,3 +109,51 @@ def _toml(value: Any) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml(v) for v in value) + "]"
     return json.dumps(value)  # a string, a whole number or a truth value reads the same in TOML, \u escapes included
+
+
+FORMATS = {
+    ".tdms": "tdms",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".hdf": "hdf5",
+    ".mat": "hdf5",
+    ".wav": "wav",
+    ".csv": "csv",
+    ".txt": "csv",
+}
+ENDING = ".levimass.toml"
+OF_FOLDER = "levimass-mapping.toml"
+
+
+def format_of(path: Path | str) -> str | None:
+    """Return "tdms", "hdf5", "wav" or "csv" by the file's ending, or None."""
+    return FORMATS.get(Path(path).suffix.lower())
+
+
+def own_mapping(path: Path | str) -> Path:
+    """Return where a file's own mapping is kept."""
+    path = Path(path)
+    return path.with_name(path.name + ENDING)
+
+
+def remembered_mapping(path: Path | str) -> Path | None:
+    """Return the mapping that says how to read ``path``: its own, else its folder's where that is of its format."""
+    kind = format_of(path)
+    if kind is None:
+        return None
+    if (own := own_mapping(path)).is_file():
+        return own
+    shared = Path(path).with_name(OF_FOLDER)
+    try:
+        wanted = read_toml(shared).get("format")
+    except RecordingError:
+        return None
+    return shared if wanted == kind else None
+
+
+def is_foreign(path: Path | str) -> bool:
+    """Return whether a mapping makes ``path`` a raw recording; a motion record (its .toml beside it) is none."""
+    path = Path(path)
+    if path.suffix.lower() == ".csv" and path.with_suffix(".toml").exists():
+        return False
+    return remembered_mapping(path) is not None

@@ -13,8 +13,7 @@ from instrument.capture.trigger import LightSwitch, TriggerSettings
 from instrument.files.foreign import csv_table, hdf5, tdms, wav
 from instrument.files.foreign.contents import LARGEST_FILE_BYTES, MOST_SAMPLES, ForeignColumn, ForeignContents
 from instrument.files.foreign.counts import NotFinite, to_counts
-from instrument.files.foreign.mapping import ForeignMapping, MappedChannel
-from instrument.files.foreign.remembered import FORMATS, format_of
+from instrument.files.foreign.mapping import FORMATS, ForeignMapping, MappedChannel, format_of
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.text_file import open_regular
 

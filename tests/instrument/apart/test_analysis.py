@@ -18,7 +18,7 @@ from instrument.bench.simulate import simulate
 from instrument.files.open_recording import open_recording
 from instrument.files.recording_file import read_recording, write_recording
 from instrument.process import work
-from instrument.process.analysis import AnalysisApart
+from instrument.process.work import AnalysisApart
 
 PLAIN = AnalysisSettings()
 

@@ -26,8 +26,7 @@ from analysis.uncertainty.numbers import Kind, of_collision
 from app.command_line.model_choice import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.command_line.plan_ahead import Ahead, plan_ahead
-from app.report.export import export, export_laws
-from app.report.export_foretold import export_foretold
+from app.report.export import export, export_foretold, export_laws
 from app.report.export_hdf5 import export_hdf5
 from app.report.page import report_of
 from app.session.load import complaint, load_and_analyse

@@ -5,12 +5,14 @@ import io
 import itertools
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.result import Diagnosis, LearnedLaw
+from analysis.diagnosis.result import Diagnosis, Errors, LearnedLaw
+from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.fitted.fitted_shot import shaking_of
 from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
@@ -207,3 +209,32 @@ def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
         assert curve is not None
         columns[f"{form.replace(', ', '_').replace(' ', '_')}_n"] = curve.tolist()
     return columns
+
+
+KEYS = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
+
+
+def export_foretold(foretold: Foretold, folder: Path) -> Path:
+    """Write ``foretold.csv``: a row a shot and one for all; an empty cell was not seen.  Raises OSError."""
+    header = ["name", "took_part", "problem"]
+    header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]
+    rows = [
+        [
+            shot.name,
+            str(shot.took_part).lower(),
+            shot.problem or "",
+            *_error_cells(shot.error_base),
+            *_error_cells(shot.error_model),
+        ]
+        for shot in foretold.shots
+    ]
+    rows.append(["all", "", foretold.sentence, *_error_cells(foretold.error_base), *_error_cells(foretold.error_model)])
+    write_table(header, rows, folder / "foretold.csv")
+    return folder / "foretold.csv"
+
+
+def _error_cells(errors: Errors | None) -> list[str]:
+    if errors is None:
+        return [""] * len(KEYS)
+    values = asdict(errors)
+    return ["" if values[key] != values[key] else repr(float(values[key])) for key in KEYS]

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from analysis.shot.recording import Recording
 from instrument.bench.bench import Bench
 from instrument.bench.effects import BEYOND, CATALOGUE, Effects, complete, draw, for_shot
-from instrument.bench.floor import Floor
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Trajectory
+from instrument.bench.noise import Floor
 from instrument.bench.optics import Path as LightPath
 from instrument.bench.optics import fill, node_times_s
 from instrument.bench.sight import lit, seen, shoot

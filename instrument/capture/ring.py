@@ -1,7 +1,12 @@
 """The newest samples of a running digitizer, in memory allocated once."""
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from numpy.typing import NDArray
+
+from analysis.shot.recording import Channel, Role, Setup
+from instrument.devices.digitizer import CaptureSettings
 
 
 class Overwritten(Exception):
@@ -81,3 +86,36 @@ class Ring:
         out[first:] = self._counts[: length - first]
         if start < self.oldest:  # the writer lapped us while we copied
             raise Overwritten
+
+
+@dataclass(slots=True)
+class Stream:
+    """Where the samples of this run lie in the ring, and what is known of them; ``gaps`` only grows."""
+
+    ring: Ring
+    start: int  # ring number of its first sample
+    settings: CaptureSettings
+    channels: tuple[Channel, ...]
+    setup: Setup
+    source: str
+    unseen_loss_s: float = 0.0
+    gaps: list[tuple[int, int | None]] = field(default_factory=list)  # (ring number, samples lost before it)
+    lost: int = 0
+    losses: int = 0
+    doubtful_rate_hz: float | None = None  # samples a second by the computer's clock, where that is not the rate
+
+    def column(self, role: Role) -> int | None:
+        """Return the channel index that carries ``role``, or None."""
+        for index, channel in enumerate(self.channels):
+            if channel.role is role:
+                return index
+        return None
+
+    def note_loss(self, at: int, samples: int | None) -> None:
+        """Note that samples were lost before ring number ``at``."""
+        self.gaps.append((at, samples))
+        self.lost += samples or 0
+        self.losses += 1
+        oldest = self.ring.oldest
+        if len(self.gaps) > 64 and self.gaps[0][0] < oldest:
+            self.gaps = [gap for gap in self.gaps if gap[0] >= oldest]

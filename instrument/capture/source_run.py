@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 
 from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
 from instrument.capture.capture_options import CaptureOptions
-from instrument.capture.delivered_rate import DeliveredRate
 from instrument.capture.motion_trigger import MotionTrigger
-from instrument.capture.ring import Ring
-from instrument.capture.stream import Stream
+from instrument.capture.ring import Ring, Stream
 from instrument.capture.trigger import Level, LightSwitch, TriggerSettings
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 
@@ -247,3 +245,33 @@ def _check_block(block: Block, room: int) -> None:
 
 def _with_bits(setup: Setup, bits: int) -> Setup:
     return setup if setup.digitizer_bits == bits else replace(setup, digitizer_bits=bits)
+
+
+LEAST_S = 1.0  # of stream
+LATE_S = 0.3  # by which a device and its driver may be late or early
+OFF = 5e-4  # of the rate: what neither a crystal nor the computer's clock is off by
+
+
+@dataclass(slots=True)
+class DeliveredRate:
+    """Counts what a stream of ``stated_hz`` brings; ``doubtful_hz`` is what came instead, None while that agrees."""
+
+    stated_hz: float
+    doubtful_hz: float | None = None
+    _begun_s: float | None = None
+    _samples: int = 0
+
+    def add(self, samples: int, lost: int | None, now_s: float, *, waits: bool) -> None:
+        """Take a block that came at ``now_s``, so many samples lost before it (None: nobody knows, it begins anew).
+
+        Where more ``waits`` to be fetched nothing is said: the computer is late then, not the device.
+        """
+        if lost is None or self._begun_s is None or now_s < self._begun_s:
+            self._begun_s, self._samples = now_s, 0
+            return
+        self._samples += samples + lost
+        passed_s = now_s - self._begun_s
+        if waits or passed_s < LEAST_S:
+            return
+        off_s = abs(self._samples / self.stated_hz - passed_s)
+        self.doubtful_hz = self._samples / passed_s if off_s > LATE_S + OFF * passed_s else None

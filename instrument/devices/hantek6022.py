@@ -21,10 +21,9 @@ from analysis.shot.recording import Channel, Role, Setup
 from instrument.devices import hantek6022_firmware as firmware_files
 from instrument.devices import usb_bus
 from instrument.devices.bulk_stream import BulkStream, QueuedBulkStream
-from instrument.devices.byte_clock import LASTING_STEP_S
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.source_options import SourceOptions, assumed_rig
-from instrument.devices.streamed_codes import StreamedCodes
+from instrument.devices.streamed_codes import LASTING_STEP_S, StreamedCodes
 
 NAME = "Hantek 6022"
 ENDPOINT = 0x86

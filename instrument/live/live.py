@@ -13,8 +13,7 @@ from analysis.shot.shot import AnalysisError
 from analysis.signal.stream import LiveDemodulator
 from instrument.capture.motion_trigger import MotionTrigger
 from instrument.capture.rest_watch import RestWatch, planned_shot
-from instrument.capture.ring import Overwritten
-from instrument.capture.stream import Stream
+from instrument.capture.ring import Overwritten, Stream
 from instrument.capture.trigger import LightSwitch, TriggerSettings
 from instrument.files.folder_lock import disk_free_bytes
 from instrument.files.recording_error import one_line

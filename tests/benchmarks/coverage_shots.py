@@ -9,9 +9,9 @@ from scipy.signal import butter, sosfiltfilt
 from analysis.shot.recording import Recording
 from instrument.bench import forces as slot
 from instrument.bench.bench import Bench
-from instrument.bench.floor import HIGHEST_HZ, LOWEST_HZ
 from instrument.bench.frame import density_m2_per_hz
 from instrument.bench.mechanics import Bodies, Trajectory, collide
+from instrument.bench.noise import HIGHEST_HZ, LOWEST_HZ
 from instrument.bench.optics import Optics
 from instrument.bench.simulate import Played, play_shot, recording_of
 from instrument.bench.site import LEVELS_M_PER_S, Knock, Line, Site, site_named

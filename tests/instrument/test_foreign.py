@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from analysis.shot.recording import Air, Plate, Recording, Role, Setup
 from instrument.files.foreign import contents, csv_table
-from instrument.files.foreign.counts import NotFinite, to_counts
 from instrument.files.foreign.mapping import (
     OF_FOLDER,
     ForeignMapping,
@@ -24,7 +23,7 @@ from instrument.files.foreign.mapping import (
     remembered_mapping,
     write_mapping,
 )
-from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.foreign.reading import NotFinite, foreign_channels, read_foreign, to_counts
 from instrument.files.open_recording import open_recording
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings, is_motion_record

@@ -5,8 +5,7 @@ import pytest
 
 from instrument.devices.beat_seams import BeatSeams
 from instrument.devices.bulk_stream import Chunk
-from instrument.devices.byte_clock import ByteClock
-from instrument.devices.streamed_codes import StreamedCodes
+from instrument.devices.streamed_codes import ByteClock, StreamedCodes
 
 RATE_HZ = 10e6
 

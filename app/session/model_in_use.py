@@ -15,7 +15,7 @@ from analysis.shot.fit import Fit
 from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisError, Shot
 from analysis.uncertainty.budget import budget
-from app.session.model_effects import ModelEffects
+from app.session.verdict_of import ModelEffects
 from app.words.wording import effect_words, local, model_in_words, parameter_parts
 from instrument.files.law_file import read_laws, write_law
 from instrument.files.recording_error import RecordingError

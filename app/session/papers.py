@@ -8,11 +8,10 @@ from pathlib import Path
 from analysis.diagnosis.result import Diagnosis
 from analysis.shot.shot import Shot
 from app.session.event import Event, Kind, SavedElsewhere
-from app.session.jobs import Asked, Jobs, Report
+from app.session.jobs import Asked, Jobs, Report, Work
 from app.session.session import Entry, Session
 from app.session.shot_work import put_to_test, report_text, write_csv, write_hdf5, write_model, write_report
 from app.session.verdict_of import Diagnoses
-from app.session.work import Work
 from instrument.files.recording_error import PartlySaved
 
 

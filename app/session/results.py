@@ -16,8 +16,7 @@ from analysis.shot.shot import AnalysisSettings, Shot
 from analysis.shot.version import program, program_version
 from app.session.event import Diagnosed, Reopened
 from app.session.frozen_file import NotKept, head_of, packed, unpacked
-from app.session.jobs import Asked, Report
-from app.session.work import Work
+from app.session.jobs import Asked, Report, Work
 from instrument.files.foreign.mapping import is_foreign
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_metadata import read_metadata

@@ -9,8 +9,7 @@ from typing import Any
 from analysis.fitted.awaited_fit import awaits_fit
 from analysis.shot.recording import NAMES
 from analysis.shot.shot import AnalysisSettings, Shot
-from app.session.model_effects import ModelEffects, known_effects
-from app.session.verdict_of import VerdictOf
+from app.session.verdict_of import ModelEffects, VerdictOf, known_effects
 from instrument.files.checked import Checked
 from instrument.files.recording_error import RecordingError, shown
 from instrument.files.recording_writer import write_json_beside

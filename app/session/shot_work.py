@@ -16,8 +16,8 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
 from app.session.jobs import Asked
 from app.session.load import load_and_analyse
-from app.session.model_effects import ModelEffects
 from app.session.model_in_use import load_model, model_words, save_model
+from app.session.verdict_of import ModelEffects
 from instrument.files.recording_writer import write_text_beside
 
 

@@ -18,7 +18,7 @@ from analysis.fitted.fitted_shot import shaking_of
 from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisSettings, Shot
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Refitted, Reopened, SavedElsewhere
-from app.session.jobs import Asked, Job, Report, Saver
+from app.session.jobs import Asked, Job, Report, Saver, Work
 from app.session.load import unanalysed
 from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
@@ -30,7 +30,6 @@ from app.session.settings import correction_words
 from app.session.shot_work import diagnose_motions, open_shot
 from app.session.verdict_of import Diagnoses, verdict_of
 from app.session.why import Why
-from app.session.work import Work
 from app.words.verdict import verdict_words
 from instrument.capture.analyst import STOPPED
 from instrument.files.recording_error import RecordingError

@@ -15,7 +15,7 @@ from typing import Any
 from instrument.capture.acquisition import Deadlines, State
 from instrument.capture.analyst import Analyse, Fit, fit_here
 from instrument.capture.capture_options import CaptureOptions
-from instrument.capture.capture_thread import CaptureThread
+from instrument.capture.capture_thread import CaptureThread, Surroundings
 from instrument.capture.finished_shots import FinishedShots
 from instrument.capture.recorder import Recorder
 from instrument.devices.digitizer import Digitizer
@@ -63,9 +63,8 @@ class Capture:
         self._orders = orders  # what is told of a shot holds these, not self: a circle would keep the ring for long
         self._recorder = Recorder(lambda recorded: orders.put(("recorded", recorded)))
         self._finished = FinishedShots(analyse, lambda *made: orders.put(("analysed", made)), queue_length, fit)
-        self._capture = CaptureThread(
-            digitizer, options, self._recorder, self._finished, self._orders, deadlines or Deadlines(), clock, say, warm
-        )
+        around = Surroundings(deadlines or Deadlines(), clock, say, warm)
+        self._capture = CaptureThread(digitizer, options, self._recorder, self._finished, self._orders, around)
         self.digitizer_held = False  # after ``close``: a call of the digitizer has not returned
         capture = self._capture
         self._live = LiveWatch(lambda: capture.run.stream, lambda: capture.options.folder) if live else None

@@ -3,6 +3,7 @@
 import queue
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -27,6 +28,16 @@ _DISK_MARGIN_BYTES = 64 * 2**20
 _ORDERS_S = 0.02
 
 
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a capture waits for and speaks to; ``warm(given up?)`` returns when the kernels of a stream are there."""
+
+    deadlines: Deadlines
+    clock: Callable[[], float]
+    say: Callable[[str], None]
+    warm: Callable[[Callable[[], bool]], None]
+
+
 class CaptureThread:
     """Reads, looks for the light switch, cuts shots out of the stream, and takes orders between two blocks."""
 
@@ -37,13 +48,10 @@ class CaptureThread:
         recorder: Recorder,
         finished: FinishedShots,
         orders: "queue.SimpleQueue[tuple[str, Any]]",
-        deadlines: Deadlines,
-        clock: Callable[[], float],
-        say: Callable[[str], None],
-        warm: Callable[[Callable[[], bool]], None],
+        around: Surroundings,
     ) -> None:
-        self.machine = Acquisition(clock, deadlines)
-        self.run = SourceRun(digitizer, clock)
+        self.machine = Acquisition(around.clock, around.deadlines)
+        self.run = SourceRun(digitizer, around.clock)
         self.options = options
         self.shot: GrowingShot | None = None  # coming in, or being brought to disk
         self.folder_problem: str | None = None
@@ -55,9 +63,7 @@ class CaptureThread:
         self._recorder = recorder
         self._finished = finished
         self._orders = orders
-        self._clock = clock
-        self._say = say
-        self._warm = warm
+        self._clock, self._say, self._warm = around.clock, around.say, around.warm
         self._look_from = 0  # ring number before which a step of the light switch does not count
         self._fire = False
         self._lock: FolderLock | None = None

@@ -18,7 +18,7 @@ from instrument.capture.trigger import LightSwitch, TriggerSettings
 from instrument.files.folder_lock import disk_free_bytes
 from instrument.files.recording_error import one_line
 from instrument.live.live_window import LiveWindow
-from instrument.live.signal_check import CHECKED_SAMPLES, check_signals
+from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
 from instrument.live.snapshot import ChannelSignal, empty_view
 
 OUTPUT_HZ = 10e3

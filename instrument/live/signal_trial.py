@@ -12,8 +12,7 @@ from instrument.capture.capture_options import usual_settings
 from instrument.capture.trigger import LightSwitch, TriggerSettings
 from instrument.devices.digitizer import Digitizer, DigitizerError
 from instrument.devices.doctor import Check, Grade
-from instrument.live.setup_check import check_setup
-from instrument.live.signal_check import CHECKED_SAMPLES
+from instrument.live.setup_check import CHECKED_SAMPLES, check_setup
 
 LOOKS_S = 3.0  # time to pass the block through the light switch by hand
 TRIGGERS_S = 20.0

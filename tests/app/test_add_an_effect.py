@@ -15,8 +15,8 @@ from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot.quantity import Quantity
 from app.report.page import report_of
-from app.session.model_effects import ModelEffects
 from app.session.session import Session
+from app.session.verdict_of import ModelEffects
 from app.words.verdict import verdict_words
 from app.words.wording import effect_numbers, effect_words
 from tests.app import synthetic

@@ -103,6 +103,28 @@ class NumbersPanel(QScrollArea):
         grid.setVerticalSpacing(0)
         grid.setColumnStretch(1, 1)
         column.addLayout(grid)
+        self._add_groups(grid, inner)
+        self.effects = QLabel("", inner)  # what the effects in the model came to
+        self.effects.setWordWrap(True)
+        self.effects.setToolTip(NOISE_ONLY)
+        self.effects.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.flags = QLabel("", inner)
+        self.flags.setWordWrap(True)
+        self.flags.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        column.addWidget(self.noise_only)  # below: the numbers themselves need the height
+        column.addWidget(self.effects)
+        column.addWidget(self.flags)
+        column.addStretch(1)
+        inner.setProperty("panel", True)
+        self.setWidget(inner)
+        self.setWidgetResizable(True)
+        self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setAccessibleName("Numbers of the shot")
+        self.show_shot(None)
+
+    def _add_groups(self, grid: QGridLayout, inner: QWidget) -> None:
+        """Add every number below its group's heading, with what stands between them."""
         line = 0
         for heading, numbers in ((group, shown_numbers(group)) for group in Group if group is not Group.ANALYSIS):
             label = QLabel(heading.value, inner)
@@ -128,24 +150,6 @@ class NumbersPanel(QScrollArea):
                 elif row.key == PAPERS_KINETIC:
                     self._groups[heading] += self._add_fold(grid, line, inner)
                     line += 1
-        self.effects = QLabel("", inner)  # what the effects in the model came to
-        self.effects.setWordWrap(True)
-        self.effects.setToolTip(NOISE_ONLY)
-        self.effects.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.flags = QLabel("", inner)
-        self.flags.setWordWrap(True)
-        self.flags.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        column.addWidget(self.noise_only)  # below: the numbers themselves need the height
-        column.addWidget(self.effects)
-        column.addWidget(self.flags)
-        column.addStretch(1)
-        inner.setProperty("panel", True)
-        self.setWidget(inner)
-        self.setWidgetResizable(True)
-        self.setMinimumWidth(inner.sizeHint().width() + self.verticalScrollBar().sizeHint().width())
-        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setAccessibleName("Numbers of the shot")
-        self.show_shot(None)
 
     def _add_row(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> list[QWidget]:
         name = QLabel(row.name, inner)

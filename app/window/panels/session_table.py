@@ -94,6 +94,13 @@ class SessionTable(QFrame):
             self._buttons.append(button)
         self._add_order(bar)
         column.addLayout(bar)
+        self._make_table()
+        column.addWidget(self.table, 1)
+        self.table.selectionModel().selectionChanged.connect(self._changed)
+        self._enable()
+
+    def _make_table(self) -> None:
+        """Make the table of shots, its columns as wide as what they usually hold."""
         self.model = SessionModel(self)
         self.model.note_edited.connect(self._note)
         self.table = QTableView(self)
@@ -128,9 +135,6 @@ class SessionTable(QFrame):
             "In brackets: the combined standard uncertainty of the last digits.\n"
             "Click to sort by this column, again to reverse, once more for the order taken"
         )
-        column.addWidget(self.table, 1)
-        self.table.selectionModel().selectionChanged.connect(self._changed)
-        self._enable()
 
     def _add_order(self, bar: QHBoxLayout) -> None:
         """Add what sorts the shots out: words to find, groups, columns."""

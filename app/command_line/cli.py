@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 
 from app.command_line.modes import run_of
-from app.command_line.options import parse
+from app.command_line.parser import parse
 from app.words.plain import PlainStream
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from app.command_line.options import WINDOW, command_of, settings_from
+from app.command_line.options import WINDOW
+from app.command_line.parser import command_of, settings_from
 
 if TYPE_CHECKING:
     from analysis.planning.next_shot import Reach

@@ -6,14 +6,16 @@ Nothing that computes is imported here: a wrong word is answered at once.
 import argparse
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analysis.shot.analysis_settings import AnalysisChoices, AnalysisSettings
 from analysis.shot.setting import Setting, settings_of
-from app.command_line.model_choice import MODELS, is_model_file
-from instrument.devices.sources import is_bench, source_words
+from instrument.devices.sources import source_words
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.model_file import SavedModel
 
 Parsed = Callable[[str], Any]
 
@@ -66,7 +68,7 @@ def _speeds(text: str) -> tuple[float, ...]:
     return found
 
 
-class _Version(argparse.Action):
+class Version(argparse.Action):
     """Print the version; what knows it is imported only then, and nothing that compiles."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
@@ -144,6 +146,7 @@ def _of_setting(setting: Setting) -> Option:
     return Option(setting.flag, said, setting.metavar, number)
 
 
+MODELS = next(tuple(name for name, _ in s.choices) for s in settings_of(AnalysisChoices) if s.key == "model")
 CHOSEN = tuple(setting for setting in settings_of(AnalysisChoices) if setting.flag)
 GROUPS = (
     Group("with --doctor", ("doctor",), (
@@ -212,7 +215,7 @@ _ALSO = {  # commands that take single options of another's group
     "rate": ("map",),
 }
 _ONE_CALL = "are of one call's shots: leave --jobs and --scheduler out"
-_EXCLUDED = (  # an option, those it does not go with, and why
+EXCLUDED = (  # an option, those it does not go with, and why
     ("save_model", ("no_diagnose",), "--save-model writes what a diagnosis arrived at: leave --no-diagnose out"),
     ("jobs", ("scheduler",), "--jobs and --scheduler: one of them"),
     ("diagnosis_seconds", ("no_diagnose", "jobs"),
@@ -223,7 +226,7 @@ _EXCLUDED = (  # an option, those it does not go with, and why
     *((name, ("jobs", "scheduler"), f"--report, --hdf5, --foretell, --law, --plan and --save-model {_ONE_CALL}")
       for name in ("report", "hdf5", "save_model", "foretell", "law", "plan")),
 )  # fmt: skip
-_NEEDED = (  # an option, and those of which it needs one
+NEEDED = (  # an option, and those of which it needs one
     ("hdf5", ("export",)),
     ("insecure", ("scheduler",)),
     ("acquire", ("source",)),
@@ -237,112 +240,15 @@ def commands_of(group: Group, option: Option) -> tuple[str, ...]:
     return (*group.commands, *_ALSO.get(option.key, ()))
 
 
-def flat_parser() -> argparse.ArgumentParser:
-    """Return the parser of all options, the commands among them."""
-    parser = argparse.ArgumentParser(
-        prog="levimass",
-        description="Levitation Mass Method: from the beat of two light frequencies to force and restitution. "
-        "Without an option the desktop window opens.",
-        epilog="Each of the first options is a command too: levimass replay PATH, levimass acquire N, "
-        "levimass plan PATH; levimass replay --help names what goes with it.",
-    )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print version, licence and what it works with")
-    one_of = parser.add_mutually_exclusive_group()
-    for command in COMMANDS:
-        command.add(one_of)
-    for group in GROUPS:
-        place = parser.add_argument_group(group.heading)
-        for option in group.options:
-            option.add(place)
-    return parser
+def is_model_file(model: str) -> bool:
+    """Return whether ``--model`` names a file rather than a base model."""
+    return model.endswith(".toml") or "/" in model
 
 
-def command_parser(name: str) -> argparse.ArgumentParser:
-    """Return the parser of one command, with the options that go with it."""
-    command = next((c for c in COMMANDS if c.key == ("replay" if name == PLAN else name)), None)
-    about = "which shots to take next" if name == PLAN else command.help if command else "open the window"
-    parser = argparse.ArgumentParser(prog=f"levimass {name}", description=f"{about[0].upper()}{about[1:]}.")
-    if command is not None and command.parse is not None:
-        more = {key: value for key, value in command.more.items() if key != "const"}
-        replace(command, help="", more=more).add(parser, command.key)
-    excluded = {other for one, others, _ in _EXCLUDED for other in others if one == name}
-    for group in GROUPS:
-        for option in group.options:
-            if (command.key if command else name) in commands_of(group, option) and option.key not in excluded:
-                option.add(parser)
-    return parser
+def known_model(model: str | None) -> "SavedModel | None":
+    """Return the model of a model file, or None where ``model`` is a name.  Raises RecordingError."""
+    if model is None or not is_model_file(model):
+        return None
+    from app.session.model_in_use import load_model  # not for the sake of a usage error
 
-
-def parse(arguments: list[str]) -> argparse.Namespace:
-    """Return what the arguments say, whether they begin with a command or are all options, checked as a whole."""
-    parser, names = flat_parser(), [*(command.key for command in COMMANDS), PLAN, WINDOW]
-    if not arguments or arguments[0] not in names:
-        options = parser.parse_args(arguments)
-    else:
-        options, name = parser.parse_args([]), arguments[0]
-        parser = command_parser(name)
-        parser.parse_args(arguments[1:], options)
-        if name in ("prepare", "doctor"):
-            setattr(options, name, True)
-        if name == "paper" and options.paper is None:
-            options.paper = False
-        if name == PLAN and options.plan is None:
-            options.plan = ""
-    _check(parser, options)
-    return options
-
-
-def command_of(options: argparse.Namespace) -> str:
-    """Return the name of the command that is asked for."""
-    given = (command.key for command in COMMANDS if getattr(options, command.key) not in (None, *_off(command)))
-    return next(given, WINDOW)
-
-
-def _off(command: Option) -> tuple[bool, ...]:
-    return (False,) if command.parse is None else ()
-
-
-def settings_from(options: argparse.Namespace) -> AnalysisSettings:
-    """Return how shots are analysed, as the options say."""
-    given = {setting.key: getattr(options, setting.key) for setting in CHOSEN}
-    return AnalysisSettings(**{key: value for key, value in given.items() if value is not None})
-
-
-def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Refuse options that would otherwise be passed over in silence."""
-    command, usual = command_of(options), flat_parser().parse_args([])
-    given = {name for name, value in vars(options).items() if value != getattr(usual, name)}
-    for group in GROUPS:
-        for option in group.options:
-            known = commands_of(group, option)
-            if option.key in given and command not in known:
-                parser.error(f"{option.flag} goes with {', '.join(f'--{name}' for name in known if name != WINDOW)}")
-    for name, others, why in _EXCLUDED:
-        if name in given and given & set(others):
-            parser.error(why)
-    for name, others in _NEEDED:
-        if name in given and not given & set(others):
-            parser.error(f"{_flag(name)} goes with {' or '.join(map(_flag, others))}")
-    if command == "acquire" and options.json is not None and options.resolve is None:
-        parser.error("--json goes with --acquire where --resolve does")
-    if options.model is not None and options.model not in MODELS and not is_model_file(options.model):
-        parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
-    if options.foretell and (options.model is None or not is_model_file(options.model)):
-        parser.error("--foretell goes with --model FILE: it puts that file's model to the test")
-    if options.site is not None:
-        _check_site(parser, options, command)
-
-
-def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace, command: str) -> None:
-    from instrument.bench.site import site_named
-
-    if command == "acquire" and not is_bench(options.source):
-        parser.error("--site is where the simulated bench stands: with --simulate, --acquire --source bench or alone")
-    try:
-        site_named(options.site)
-    except ValueError as error:
-        parser.error(f"--site: {error}")
-
-
-def _flag(name: str) -> str:
-    return "--" + name.replace("_", "-")
+    return load_model(Path(model))

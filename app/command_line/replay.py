@@ -23,7 +23,7 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Shot
 from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import Kind, of_collision
-from app.command_line.model_choice import known_model
+from app.command_line.options import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.command_line.plan_ahead import Ahead, plan_ahead
 from app.report.export import export, export_foretold, export_laws

@@ -16,7 +16,7 @@ from app.window.panels.law_sheet import LawSheet
 from app.window.panels.live import LivePanel
 from app.window.panels.mapping_sheet import MappingSheet
 from app.window.panels.model import ModelPanel
-from app.window.panels.notice_list import NoticeList
+from app.window.panels.notice import NoticeList
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.paper import PaperPanel
 from app.window.panels.session_table import SessionTable

@@ -40,7 +40,7 @@ from app.window.presenters.tables import TablesPresenter
 from app.window.presenters.tour import TourPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
-from app.window.within_screen import first_size, keep_within_screen
+from app.window.window_state import first_size, keep_within_screen
 from instrument.capture.acquisition import State
 from instrument.devices.digitizer import Digitizer
 from instrument.devices.sources import at_site

@@ -10,7 +10,7 @@ cuts a mapped file short, the next look at it ends the process (SIGBUS).
 import hashlib
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -191,3 +191,42 @@ def _clipped(counts: NDArray[np.int16], metadata: Metadata) -> bool:
     rail = 1 << (metadata.setup.digitizer_bits - 1)
     at_rail = (looked_at >= rail - 1) | (looked_at <= -rail)
     return bool(np.any(at_rail.mean(axis=0) > _CLIPPED_SHARE))
+
+
+@dataclass(frozen=True, slots=True)
+class DataHash:
+    """The data file's name, size and SHA-512 (hex) as it is now.
+
+    ``recorded`` is the hash its metadata hold (``core:sha512``), None where there is none.
+    """
+
+    file: str
+    size_bytes: int
+    sha512: str
+    recorded: str | None
+
+    @property
+    def agrees(self) -> bool | None:
+        """Get whether the data are those that were taken; None where no hash was written then."""
+        return None if self.recorded is None else self.recorded.lower() == self.sha512
+
+
+def data_hash(path: Path | str) -> DataHash:
+    """Hash the data of a recording, a motion record or a foreign file: tens of ms for 10 M samples.
+
+    Raises RecordingError, one line, where they cannot be read.
+    """
+    path = Path(path)
+    recorded = None
+    stem = recording_stem(path)
+    meta = stem.with_name(stem.name + ".sigmf-meta")
+    if stem != path or meta.exists():
+        recorded = read_metadata(meta).sha512
+        path = stem.with_name(stem.name + ".sigmf-data")
+    with os.fdopen(open_regular(path), "rb") as file:
+        try:
+            digest = hashlib.file_digest(file, "sha512").hexdigest()
+            size = os.fstat(file.fileno()).st_size
+        except OSError as error:
+            raise RecordingError(path, error.strerror or str(error)) from None
+    return DataHash(path.name, size, digest, recorded)

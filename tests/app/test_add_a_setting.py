@@ -13,7 +13,7 @@ from analysis.diagnosis.result import Errors
 from analysis.shot.analysis_settings import AnalysisSettings
 from analysis.shot.quantity import Quantity
 from analysis.shot.setting import number, setting_of, settings_of
-from app.command_line import options
+from app.command_line import options, parser
 from app.command_line.campaign.task import tasks_of
 from app.session import session as session_module
 from app.session import settings_file
@@ -124,7 +124,8 @@ def test_every_field_survives_a_model_file():
 
 
 def test_a_flag_is_parsed_helped_and_bounded_as_it_is_declared(monkeypatch, capsys):
-    monkeypatch.setattr(options, "AnalysisSettings", WithGain)
+    for module in (options, parser):
+        monkeypatch.setattr(module, "AnalysisSettings", WithGain)
     gain = next(setting for setting in settings_of(WithGain) if setting.key == "gain")
     monkeypatch.setattr(options, "CHOSEN", (*options.CHOSEN, gain))
     replays = next(group for group in options.GROUPS if group.commands == ("replay",))
@@ -133,12 +134,12 @@ def test_a_flag_is_parsed_helped_and_bounded_as_it_is_declared(monkeypatch, caps
     for call in (["--replay", "x"], ["replay", "x"]):
         for setting in options.CHOSEN:
             value = f"{setting.low + 1.0:g}"
-            found = options.settings_from(options.parse([*call, setting.flag, value]))
+            found = parser.settings_from(parser.parse([*call, setting.flag, value]))
             assert getattr(found, setting.key) == float(value)
             with pytest.raises(SystemExit):
-                options.parse([*call, setting.flag, f"{2.0 * setting.high:g}"])
+                parser.parse([*call, setting.flag, f"{2.0 * setting.high:g}"])
             assert setting.words in capsys.readouterr().err
-    assert "--gain G of nothing (1)" in " ".join(options.command_parser("replay").format_help().split())
+    assert "--gain G of nothing (1)" in " ".join(parser.command_parser("replay").format_help().split())
 
 
 def test_the_sheet_offers_what_is_declared(qtbot):

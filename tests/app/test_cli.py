@@ -12,7 +12,8 @@ import pytest
 
 from app.command_line import cli
 from app.command_line.cli import FAILED, INTERRUPTED, USAGE, main
-from app.command_line.options import GROUPS, command_parser, commands_of, flat_parser, parse
+from app.command_line.options import GROUPS, commands_of
+from app.command_line.parser import command_parser, flat_parser, parse
 
 HOUSE = Path(__file__).resolve().parents[2]
 

@@ -5,7 +5,7 @@ import pytest
 from analysis.planning.next_shot import Reach
 from app.command_line import plan_ahead, resolve
 from app.command_line.modes import reach_of
-from app.command_line.options import parse
+from app.command_line.parser import parse
 from app.session.settings import Settings
 from tests.app import synthetic
 

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,9 +13,8 @@ from analysis.shot.shot import AnalysisError, AnalysisSettings
 from analysis.shot.version import program_version
 from app.command_line.campaign.crew import Crew, Processes
 from app.command_line.campaign.journal import JOURNAL, Journal
-from app.command_line.campaign.progress import Progress
 from app.command_line.campaign.task import Entry, NotReached, Task, failed_entry, tasks_of
-from app.command_line.model_choice import known_model
+from app.command_line.options import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.report.export import write_shots
 from app.session.load import complaint
@@ -163,3 +163,34 @@ def _result_text(entries: Iterator[Entry]) -> Iterator[str]:
     for number, entry in enumerate(entries):
         yield ("," if number else "") + "\n" + json.dumps(entry["shot"], indent=1, allow_nan=False)
     yield '],\n "diagnosis": null\n}\n'
+
+
+class Progress:
+    """A line on a terminal that counts shots; on anything else silence, as logs have no use for it."""
+
+    def __init__(self, total: int, already: int) -> None:
+        self._total, self._already, self._done = total, already, 0
+        self._shown = sys.stderr.isatty()
+        self._bare = getattr(sys.stderr, "bare", sys.stderr)  # this line alone moves the cursor
+        self._started = time.monotonic()
+        if already and self._shown:
+            self.say(f"levimass: {already} shots were done before and are not done again")
+
+    def step(self) -> None:
+        """Count one shot."""
+        self._done += 1
+        if self._shown:
+            spent = time.monotonic() - self._started
+            left = spent / self._done * (self._total - self._done)
+            self._bare.write(f"\r{self._done}/{self._total} shots, {left:.0f} s to go \x1b[K")
+
+    def say(self, line: str) -> None:
+        """Print a line without disturbing the count."""
+        if self._shown:
+            self._bare.write("\r\x1b[K")
+        sys.stderr.write(line + "\n")
+
+    def end(self) -> None:
+        """Leave the terminal on a fresh line."""
+        if self._shown and self._total:
+            sys.stderr.write("\n")

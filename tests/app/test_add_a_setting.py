@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import time
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -17,10 +18,13 @@ from app.command_line import options, parser
 from app.command_line.campaign.task import tasks_of
 from app.session import session as session_module
 from app.session import settings_file
+from app.session import workbench as workbench_module
+from app.session.event import Kind
 from app.session.frozen_file import packed, unpacked
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.session.verdict_of import VerdictOf
+from app.session.workbench import Workbench
 from app.window.panels.settings_sheet import SettingsSheet
 from app.window.theme import LIGHT
 from tests.app import synthetic
@@ -152,3 +156,28 @@ def test_the_sheet_offers_what_is_declared(qtbot):
     with qtbot.waitSignal(sheet.applied) as applied:
         sheet.apply()
     assert Settings().with_values(applied.args[0]).analysis.diagnosis_seconds == 7.5
+
+
+def test_the_window_diagnoses_within_the_seconds_that_are_set_and_says_what_was_left_out(monkeypatch):
+    asked = []
+
+    def diagnose(motions, model, accepted, laws, shakings, seconds, **_):
+        asked.append(seconds)
+        return replace(synthetic.diagnosis(shot), not_asked=("laws in the contact",))
+
+    monkeypatch.setattr(workbench_module, "diagnose_motions", diagnose)
+    shot = synthetic.shot()
+    bench = Workbench(Session(), lambda: AnalysisSettings(diagnosis_seconds=7.5))
+    try:
+        bench.add_shot(shot)
+        assert bench.diagnose([1]) is None
+        end, events = time.monotonic() + 30.0, []
+        while not any(event.kind is Kind.DIAGNOSED for event in events) and time.monotonic() < end:
+            events += bench.poll()
+            time.sleep(0.01)
+        assert asked == [7.5]
+        assert [event.words for event in events if event.kind is Kind.PROBLEM] == [
+            "no time for laws in the contact (F2)"
+        ]
+    finally:
+        bench.close()

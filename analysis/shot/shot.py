@@ -3,11 +3,11 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from analysis.shot.analysis_settings import AnalysisSettings as AnalysisSettings
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
 from analysis.shot.recording import Setup
+from levimass.analysis_settings import AnalysisSettings as AnalysisSettings
 
 Progress = Callable[[str, float], None]  # (what is being done, fraction of the whole)
 Stop = Callable[[], bool]  # whether whoever asked no longer wants it

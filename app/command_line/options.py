@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.shot.analysis_settings import AnalysisChoices, AnalysisSettings
-from analysis.shot.setting import Setting, settings_of
-from instrument.devices.sources import source_words
+from levimass.analysis_settings import AnalysisChoices, AnalysisSettings
+from levimass.setting import Setting, settings_of
 
 if TYPE_CHECKING:
     from analysis.diagnosis.model_file import SavedModel
@@ -51,6 +50,12 @@ def _positive_int(text: str) -> int:
     return value
 
 
+def _sources() -> str:
+    from instrument.devices.sources import source_words
+
+    return source_words()
+
+
 def _numbers(text: str) -> tuple[float, ...]:
     try:
         found = sorted({float(part) for part in text.split(",")})
@@ -79,6 +84,16 @@ class Version(argparse.Action):
 
 
 @dataclass(frozen=True, slots=True)
+class _Later:
+    """Words that argparse puts into a help text when it writes one."""
+
+    words: Callable[[], str] | None
+
+    def __str__(self) -> str:
+        return self.words() if self.words is not None else ""
+
+
+@dataclass(frozen=True, slots=True)
 class Option:
     """An option or the argument of a command; ``parse`` None: a switch without a value.  ``more`` is for argparse."""
 
@@ -87,6 +102,7 @@ class Option:
     metavar: str = ""
     parse: Parsed | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
+    later: Callable[[], str] | None = None  # what stands for "%(later)s" in the help, made when that is asked for
 
     @property
     def key(self) -> str:
@@ -99,7 +115,8 @@ class Option:
             to.add_argument(*(names or (self.flag,)), action="store_true", help=self.help)
         else:
             named = names or (self.flag,)
-            to.add_argument(*named, type=self.parse, metavar=self.metavar, help=self.help, **self.more)
+            action = to.add_argument(*named, type=self.parse, metavar=self.metavar, help=self.help, **self.more)
+            action.later = _Later(self.later)
 
 
 _OPTIONAL = {"nargs": "?", "const": ""}
@@ -174,7 +191,7 @@ GROUPS = (
         Option("--figures", "draw figures 4 to 7, PNG and SVG", "DIR", _path),
     )),
     Group("with --acquire", ("acquire",), (
-        Option("--source", source_words(), "SOURCE", str),
+        Option("--source", "%(later)s", "SOURCE", str, later=_sources),
         Option("--out", "folder for the recordings", "DIR", _path),
         Option("--rate", "sample rate", "HZ", _positive),
         Option("--samples", "samples a channel and shot", "N", _positive_int),

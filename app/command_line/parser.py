@@ -3,10 +3,9 @@
 import argparse
 from dataclasses import replace
 
-from analysis.shot.analysis_settings import AnalysisSettings
 from app.command_line import options as declared
 from app.command_line.options import COMMANDS, MODELS, PLAN, WINDOW, Option, Version, commands_of, is_model_file
-from instrument.devices.sources import is_bench
+from levimass.analysis_settings import AnalysisSettings
 
 
 def flat_parser() -> argparse.ArgumentParser:
@@ -107,6 +106,7 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
 
 def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace, command: str) -> None:
     from instrument.bench.site import site_named
+    from instrument.devices.sources import is_bench
 
     if command == "acquire" and not is_bench(options.source):
         parser.error("--site is where the simulated bench stands: with --simulate, --acquire --source bench or alone")

@@ -1,11 +1,11 @@
 """What the diagnosis said, with its evidence, errors and detection limits; and a prediction put to the test."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw
-from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.shot.plates_of_set import plates_words, weights_words
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
@@ -18,6 +18,9 @@ from app.words.physics_words import effect_words, parameter_parts
 from app.words.verdict import VERDICTS
 from app.words.wording import prefix_for
 from instrument.files.recording_error import one_line
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.verdict.foretold import Foretold
 
 ERRORS = (
     ("displacement_rms_m", "displacement, rms", "m"),
@@ -157,7 +160,7 @@ def _parameters(parameters: Mapping[str, Quantity]) -> str:
     return ", ".join(parts)
 
 
-def foretold_section(foretold: Foretold) -> Markup:
+def foretold_section(foretold: "Foretold") -> Markup:
     """Return the section: the sentence, the errors of all shots, and those of each."""
     effects = " + ".join(effect_words(name) for name in foretold.effects) or "no effect"
     columns: list[tuple[str, Errors]] = [("base alone", foretold.error_base), ("whole model", foretold.error_model)]

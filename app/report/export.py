@@ -7,12 +7,12 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.result import Diagnosis, Errors, LearnedLaw
-from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.fitted.fitted_shot import shaking_of
 from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
@@ -26,6 +26,9 @@ from analysis.uncertainty.series import series
 from analysis.uncertainty.series import to_rows as series_rows
 from app.words.plain import cell
 from instrument.files.recording_writer import write_text_beside
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.verdict.foretold import Foretold
 
 Floats = NDArray[np.float64]
 MOTION_COLUMNS = (
@@ -214,7 +217,7 @@ def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
 KEYS = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
 
 
-def export_foretold(foretold: Foretold, folder: Path) -> Path:
+def export_foretold(foretold: "Foretold", folder: Path) -> Path:
     """Write ``foretold.csv``: a row a shot and one for all; an empty cell was not seen.  Raises OSError."""
     header = ["name", "took_part", "problem"]
     header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import cast
 
 from analysis.shot.recording import AIR
-from analysis.shot.setting import Value
 from analysis.shot.shot import AnalysisSettings
 from app.session import settings_file
 from app.session.settings import MOST_ADDRESSES, WrongSettings
 from instrument.capture.capture_options import CaptureOptions
 from instrument.devices.digitizer import Digitizer
 from instrument.devices.sources import source_of
+from levimass.setting import Value
 
 MOST_RECENT = 12
 RIG = (  # what belongs together when it is put right

@@ -8,9 +8,7 @@ from pathlib import Path
 from platformdirs import user_documents_path
 
 from analysis.planning.next_shot import ADDED_KG, SPEEDS_M_PER_S, Reach
-from analysis.shot.analysis_settings import AnalysisChoices, AnalysisSettings
 from analysis.shot.recording import Air, Setup
-from analysis.shot.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
 from instrument.bench.site import LEVELS_M_PER_S, NAMES, USUAL_SITE
 from instrument.capture.capture_options import CaptureOptions
 from instrument.capture.trigger import Edge
@@ -18,6 +16,8 @@ from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerEr
 from instrument.devices.scpi_address import network_source
 from instrument.devices.sources import source_of
 from instrument.files.recording_error import shown
+from levimass.analysis_settings import AnalysisChoices, AnalysisSettings
+from levimass.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
 
 MOST_ADDRESSES = 5
 

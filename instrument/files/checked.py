@@ -8,8 +8,8 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
-from analysis.shot.setting import setting_of
 from instrument.files.recording_error import RecordingError, shown
+from levimass.setting import setting_of
 
 Built = TypeVar("Built")
 _LONGEST = 1e15  # the largest number of a dataclass that declares no bounds

@@ -11,9 +11,7 @@ import pytest
 
 from analysis.diagnosis.model_file import SavedModel, from_text, to_text
 from analysis.diagnosis.result import Errors
-from analysis.shot.analysis_settings import AnalysisSettings
 from analysis.shot.quantity import Quantity
-from analysis.shot.setting import number, setting_of, settings_of
 from app.command_line import options, parser
 from app.command_line.campaign.task import tasks_of
 from app.session import session as session_module
@@ -27,6 +25,8 @@ from app.session.verdict_of import VerdictOf
 from app.session.workbench import Workbench
 from app.window.panels.settings_sheet import SettingsSheet
 from app.window.theme import LIGHT
+from levimass.analysis_settings import AnalysisSettings
+from levimass.setting import number, setting_of, settings_of
 from tests.app import synthetic
 
 UNDECLARED = {  # another value for each field that declares none

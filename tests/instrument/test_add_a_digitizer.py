@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from app.command_line import options
+from app.command_line.parser import command_parser, flat_parser
 from app.session.rig import Rig
 from instrument.capture.acquire import acquire
 from instrument.devices import sources
@@ -57,8 +57,9 @@ def test_the_row_is_listed_helped_and_bounded() -> None:
 
 
 def test_every_source_of_the_help_is_a_row() -> None:
-    said = next(option.help for group in options.GROUPS for option in group.options if option.flag == "--source")
-    assert said == "bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE" == source_words()
+    assert source_words() == "bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE"
+    for parser in (flat_parser(), command_parser("acquire"), command_parser("doctor")):
+        assert source_words() in " ".join(parser.format_help().split())
     for source in sources.SOURCES:
         assert callable(sources.imported(source.opened))
         assert not source.found or callable(sources.imported(source.found))

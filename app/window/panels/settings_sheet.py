@@ -16,11 +16,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.shot.setting import Setting, Value
 from app.window.file_question import Want, ask
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.words.wording import local, typed_number, typed_numbers
+from levimass.setting import Setting, Value
 
 
 class SettingsSheet(SideSheet):

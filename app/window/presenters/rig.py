@@ -6,7 +6,6 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QApplication
 
-from analysis.shot.setting import Value
 from app.session.choices import Choices
 from app.session.rig import Rig
 from app.session.session import Entry
@@ -20,6 +19,7 @@ from app.words.wording import duration
 from instrument.capture.acquisition import State
 from instrument.devices.sources import is_bench
 from instrument.live.snapshot import Snapshot
+from levimass.setting import Value
 
 RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)"
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from analysis.shot.setting import choice, number
+from levimass.setting import choice, number
 
 
 @dataclass(frozen=True, slots=True)

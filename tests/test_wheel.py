@@ -20,7 +20,7 @@ def everything():
         if not module.name.startswith("levimass.app.window."):
             importlib.import_module(module.name)
     from levimass.analysis.compiled import kernel_cache
-    from levimass.instrument.process.give_way import give_way
+    from levimass.instrument.process.messages import give_way
     from levimass.instrument.devices.found_devices import udev_rule_path
     from levimass.instrument.devices.sources import SOURCES, imported
     assert all(callable(imported(source.opened)) for source in SOURCES)

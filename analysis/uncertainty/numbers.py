@@ -205,20 +205,14 @@ NUMBERS = (
         "stiffness_from_slope_n_per_m", "k_p from slope", "k_p, slope corrected", "N/m", PLATE, DERIVED,
         equation=by.stiffness_from_slope,
     ),
-    ResultNumber(
-        "youngs_modulus_pa", "E", "E of the plate", "Pa", PLATE, DERIVED, equation=by.youngs_modulus,
-    ),
-    ResultNumber(
-        "moving_mass_kg", "mass", "mass", "kg", DRIVE, STATED, "The mass that the force accelerates, fitted.",
-        large=True,
-    ),
+    ResultNumber("youngs_modulus_pa", "E", "E of the plate", "Pa", PLATE, DERIVED, equation=by.youngs_modulus),
+    ResultNumber("moving_mass_kg", "mass", "mass", "kg", DRIVE, STATED, "The fitted mass that moves.", large=True),
     ResultNumber(
         "viscous_coefficient_n_s_per_m", "viscous drag", "viscous drag", "N s/m", DRIVE, STATED,
         "Force per unit of speed.", large=True,
     ),
     ResultNumber(
-        "offset_n", "offset", "offset", "N", DRIVE, STATED, "A constant force: of the drive, or a tilt of the guide.",
-        large=True,
+        "offset_n", "offset", "offset", "N", DRIVE, STATED, "A constant force: the drive's, or a tilt's.", large=True,
     ),
     ResultNumber(
         "reduced_chi2", "χ²/ν", "reduced χ²", "1", Group.ANALYSIS, STATED, "Of this shot's own fit.", computed=_chi2,

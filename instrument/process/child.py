@@ -15,8 +15,7 @@ from multiprocessing.connection import Connection
 
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 from instrument.files.recording_error import one_line
-from instrument.process.give_way import give_way
-from instrument.process.messages import About, Answer, Came, Fault, Order
+from instrument.process.messages import About, Answer, Came, Fault, Order, give_way
 from instrument.process.shared_ring import SharedRing
 
 Opener = Callable[[], Digitizer]

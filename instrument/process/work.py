@@ -24,7 +24,7 @@ from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from instrument.files.open_recording import analysed_while_hashed
 from instrument.files.recording_error import RecordingError, one_line
-from instrument.process.give_way import give_way
+from instrument.process.messages import give_way
 
 HEEDS_S = 5.0  # a child that looks at a cancellation later than this is ended: it may still be loading, or starved
 _LOOK_S = 0.02

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from analysis.shot.impact import Impact
 from analysis.shot.plate import Number, compliance_of, corrected_slope
@@ -26,19 +27,9 @@ Equation = Callable[[Written, Reading, str], Number | None]  # the number's own 
 Scale = Callable[[ShotSources], Number]
 
 
-def clock(sources: ShotSources) -> Number:
-    """Return what scales a time."""
-    return sources.timebase
-
-
-def length(sources: ShotSources) -> Number:
-    """Return what scales a displacement."""
-    return sources.length_scale
-
-
-def mass(sources: ShotSources) -> Number:
-    """Return what scales a mass."""
-    return sources.mass_scale
+clock: Scale = attrgetter("timebase")  # scales a time
+length: Scale = attrgetter("length_scale")  # a displacement
+mass: Scale = attrgetter("mass_scale")
 
 
 def damping(sources: ShotSources) -> Number:
@@ -69,8 +60,8 @@ def scaled(
         seen = written.sources.noisy(reading, noise, unit, without_mass=without_mass, per_time=per_time)
         if seen is None or scale is None:
             return seen
-        length = written.sources.length_scale
-        return seen * scale(written.sources) * length / length if length_cancels else seen * scale(written.sources)
+        number, extent = seen * scale(written.sources), length(written.sources)
+        return number * extent / extent if length_cancels else number
 
     return equation
 

@@ -29,25 +29,21 @@ def _path(text: str) -> Path:
     return Path(_name(text))
 
 
-def _whole(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is below zero")
-    return value
+def _from(least: float, kind: type[int] | type[float], words: str) -> Parsed:
+    """Return what reads a number that is not below ``least``; ``words`` say what another is."""
+
+    def number(text: str) -> float:
+        value = kind(text)
+        if not least <= value < math.inf:
+            raise argparse.ArgumentTypeError(f"{text} is {words}")
+        return value
+
+    return number
 
 
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return value
-
-
-def _positive_int(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a positive whole number")
-    return value
+_whole = _from(0, int, "below zero")
+_positive = _from(5e-324, float, "not a positive number")
+_positive_int = _from(1, int, "not a positive whole number")
 
 
 def _sources() -> str:

@@ -68,12 +68,6 @@ def simulate(
     return paths
 
 
-def read_truth(path: Path | str) -> list[dict[str, dict[str, float]]]:
-    """Return what ``simulate`` kept back: the effects of each shot (for those who score, not for the analysis)."""
-    content = json.loads(base64.b64decode(Path(path).read_bytes()))
-    return list(content["shots"])
-
-
 def speeds_of_set(shots: int, seed: int) -> tuple[float, ...]:
     """Return the speeds (m/s) of a set: spread over what a hand can do, no two alike."""
     random = np.random.default_rng((seed, 0xA))

@@ -36,14 +36,10 @@ class Column:
         """Get whether it is hidden until it is chosen."""
         return self.number is not None and not self.number.listed
 
-    def reading(self, entry: Entry) -> Reading | None:
-        """Return the number of an entry with its uncertainty from noise."""
-        return self.number.find(entry.shot) if self.number is not None and entry.shot is not None else None
-
     def order(self, entry: Entry) -> float | str | None:
         """Return what it sorts by: a number's value, a text; None where there is nothing."""
         if self.number is not None:
-            reading = self.reading(entry)
+            reading = self.number.find(entry.shot) if entry.shot is not None else None
             return reading.value if isinstance(reading, Quantity) else None
         return self.sorted_by(entry) if self.sorted_by is not None else self.text(entry)
 

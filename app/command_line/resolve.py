@@ -16,7 +16,7 @@ from analysis.shot.shot import AnalysisError, Shot
 from app.command_line.acquire import LEAST_ARMING_S, Taking, capture_settings
 from app.command_line.outputs import check_outputs, in_a_line
 from app.session.load import complaint, load_and_analyse
-from app.session.next_shots import planned_record, planned_setup
+from app.session.planned_record import planned_record, planned_setup
 from instrument.capture.acquire import AcquireError, acquire
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.sources import is_bench, pushed

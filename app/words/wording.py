@@ -13,6 +13,7 @@ from app.words.physics_words import model_effect_words as model_effect_words
 from app.words.physics_words import model_in_words as model_in_words
 from app.words.physics_words import parameter_parts as parameter_parts
 from app.words.physics_words import repeatability_words as repeatability_words
+from app.words.prefixes import prefix_for
 
 DASH = "–"
 LONGEST_NAME = 24  # characters of a shot's name beside others
@@ -129,18 +130,6 @@ def with_prefix(value: float | None, unit: str, digits: int = 3) -> str:
         return DASH
     factor, words = prefix_for(value, unit)
     return f"{number(factor * value, digits)} {words}"
-
-
-PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
-
-
-def prefix_for(size: float, unit: str) -> tuple[float, str]:
-    """Return (factor, unit) in which ``size``, in the SI ``unit``, is best told: (1e9, "nm") for 3e-8 m."""
-    if not math.isfinite(size) or size == 0.0:
-        return 1.0, unit
-    least = [(scale, prefix) for scale, prefix in PREFIXES if abs(size) >= 0.9995 * scale]
-    scale, prefix = least[-1] if least else PREFIXES[0]
-    return 1.0 / scale, f"{prefix}{unit}"
 
 
 def typed_number(text: str) -> float:

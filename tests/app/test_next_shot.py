@@ -15,7 +15,8 @@ from analysis.shot.recording import Setup
 from app.command_line.cli import main
 from app.command_line.plan_ahead import plan_ahead
 from app.session.event import Diagnosed
-from app.session.next_shots import NextShots, planned_setup
+from app.session.next_shots import NextShots
+from app.session.planned_record import planned_setup
 from app.session.settings import Settings
 from app.session.verdict_of import Diagnoses
 from app.window.panels.next_shot import NextShotCard

@@ -5,7 +5,8 @@ import math
 import pytest
 from PySide6.QtCore import QLocale
 
-from app.words.wording import prefix_for, with_prefix
+from app.words.prefixes import prefix_for
+from app.words.wording import with_prefix
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from app.window.plots.cursors import CursorAxis
 from app.window.plots.legend import Legend, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
-from app.words.wording import local_words, prefix_for, short_name
+from app.words.prefixes import prefix_for
+from app.words.wording import local_words, short_name
 
 MOST_FORMS = 4
 ALONG = CursorAxis("mm", "mm")

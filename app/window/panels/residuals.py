@@ -17,7 +17,8 @@ from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import SECONDS
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.wording import number, prefix_for, repeatability_words, short_name
+from app.words.prefixes import prefix_for
+from app.words.wording import number, repeatability_words, short_name
 
 CELL = "<td align='right' style='padding: 0 6px'>"
 

@@ -14,7 +14,7 @@ from app.report.shot_figures import contact_span_ms, time_zero
 from app.window.pens import thin, under
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.wording import prefix_for
+from app.words.prefixes import prefix_for
 
 RESIDUALS = (
     ("force", "Residual of force", "N"),

@@ -14,7 +14,8 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app.window.theme import Colours, Tone
-from app.words.wording import number, prefix_for
+from app.words.prefixes import prefix_for
+from app.words.wording import number
 
 Floats = NDArray[np.float64]
 MOST = 12  # shots drawn; a word says how many there are besides

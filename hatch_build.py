@@ -18,7 +18,7 @@ PARTS = ("app", "instrument", "analysis", "resources")
 _ONE_OF = "|".join(PARTS)
 _IMPORT = re.compile(rf"^(\s*(?:from|import)\s+)({_ONE_OF})\b", re.MULTILINE)
 _BY_NAME = re.compile(rf'(\b(?:files|_imported)\(")({_ONE_OF})\b')
-_A_MODULE = re.compile(r"(?:resources|(?:app|instrument|analysis)(?:\.[a-z_0-9]+)+)\Z")
+_A_MODULE = re.compile(r"(?:resources|(?:app|instrument|analysis)(?:\.[a-z_0-9]+)+(?::\w+)?)\Z")
 
 
 class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]

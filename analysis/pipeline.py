@@ -11,10 +11,9 @@ from numpy.linalg import LinAlgError
 
 from analysis.fitted.awaited_fit import with_fit_to_follow
 from analysis.fitted.fitted_shot import fit_again
-from analysis.shot.corrected import FLAG, corrected
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen
-from analysis.shot.recording import Recording, Setup
+from analysis.shot.recording import FLAG, Recording, Setup, corrected
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
 
 

@@ -18,6 +18,7 @@ from analysis.shot.shot import Shot
 from analysis.shot.version import program_version
 from analysis.uncertainty.budget import budget
 from analysis.uncertainty.budget import to_result as budget_result
+from analysis.uncertainty.numbers import Kind, of_collision
 from analysis.uncertainty.series import series
 from analysis.uncertainty.series import to_result as series_result
 
@@ -39,7 +40,6 @@ def result(shots: Sequence[Shot], diagnosis: Diagnosis | None, foretold: Foretol
 def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
     """Return one shot's entry; what was not seen is null.  ``others`` of the same rig tell its repeatability."""
     impact = shot.impact
-    kinetic = impact.cor_kinetic if impact else None
     entry: dict[str, Any] = {
         "name": shot.name,
         "path": shot.path,
@@ -52,25 +52,9 @@ def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
         "trigger_time_s": shot.trigger_time_s,
         "rest_frequency_hz": to_json(shot.motion.rest_frequency_hz) if shot.motion else None,
     }
-    for key in (
-        "velocity_in_m_per_s",
-        "velocity_out_m_per_s",
-        "cor_quasi_static",
-        "cor_impulse",
-    ):
-        entry[key] = to_json(getattr(impact, key)) if impact else None
-    entry["cor_kinetic"] = {
-        key: to_json(getattr(kinetic, key)) if kinetic else None
-        for key in ("force_peaks", "onsets", "flights", "contact")
-    }
-    for key in (
-        "force_peak_n",
-        "force_fwhm_s",
-        "contact_time_s",
-        "deflection_max_m",
-        "stiffness_slope_n_per_m",
-    ):
-        entry[key] = to_json(getattr(impact, key)) if impact else None
+    for number in of_collision(Kind.READ):
+        group, _, name = number.key.rpartition(".")
+        (entry.setdefault(group, {}) if group else entry)[name] = to_json(number.find(shot))
     entry["readings_model"] = readings_model_result(readings_model(shot))
     entry["disturbance"] = disturbance_result(impact.disturbance if impact else None)
     entry["fit"] = fit_result(shot.fit)

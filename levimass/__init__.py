@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from analysis.diagnosis.result import Diagnosis
     from analysis.shot.recording import Recording
     from analysis.shot.shot import AnalysisSettings, Shot
-    from instrument.motion_file import MotionRecord
+    from instrument.files.motion_file import MotionRecord
 
 __all__ = ["analyse", "diagnose", "read", "simulate"]
 
@@ -25,9 +25,9 @@ def read(path: Path | str) -> Recording | MotionRecord:
 
     Raises RecordingError, whose one line names file and cause.
     """
-    from instrument.motion_file import read_motion
-    from instrument.open_recording import open_recording
-    from instrument.recording_search import is_motion_record
+    from instrument.files.motion_file import read_motion
+    from instrument.files.open_recording import open_recording
+    from instrument.files.recording_search import is_motion_record
 
     return read_motion(Path(path)) if is_motion_record(Path(path)) else open_recording(path)
 
@@ -98,6 +98,6 @@ def _main(argv: Sequence[str] | None = None) -> int:
 
 def _window(argv: Sequence[str] | None = None) -> int:
     """Open the window."""
-    from app.command_line.cli import window
+    from app.command_line.modes import window
 
     return window(argv)

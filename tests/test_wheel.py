@@ -20,8 +20,10 @@ def everything():
         if not module.name.startswith("levimass.app.window."):
             importlib.import_module(module.name)
     from levimass.analysis.compiled import kernel_cache
-    from levimass.instrument.apart.give_way import give_way
-    from levimass.instrument.found_devices import udev_rule_path
+    from levimass.instrument.process.messages import give_way
+    from levimass.instrument.devices.found_devices import udev_rule_path
+    from levimass.instrument.devices.sources import SOURCES, imported
+    assert all(callable(imported(source.opened)) for source in SOURCES)
     own = {"app", "analysis", "instrument", "resources"}
     assert not own & {name.split(".")[0] for name in sys.modules}
     assert levimass.analysis.__file__.startswith(sys.argv[1])

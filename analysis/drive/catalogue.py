@@ -65,6 +65,7 @@ class Law:
     force: Callable[[Run, Sequence[float]], Columns] | None
     bent: tuple[Bent, ...] = ()
     of_force: bool = False
+    words: str = ""  # where the name alone does not say it
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -144,9 +145,11 @@ LAWS: dict[str, Law] = {
     law.name: law
     for law in (
         Law("coulomb_friction", ("force_n",), "F_c sgn v", coulomb),
-        Law("directional_viscous_drag", ("coefficient_n_s_per_m",), "c_d |v|", directional_drag),
+        Law("directional_viscous_drag", ("coefficient_n_s_per_m",), "c_d |v|", directional_drag,
+            words="direction-dependent viscous drag"),
         Law("quadratic_drag", ("coefficient_n_s2_per_m2",), "c v|v|", quadratic_drag),
-        Law("stribeck_friction", ("force_n",), "F_s sgn v exp(-|v|/v_s)", stribeck, (SPEED,)),
+        Law("stribeck_friction", ("force_n",), "F_s sgn v exp(-|v|/v_s)", stribeck, (SPEED,),
+            words="Stribeck friction"),
         Law("presliding_friction", ("force_n",), "F_d (z - sgn v), dz/dx = (1 - z sgn v)/reach", dahl, (REACH,)),
         Law(
             "lugre_friction", ("force_n",), "F_l (z - sgn v), z bending to 1 + e exp(-(v/v_s)^2) over a reach", lugre,
@@ -155,19 +158,25 @@ LAWS: dict[str, Law] = {
                 Bent("speed_m_per_s", Span.SPEED, 3e-4, 1.0, (0.03, 0.1)),
                 Bent("static_excess", Span.NUMBER, -0.95, 5.0, (0.5,), logarithmic=False),
             ),
+            words="LuGre friction",
         ),
         Law(
             "position_ripple", ("sine_n", "cosine_n"), "s sin(2 pi x/p) + c cos(2 pi x/p)", ripple,
             (Bent("pitch_m", Span.PITCH, 1.0 / 400.0, 0.7),),
+            words="a ripple along the travel",
         ),
-        Law("place_dependent_friction", ("slope_n_per_m", "curvature_n_per_m2"), "sgn v (s x + q x^2)", place_friction),
-        Law("load_dependent_friction", ("fraction",), "m |F| sgn v", load_friction, of_force=True),
+        Law("place_dependent_friction", ("slope_n_per_m", "curvature_n_per_m2"), "sgn v (s x + q x^2)", place_friction,
+            words="position-dependent friction"),
+        Law("load_dependent_friction", ("fraction",), "m |F| sgn v", load_friction, of_force=True,
+            words="load-dependent friction"),
         Law("bearing_gradient", ("stiffness_n_per_m",), "k x", gradient),
-        Law("quadratic_stiffness", ("coefficient_n_per_m2",), "k_2 x^2", quadratic_spring),
+        Law("quadratic_stiffness", ("coefficient_n_per_m2",), "k_2 x^2", quadratic_spring,
+            words="an asymmetric spring"),
         Law("cubic_stiffness", ("coefficient_n_per_m3",), "k_3 x^3", cubic_spring),
         Law(
             "drive_delay", (), "F(t - time)", None,
             (Bent("time_s", Span.TIME, -LONGEST_DELAY, LONGEST_DELAY, tuple(np.linspace(-0.2, 0.2, 17)), False),),
+            words="a delay between force and motion",
         ),
     )
 }  # fmt: skip

@@ -1,10 +1,11 @@
-"""Which shots of a set were taken on which plate, as their recordings state it."""
+"""A set of shots: whether they may be judged together, on which plates and with which weights they were taken."""
 
 from collections.abc import Sequence
+from itertools import groupby
 
 from analysis.shot.motion import Motion
 from analysis.shot.plate import stated_n_per_m
-from analysis.shot.weights import numbered
+from analysis.shot.shot import Shot
 
 _MEASURED_AGAIN = 0.1  # of the stiffness: the thickness to 3 %; further off it is another plate
 
@@ -37,3 +38,37 @@ def plates_words(motions: Sequence[Motion]) -> str:
     """Return who was taken on which plate ("shots 1-3 on plate 1, 4-5 on plate 2"); nothing where there is one."""
     numbers = plate_numbers(motions)
     return f"shots {numbered([f'on plate {k + 1}' for k in numbers])}" if any(numbers) else ""
+
+
+_SAME_KG = 1e-6  # a balance's milligram: weighed twice, not weighted
+
+
+def weights_words(masses_kg: Sequence[float]) -> str:
+    """Return who was taken how ("shots 1-3 as found, 4-5 with 50.00 g added"); nothing where all weigh the same.
+
+    The lightest block of the set is the block as found.
+    """
+    if not masses_kg or max(masses_kg) - min(masses_kg) <= _SAME_KG:
+        return ""
+    found = min(masses_kg)
+    added = [mass - found if mass - found > _SAME_KG else 0.0 for mass in masses_kg]
+    kinds = [f"with {1e3 * kg:.2f} g added" if kg else "as found" for kg in added]
+    return f"shots {numbered(kinds)}"
+
+
+def numbered(kinds: Sequence[str]) -> str:
+    """Return who of several is of which kind: "1-3 as found, 4-5 with 50.00 g added"."""
+    parts, number = [], 1
+    for kind, group in groupby(kinds):
+        count = len(list(group))
+        parts.append(f"{number}-{number + count - 1} {kind}" if count > 1 else f"{number} {kind}")
+        number += count
+    return ", ".join(parts)
+
+
+def why_not_together(shots: Sequence[Shot]) -> str | None:
+    """Return why these shots cannot be fitted or diagnosed together, in words; None where they can."""
+    models = sorted({shot.settings.model for shot in shots})
+    if len(models) > 1:
+        return f"the shots use different base models ({', '.join(models)}): select shots of one"
+    return None

@@ -1,7 +1,7 @@
 """One shot, raw: the counts as the digitizer gave them, and everything known about how they were taken."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
@@ -128,3 +128,23 @@ class Recording:
             if channel.role is role:
                 return index
         return None
+
+
+FLAG = "setup_corrected"
+AIR = ("temperature_c", "pressure_pa", "humidity_percent")
+NAMES = ("moving_mass_kg", "moving_mass_u_kg", "wavelength_vacuum_m", "wavelength_air_m", "rest_frequency_hz", *AIR)
+
+
+def corrected(setup: Setup, corrections: Mapping[str, float | None]) -> Setup:
+    """Return the rig with these values, in SI units, in place of its own; None: not given.
+
+    Names are those of ``NAMES``; the air is corrected as a whole.  Raises KeyError for another name.
+    """
+    unknown = set(corrections) - set(NAMES)
+    if unknown:
+        raise KeyError(sorted(unknown)[0])
+    plain = {name: value for name, value in corrections.items() if name not in AIR}
+    if set(AIR) <= set(corrections):
+        air = [value for name in AIR if (value := corrections[name]) is not None]
+        plain["air"] = Air(*air) if len(air) == len(AIR) else None  # type: ignore[assignment]
+    return replace(setup, **plain)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""From a recording to everything one shot can tell: the one road that screen, replay and export all take."""
+"""One analysed shot, and how it is analysed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -7,6 +7,7 @@ from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
 from analysis.shot.recording import Setup
+from levimass.analysis_settings import AnalysisSettings as AnalysisSettings
 
 Progress = Callable[[str, float], None]  # (what is being done, fraction of the whole)
 Stop = Callable[[], bool]  # whether whoever asked no longer wants it
@@ -18,20 +19,6 @@ class AnalysisError(Exception):
 
 class Cancelled(Exception):
     """The caller asked the analysis to stop."""
-
-
-@dataclass(frozen=True, slots=True)
-class AnalysisSettings:
-    """What a person may choose about an analysis; kept with the shot it was used for."""
-
-    bandwidth_hz: float = 10e3  # of velocity and force
-    motion_rate_hz: float = 100e3
-    model: str = "paper"  # "paper" | "clamped" | "no_tension" | "contact" | "driven"
-    rest: str = "smoothed"  # "smoothed" | "instantaneous": how PD0 is taken off
-    fit: bool = True
-    fit_seconds: float = 20.0  # the longest that the fit of one shot may take
-    effects: tuple[str, ...] = ()  # of the catalogue, accepted into the model
-    corrections: tuple[tuple[str, float | None], ...] = ()  # values of the rig put right afterwards: ``corrected``
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,14 @@ import re
 
 _SYMBOLS = {"n": "N", "s": "s", "m": "m", "kg": "kg", "hz": "Hz", "rad": "rad"}
 _POWERS = {"": "", "2": "²", "3": "³", "4": "⁴"}
+_SHOWN = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
 _OF_TIME = {"N": -2, "s": 1, "Hz": -1}
 _TOKEN = re.compile(rf"({'|'.join(_SYMBOLS)})([234]?)")
+
+
+def shown_in(unit: str) -> tuple[float, str]:
+    """Return the factor to the unit in which a number in this SI unit is shown, and that unit; "" for a ratio."""
+    return _SHOWN.get(unit, (1.0, unit))
 
 
 def parts(name: str) -> tuple[str, str]:

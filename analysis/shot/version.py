@@ -24,7 +24,8 @@ def program() -> str:
     Where the sources are not there to be read (a frozen application) it is the executable's.
     """
     digest = hashlib.sha256()
-    sources = [source for part in ("analysis", "instrument", "app") for source in sorted((_HOUSE / part).rglob("*.py"))]
+    parts = ("analysis", "instrument", "app", "levimass")
+    sources = [source for part in parts for source in sorted((_HOUSE / part).rglob("*.py"))]
     for source in sources:
         digest.update(source.relative_to(_HOUSE).as_posix().encode() + source.read_bytes())
     if not sources:

@@ -1,19 +1,20 @@
 """Uncertainty budget of a shot in the sense of the GUM (JCGM 100:2008): source by source, type A and B apart."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from uncertainties.core import AffineScalarFunc
 
-from analysis.shot.quantity import Quantity
+from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget_sources import ShotSources
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
-from analysis.uncertainty.measurement_equations import results
-from analysis.uncertainty.series import KEYS, ONE_SPEED, excess_spread, read, speed
+from analysis.uncertainty.measurement_equations import Written
+from analysis.uncertainty.numbers import ResultNumber, with_equation
+from analysis.uncertainty.series import ONE_SPEED, excess_spread, speed
 
 COVERAGE_FACTOR = 2.0
 ALIKE = 0.1  # shots whose impact speed differs by no more than this share tell the repeatability
@@ -111,15 +112,18 @@ def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: 
     """
     known = instrument or InstrumentUncertainty()
     sources = ShotSources(shot, known)
-    tables = []
-    for result in results(shot, sources):
-        number = result.number
+    written, tables = Written(shot, sources), []
+    for result, equation in with_equation():
+        number = equation(written, result.find(shot), result.unit)
+        if number is None:
+            continue
+        written.made[result.key] = number
         if not isinstance(number, AffineScalarFunc) or not math.isfinite(number.nominal_value):
             continue
         size = abs(number.nominal_value)
         rows = [_row(sources, variable, slope, size) for variable, slope in number.derivatives.items()]
         if result.repeats:
-            rows.append(_repeatability(result.key, shot, others))
+            rows.append(_repeatability(result, shot, others))
         rows.sort(key=lambda row: -row.contribution)
         tables.append(QuantityBudget(result.key, result.words, result.unit, float(number.nominal_value), tuple(rows)))
     return Budget(shot.name, tuple(tables), known)
@@ -182,13 +186,13 @@ def _row(sources: ShotSources, variable: Any, slope: float, size: float) -> Budg
     return BudgetRow(source.name, source.kind, std, source.unit, float(slope), source.how)
 
 
-def _repeatability(key: str, shot: Shot, others: Sequence[Shot]) -> BudgetRow:
+def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> BudgetRow:
     """Return what like shots scatter beyond their own type A uncertainties."""
-    unit, own = KEYS[key][1], speed(shot)
+    unit, own = of.unit, speed(shot)
     readings = []
     if isinstance(own, Quantity):
         for other in (shot, *(o for o in others if o is not shot)):
-            v, reading = speed(other), read(other, key)
+            v, reading = speed(other), of.find(other)
             if (
                 isinstance(v, Quantity)
                 and isinstance(reading, Quantity)
@@ -206,3 +210,14 @@ def _repeatability(key: str, shot: Shot, others: Sequence[Shot]) -> BudgetRow:
     about = " about their line over speed" if sloped else ""
     how = f"scatter of {len(readings)} shots at a like speed{about}, beyond their own noise"
     return BudgetRow("repeatability", "A", spread, unit, 1.0, how)
+
+
+def combined_of(shot: Shot) -> dict[str, float]:
+    """Return the combined standard uncertainty of each number that has a budget, by its key; some ms."""
+    return {q.key: q.std for q in budget(shot).quantities} if shot.impact is not None else {}
+
+
+def stated(reading: Reading, key: str, combined: Mapping[str, float]) -> Reading:
+    """Return a reading with the uncertainty that stands under its key, or as it is where none does."""
+    std = combined.get(key)
+    return replace(reading, std=std) if isinstance(reading, Quantity) and std is not None else reading

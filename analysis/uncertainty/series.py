@@ -10,28 +10,10 @@ from numpy.typing import NDArray
 
 from analysis.shot.quantity import NotSeen, Quantity, Reading, to_json
 from analysis.shot.shot import Shot
+from analysis.uncertainty.numbers import ResultNumber, of_series
 
 Floats = NDArray[np.float64]
 
-KEYS: Mapping[str, tuple[str, str]] = {  # the result file's name: (words, unit)
-    "cor_quasi_static": ("quasi-static COR", "1"),
-    "cor_impulse": ("impulse ratio", "1"),
-    "cor_kinetic.force_peaks": ("kinetic COR, force peaks", "1"),
-    "cor_kinetic.onsets": ("kinetic COR, onsets", "1"),
-    "cor_kinetic.flights": ("kinetic COR, flights", "1"),
-    "cor_kinetic.contact": ("kinetic COR, fitted contact", "1"),
-    "plate_stiffness_n_per_m": ("k_p, fitted", "N/m"),
-    "stiffness_slope_n_per_m": ("slope of F", "N/m"),
-    "plate_mass_kg": ("m_p*", "kg"),
-    "contact_stiffness_n_per_m": ("k_N", "N/m"),
-    "contact_damping_n_s_per_m": ("γ_N", "N s/m"),
-    "force_peak_n": ("peak force", "N"),
-    "force_fwhm_s": ("pulse width", "s"),
-    "contact_time_s": ("contact time", "s"),
-    "deflection_max_m": ("deflection", "m"),
-}
-VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s")
-FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 ONE_SPEED = 0.02  # speeds that differ by less than this share of their mean show no trend
 COLUMNS = (
     "quantity",
@@ -104,23 +86,6 @@ class Series:
         return next((summary for summary in self.summaries if summary.key == key), None)
 
 
-def read(shot: Shot, key: str) -> Reading:
-    """Return a shot's number by its name in ``KEYS``, or one of its velocities; KeyError for another name."""
-    if key not in KEYS and key not in VELOCITIES:
-        raise KeyError(key)
-    if key in FITTED:
-        if shot.fit is None or not shot.fit.converged:
-            return NotSeen("no fit" if shot.fit is None else "the fit did not converge")
-        return shot.fit.parameters.get(key, NotSeen(f"not in the model {shot.fit.model}"))
-    if shot.impact is None:
-        return NotSeen(shot.problem or "no impact")
-    part: Any = shot.impact
-    for name in key.split("."):
-        part = getattr(part, name)
-    reading: Reading = part
-    return reading
-
-
 def speed(shot: Shot) -> Reading:
     """Return a shot's impact speed |v_i| in m/s."""
     if shot.impact is None:
@@ -131,12 +96,13 @@ def speed(shot: Shot) -> Reading:
 
 def series(shots: Sequence[Shot]) -> Series:
     """Return the shots side by side; a shot without an impact is left out of it."""
+    numbers = of_series()
     seen = [(shot, v) for shot in shots if isinstance(v := speed(shot), Quantity)]
     seen.sort(key=lambda pair: pair[1].value)
-    readings = tuple({key: read(shot, key) for key in KEYS} for shot, _ in seen)
+    readings = tuple({number.key: number.find(shot) for number in numbers} for shot, _ in seen)
     names = tuple(shot.name for shot, _ in seen)
     speeds = [v for _, v in seen]
-    summaries = [_summary(key, names, speeds, [r[key] for r in readings]) for key in KEYS]
+    summaries = [_summary(number, names, speeds, [r[number.key] for r in readings]) for number in numbers]
     return Series(names, tuple(speeds), readings, tuple(s for s in summaries if s is not None))
 
 
@@ -206,7 +172,9 @@ def to_result(result: Series) -> dict[str, Any]:
     }
 
 
-def _summary(key: str, names: Sequence[str], speeds: Sequence[Quantity], readings: Sequence[Reading]) -> Summary | None:
+def _summary(
+    number: ResultNumber, names: Sequence[str], speeds: Sequence[Quantity], readings: Sequence[Reading]
+) -> Summary | None:
     seen = [
         (name, v.value, r.value, r.std)
         for name, v, r in zip(names, speeds, readings, strict=True)
@@ -218,9 +186,9 @@ def _summary(key: str, names: Sequence[str], speeds: Sequence[Quantity], reading
     spread = excess_spread(values, stds)
     mean = _mean(values, stds, 0.0 if math.isnan(spread) else spread)
     scatter = float(np.std(values, ddof=1)) if values.size > 1 else math.nan
-    words, unit = KEYS[key]
     shots = tuple(row[0] for row in seen)
-    return Summary(key, words, unit, shots, at, values, stds, mean, scatter, spread, _trend(at, values, stds))
+    trend = _trend(at, values, stds)
+    return Summary(number.key, number.words, number.unit, shots, at, values, stds, mean, scatter, spread, trend)
 
 
 def _mean(values: Floats, stds: Floats, spread: float) -> Reading:

@@ -14,10 +14,10 @@ from platformdirs import user_config_path, user_log_path
 
 from app.command_line.version import version_text
 from app.session.log import NAME
-from instrument.doctor import Check
-from instrument.recording_error import RecordingError
-from instrument.recording_writer import write_beside
-from instrument.text_file import open_regular
+from instrument.devices.doctor import Check
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_writer import write_beside
+from instrument.files.text_file import open_regular
 
 _MOST_OF_A_FILE = 4 << 20
 

@@ -1,6 +1,7 @@
-"""``levimass --doctor``: what this machine has and lacks, one line each."""
+"""``levimass doctor``: what this machine has and lacks; ``levimass prepare``: compile what a first start needs."""
 
 import sys
+import time
 from pathlib import Path
 
 from platformdirs import user_log_path
@@ -9,13 +10,15 @@ from analysis.compiled import kernel_cache
 from app.command_line.bundle import write_bundle
 from app.command_line.display import why_no_window
 from app.command_line.version import installed
+from app.session.jobs import Report
 from app.session.log import NAME
 from app.session.prepare import complete
-from instrument.apart.digitizer import open_apart
-from instrument.digitizer import DigitizerError
-from instrument.doctor import Check, Grade, examine
-from instrument.recording_error import RecordingError
-from instrument.signal_trial import try_signals
+from app.session.prepare import prepare as compile_all
+from instrument.devices.digitizer import DigitizerError
+from instrument.devices.doctor import Check, Grade, examine
+from instrument.files.recording_error import RecordingError
+from instrument.live.signal_trial import try_signals
+from instrument.process.digitizer import open_apart
 
 
 def doctor(folder: Path | None = None, source: str | None = None, bundle: Path | None = None) -> int:
@@ -71,3 +74,30 @@ def _qt() -> Check:
     if problem is None:
         return Check("window", Grade.OK, "Qt starts")
     return Check("window", Grade.WARN, f"{problem}; every mode of the command line works all the same")
+
+
+def prepare(jobs: int | None = None) -> int:
+    """Compile what is not compiled yet, over ``jobs`` processes, telling how far it is; return the exit status."""
+    if complete():
+        print(f"levimass: everything is compiled already, in {kernel_cache.root()}")
+        return 0
+    began = time.monotonic()
+    if not compile_all(progress_lines(), lambda: False, at_once=jobs):
+        print("levimass: not everything could be compiled; it will be when it is needed", file=sys.stderr)
+        return 1
+    print(f"levimass: compiled in {time.monotonic() - began:.0f} s, kept in {kernel_cache.root()}")
+    return 0
+
+
+def progress_lines() -> Report:
+    """Return what tells progress on standard error, a line for each step of it."""
+    last = ""
+
+    def report(words: str, share: float) -> None:
+        nonlocal last
+        line = f"{100 * share:3.0f} %  {words}"
+        if line != last:
+            print(line, file=sys.stderr)
+        last = line
+
+    return report

@@ -3,26 +3,41 @@
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.shot.recording import Role, Setup
-from instrument.foreign.contents import ForeignContents
-from instrument.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
-from instrument.foreign.reading import foreign_channels, read_foreign
-from instrument.foreign.remembered import OF_FOLDER, own_mapping, remembered_mapping
-from instrument.recording_error import RecordingError
+from instrument.files.foreign.contents import ForeignContents
+from instrument.files.foreign.mapping import (
+    OF_FOLDER,
+    ForeignMapping,
+    MappedChannel,
+    own_mapping,
+    read_mapping,
+    remembered_mapping,
+    write_mapping,
+)
+from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.recording_error import RecordingError
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What the call says of the rig and the record, None where it says nothing."""
+
+    mass_kg: float | None = None
+    rate_hz: float | None = None
+    rest_hz: float | None = None
+    wavelength_m: float | None = None
+    bits: int | None = None
 
 
 def map_foreign(
     path: Path,
-    *,
     channels: Sequence[str] | None,
     volts: Sequence[str] | None,
-    mass_kg: float | None,
-    rate_hz: float | None,
-    rest_hz: float | None,
-    wavelength_m: float | None,
-    bits: int | None,
+    given: Given,
+    *,
     for_folder: bool,
 ) -> int:
     """List a file's channels; with ``channels`` ("measurement=NAME") write its mapping and try it.
@@ -32,11 +47,11 @@ def map_foreign(
     try:
         roles, scales = _pairs(channels), _pairs(volts)
         factors = {role: _number(role, text) for role, text in scales.items()}
-        if channels is not None and (Role.MEASUREMENT not in roles or mass_kg is None):
+        if channels is not None and (Role.MEASUREMENT not in roles or given.mass_kg is None):
             raise ValueError("a mapping needs at least --channel measurement=NAME and --mass KG")
-        if bits is not None and bits > 16:
-            raise ValueError(f"--bits {bits}: not from 1 to 16")
-        if channels is None and (factors or mass_kg or rest_hz or wavelength_m or bits or for_folder):
+        if given.bits is not None and given.bits > 16:
+            raise ValueError(f"--bits {given.bits}: not from 1 to 16")
+        if channels is None and (factors or for_folder or replace(given, rate_hz=None) != Given()):
             raise ValueError("which channel is which? --channel measurement=NAME")
         if unmapped := sorted(set(factors) - set(roles)):
             raise ValueError(f"--volts {unmapped[0]}: no --channel has this role")
@@ -48,12 +63,17 @@ def map_foreign(
         if channels is None:
             print(_listing(held))
             return 0
-        assert mass_kg is not None
+        assert given.mass_kg is not None
         mapping = ForeignMapping(
             held.format,
             tuple(MappedChannel(role, name, factors.get(role)) for role, name in roles.items()),
-            Setup(mass_kg, wavelength_air_m=wavelength_m, rest_frequency_hz=rest_hz, digitizer_bits=bits or 16),
-            rate_hz,
+            Setup(
+                given.mass_kg,
+                wavelength_air_m=given.wavelength_m,
+                rest_frequency_hz=given.rest_hz,
+                digitizer_bits=given.bits or 16,
+            ),
+            given.rate_hz,
         )
         shot = read_foreign(path, mapping)  # a mapping that does not work is not remembered
         kept = path.with_name(OF_FOLDER) if for_folder else own_mapping(path)

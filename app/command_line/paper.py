@@ -12,9 +12,9 @@ from analysis.shot.shot import Shot
 from app.command_line.outputs import in_a_line
 from app.report.paper_rows import SECTIONS, cells, shown
 from app.session.load import load_and_analyse
-from instrument.recording_error import RecordingError
-from instrument.recording_search import find_recordings
-from instrument.recording_writer import write_text_beside
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_search import find_recordings
+from instrument.files.recording_writer import write_text_beside
 
 _WIDTHS = (42, 24, 10, 10, 10, 25, 24)
 _LINE = 120

@@ -3,10 +3,10 @@
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose as diagnose_motions
-from analysis.diagnosis.limit import SECONDS as LONGEST
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
@@ -18,78 +18,80 @@ from analysis.fitted.readings_model import readings_model
 from analysis.planning.next_shot import Reach
 from analysis.report import result
 from analysis.shot.fit import Fit
-from analysis.shot.one_rig import why_not_together
+from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Shot
-from analysis.uncertainty.combined import combined_of, stated
-from analysis.uncertainty.series import read
-from app.command_line.model_choice import known_model
+from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.numbers import Kind, of_collision
+from app.command_line.options import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.command_line.plan_ahead import Ahead, plan_ahead
-from app.report.export import export
-from app.report.export_foretold import export_foretold
+from app.report.export import export, export_foretold, export_laws
 from app.report.export_hdf5 import export_hdf5
-from app.report.export_laws import export_laws
 from app.report.page import report_of
 from app.session.load import complaint, load_and_analyse
 from app.words.flag_words import by_weight, flag_words
-from instrument.law_file import read_law
-from instrument.recording_error import RecordingError
-from instrument.recording_search import find_recordings
-from instrument.recording_writer import write_text_beside
+from instrument.files.law_file import read_law
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_search import find_recordings
+from instrument.files.recording_writer import write_text_beside
 
 DRIFT_SIGMAS = 4.0
-NOWHERE = Outputs()
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is to be found out of the shots: ``laws`` are files of a person's own, which the diagnosis asks, too.
+
+    ``foretell`` puts a model file to the test, as it is.  ``plan`` asks for the next shots: those that decide (""), or
+    that make a parameter surer; ``reach`` is what the rig can do.
+    """
+
+    diagnosis: bool = True
+    laws: Sequence[Path] = ()
+    foretell: bool = False
+    plan: str | None = None
+    reach: Reach | None = None
 
 
 def replay(
     paths: Sequence[Path],
+    asked: Asked,
+    outputs: Outputs,
     *,
-    outputs: Outputs = NOWHERE,
-    diagnose: bool = True,
-    model: str | None = None,
-    foretell: bool = False,
-    laws: Sequence[Path] = (),
+    model: str | None,
+    settings: AnalysisSettings,
     checked: bool = True,
-    plan: str | None = None,
-    reach: Reach | None = None,
-    fit_seconds: float | None = None,
-    diagnosis_seconds: float | None = None,
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
-    ``model`` is a base model's name or the path of a model file, whose effects are then part of the model;
-    ``foretell`` puts the file's model to the test, as it is.
-    ``laws`` are files of a person's own laws, which the diagnosis asks beside its catalogue; ``checked`` compares the
-    data with their hash.  ``plan`` asks for the next shots: those that decide (""), or that make a parameter surer;
-    ``reach`` is what the rig can do.  ``fit_seconds`` is the longest that the fit of one shot may take,
-    ``diagnosis_seconds`` the time after which a diagnosis leaves out what may be left out.  A diagnosis that fails is a
-    failure.
+    ``model`` is a base model's name or the path of a model file, whose effects are then part of the model; ``checked``
+    compares the data with their hash.  A diagnosis that fails is a failure.
     """
     shots: list[Shot] = []
     try:
-        own = [read_law(path).key for path in laws]
+        own = [read_law(path).key for path in asked.laws]
         known = known_model(model)
         check_outputs(outputs.json, outputs.export, outputs.report, outputs.model)
     except (AnalysisError, RecordingError, OSError) as error:
         print(f"levimass: {in_a_line(error, model)}", file=sys.stderr)
         return 1
-    settings = AnalysisSettings(effects=known.effects if known else (), fit_seconds=fit_seconds or SECONDS)
+    settings = replace(settings, effects=known.effects if known else ())
     for path in find_recordings(paths):
         shot = load_and_analyse(path, known.base if known else model, settings=settings, checked=checked)
         if why := shot.problem or shot.fit_problem:
             print(complaint(shot.path or shot.name, why if shot.problem else f"not fitted: {why}"), file=sys.stderr)
         shots.append(shot)
-    diagnosis, failed = _diagnosis(shots, own, diagnosis_seconds or LONGEST) if diagnose else (None, False)
+    diagnosis, failed = _diagnosis(shots, own, settings.diagnosis_seconds) if asked.diagnosis else (None, False)
     if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
         shots = read_together(shots, diagnosis.fit_after)
-    told = _foretold(shots, known) if foretell and known is not None else None
+    told = _foretold(shots, known) if asked.foretell and known is not None else None
     tried = known.tried if known is not None else ()
-    ahead = plan_ahead(shots, diagnosis, plan, reach) if plan is not None else None
-    ok = _write(shots, diagnosis, told, outputs, tried, ahead) and (told is not None or not foretell)
-    ok = ok and (ahead is not None or plan is None) and not failed
+    ahead = plan_ahead(shots, diagnosis, asked.plan, asked.reach) if asked.plan is not None else None
+    ok = _write(shots, diagnosis, told, outputs, tried, ahead) and (told is not None or not asked.foretell)
+    ok = ok and (ahead is not None or asked.plan is None) and not failed
     if known is not None and diagnosis is not None:
         _tell_drift(known, diagnosis)
     if outputs.model is not None:
@@ -239,25 +241,11 @@ def summary(shot: Shot) -> str:
     lines, combined = [f"{shot.path or shot.name}"], combined_of(shot)
     if shot.problem:
         lines.append(f"  not analysed: {shot.problem}")
-    impact = shot.impact
-    if impact is not None:
-        rows: list[tuple[str, str, float, str]] = [
-            ("v in", "velocity_in_m_per_s", 1.0, "m/s"),
-            ("v out", "velocity_out_m_per_s", 1.0, "m/s"),
-            ("COR quasi-static", "cor_quasi_static", 1.0, ""),
-            ("COR impulse ratio", "cor_impulse", 1.0, ""),
-            ("COR kinetic (force peaks)", "cor_kinetic.force_peaks", 1.0, ""),
-            ("COR kinetic (contact)", "cor_kinetic.contact", 1.0, ""),
-            ("peak force", "force_peak_n", 1.0, "N"),
-            ("pulse width (FWHM)", "force_fwhm_s", 1e3, "ms"),
-            ("contact", "contact_time_s", 1e3, "ms"),
-            ("deflection", "deflection_max_m", 1e3, "mm"),
-            ("slope F/deflection", "stiffness_slope_n_per_m", 1.0, "N/m"),
-        ]
-        for label, key, factor, unit in rows:
-            reading = stated(read(shot, key), key, combined)
-            shown = reading.scaled(factor) if isinstance(reading, Quantity) else f"– ({reading.reason})"
-            lines.append(f"  {label:<27}{shown} {unit}".rstrip())
+    if shot.impact is not None:
+        for number in of_collision(Kind.READ):
+            reading = stated(number.find(shot), number.key, combined)
+            shown = reading.scaled(number.scale) if isinstance(reading, Quantity) else f"– ({reading.reason})"
+            lines.append(f"  {number.title:<27}{shown} {number.shown_unit}".rstrip())
         rests = readings_model(shot)
         if rests is not None and shot.readings_fit is not None:
             model, again = _with_effects(rests.base, rests.effects), ", ".join(rests.readings)

@@ -3,7 +3,6 @@
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose
@@ -14,27 +13,16 @@ from analysis.planning.steps import Standing, Step, next_step, stand
 from analysis.planning.words import told, with_words
 from analysis.report import result
 from analysis.shot.shot import AnalysisError, Shot
-from app.command_line.acquire import LEAST_ARMING_S, capture_settings
+from app.command_line.acquire import LEAST_ARMING_S, Taking, capture_settings
 from app.command_line.outputs import check_outputs, in_a_line
 from app.session.load import complaint, load_and_analyse
 from app.session.planned_record import planned_record, planned_setup
-from instrument.acquire import AcquireError, acquire
-from instrument.apart.digitizer import open_apart
-from instrument.digitizer import DigitizerError
-from instrument.recording_error import RecordingError
-from instrument.recording_writer import write_text_beside
-from instrument.sources import is_bench, pushed
-
-
-@dataclass(frozen=True, slots=True)
-class Taking:
-    """Where shots come from and go to; ``rate_hz`` and ``samples`` are those of the first set."""
-
-    source: str
-    out: Path
-    rate_hz: float | None
-    samples: int | None
-    timeout_s: float
+from instrument.capture.acquire import AcquireError, acquire
+from instrument.devices.digitizer import DigitizerError
+from instrument.devices.sources import is_bench, pushed
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_writer import write_text_beside
+from instrument.process.digitizer import open_apart
 
 
 def resolve(first: int, most: int, taking: Taking, json_to: str | None, reach: Reach | None = None) -> int:

@@ -6,8 +6,8 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from app.command_line.cli import window
 from app.command_line.display import why_no_window
+from app.command_line.modes import window
 from instrument.bench.site import USUAL_SITE, site_named
 
 
@@ -23,13 +23,13 @@ def main() -> int:
 def headless_shot() -> int:
     """Simulate one shot in a usual laboratory and print its readings as soon as they are there, then its fit."""
     from analysis.pipeline import fitted, read
-    from analysis.uncertainty.combined import combined_of
-    from app.command_line.prepare import progress_lines
+    from analysis.uncertainty.budget import combined_of
+    from app.command_line.doctor import progress_lines
     from app.command_line.replay import fit_lines, summary
     from app.session.prepare import Stage, prepare_first_shot
     from app.words.flag_words import by_weight, flag_words
     from instrument.bench.simulate import simulate
-    from instrument.open_recording import open_recording
+    from instrument.files.open_recording import open_recording
 
     ready = {stage: threading.Event() for stage in (Stage.READINGS, Stage.FIT)}
     with ThreadPoolExecutor(1) as beside, tempfile.TemporaryDirectory(prefix="levimass-") as folder:

@@ -1,14 +1,14 @@
-"""What the diagnosis said, with its evidence, the error before and after, and what it could not have seen."""
+"""What the diagnosis said, with its evidence, errors and detection limits; and a prediction put to the test."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
-from analysis.shot.plates_of_set import plates_words
+from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw
+from analysis.shot.plates_of_set import plates_words, weights_words
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
-from analysis.shot.weights import weights_words
 from analysis.uncertainty.noise_band import diagnosed_band
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
@@ -16,15 +16,12 @@ from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
 from app.words.physics_words import effect_words, parameter_parts
 from app.words.prefixes import prefix_for
-from instrument.recording_error import one_line
+from app.words.verdict import VERDICTS
+from instrument.files.recording_error import one_line
 
-VERDICTS = {
-    Verdict.ADEQUATE: "adequate: no missing effect within the detection limits",
-    Verdict.EFFECT_FOUND: "effect found",
-    Verdict.LAW_LEARNED: "law learned: a force that is not in the catalogue",
-    Verdict.PARTLY_EXPLAINED: "partly explained: predictions improve, a significant residual remains",
-    Verdict.UNEXPLAINED: "unexplained: a significant residual remains",
-}
+if TYPE_CHECKING:
+    from analysis.diagnosis.verdict.foretold import Foretold
+
 ERRORS = (
     ("displacement_rms_m", "displacement, rms", "m"),
     ("velocity_rms_m_per_s", "velocity, rms", "m/s"),
@@ -42,7 +39,7 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     count = len(motions)
     taken = "; ".join(filter(None, (weights_words([m.moving_mass_kg for m in motions]), plates_words(motions))))
     parts = [
-        tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict]}."), class_="verdict"),
+        tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict].full}."), class_="verdict"),
         tag("p", diagnosis.sentence),
         tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together{f': {taken}' if taken else ''}."),
     ]
@@ -161,3 +158,26 @@ def _parameters(parameters: Mapping[str, Quantity]) -> str:
         words, unit = parameter_parts(name)
         parts.append(f"{words} {value} {unit}".rstrip())
     return ", ".join(parts)
+
+
+def foretold_section(foretold: "Foretold") -> Markup:
+    """Return the section: the sentence, the errors of all shots, and those of each."""
+    effects = " + ".join(effect_words(name) for name in foretold.effects) or "no effect"
+    columns: list[tuple[str, Errors]] = [("base alone", foretold.error_base), ("whole model", foretold.error_model)]
+    shots = []
+    for shot in foretold.shots:
+        remark = shot.problem or ("took part in the model\u2019s fit: no test" if shot.took_part else "")
+        rows = error_rows([("", e) for e in (shot.error_base, shot.error_model) if e is not None])
+        shots.append([shot.name, *(rows[0][1:] if rows else ["\u2013", "\u2013"]), remark])
+    which = error_rows(columns)[0][0]
+    said = (
+        f"Model {foretold.model} with {effects}, as it was saved; only what is a shot\u2019s own (its speed, touch and "
+        "offset; a drive\u2019s constant force) was fitted."
+    )
+    body = joined(
+        tag("p", tag("b", f"{foretold.sentence[0].upper()}{foretold.sentence[1:]}.")),
+        tag("p", said),
+        table(["", *(name for name, _ in columns)], error_rows(columns), "numbers"),
+        table(["shot", f"base alone: {which}", "whole model", "remarks"], shots, "numbers"),
+    )
+    return tag("section", tag("h2", "Test of model predictions"), body)

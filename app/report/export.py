@@ -5,24 +5,30 @@ import io
 import itertools
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.result import Diagnosis, Errors, LearnedLaw
 from analysis.fitted.fitted_shot import shaking_of
 from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import COLUMNS as BUDGET_COLUMNS
-from analysis.uncertainty.budget import budget, to_rows
-from analysis.uncertainty.combined import combined_of
+from analysis.uncertainty.budget import budget, combined_of, to_rows
 from analysis.uncertainty.noise_band import noise_band
+from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
 from analysis.uncertainty.series import series
 from analysis.uncertainty.series import to_rows as series_rows
 from app.words.plain import cell
-from instrument.recording_writer import write_text_beside
+from instrument.files.recording_writer import write_text_beside
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.verdict.foretold import Foretold
 
 Floats = NDArray[np.float64]
 MOTION_COLUMNS = (
@@ -38,33 +44,27 @@ MOTION_COLUMNS = (
 )
 _LONGEST_STEM = 200  # bytes: with an ending and a number a name has at most 255
 MODEL_COLUMNS = ("model_displacement_m", "model_velocity_m_per_s", "model_force_n", "model_gap_m")
-READINGS = (
-    ("velocity_in", "m_per_s", "velocity_in_m_per_s"),
-    ("velocity_out", "m_per_s", "velocity_out_m_per_s"),
-    ("cor_quasi_static", "1", "cor_quasi_static"),
-    ("cor_impulse", "1", "cor_impulse"),
-    ("force_peak", "n", "force_peak_n"),
-    ("force_fwhm", "s", "force_fwhm_s"),
-    ("contact_time", "s", "contact_time_s"),
-    ("deflection_max", "m", "deflection_max_m"),
-    ("stiffness_slope", "n_per_m", "stiffness_slope_n_per_m"),
-)
-KINETIC = ("force_peaks", "onsets", "flights", "contact")
-FITTED = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m")
 
 
-def _columns_of(name: str, unit: str) -> list[str]:
-    suffix = "" if unit == "1" else f"_{unit}"
+def columns_of(number: ResultNumber) -> list[str]:
+    """Return the columns of ``shots.csv`` for a number, its standard uncertainty and that from noise alone."""
+    if number.kind is Kind.FITTED:
+        return [number.key, f"{number.key}_std", f"{number.key}_std_noise"]
+    ending = "_" + number.unit.lower().replace("/", "_per_").replace(" ", "_")
+    name = number.key.replace(".", "_")
+    name, suffix = (name.removesuffix(ending), ending) if name.endswith(ending) else (name, "")
     return [f"{name}{suffix}", f"{name}_std{suffix}", f"{name}_std_noise{suffix}"]
 
 
-SHOT_COLUMNS = (
-    *("name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"),
-    *itertools.chain.from_iterable(_columns_of(name, unit) for name, unit, _ in READINGS),
-    *itertools.chain.from_iterable(_columns_of(f"cor_kinetic_{kind}", "1") for kind in KINETIC),
-    *(f"{name}{suffix}" for name in FITTED for suffix in ("", "_std", "_std_noise")),
-    "reduced_chi2",
-)
+def shot_numbers() -> list[ResultNumber]:
+    """Return the numbers in the order of ``shots.csv``: those read, those that are nested, those fitted."""
+    return sorted(of_collision(Kind.READ, Kind.FITTED), key=lambda n: (n.kind is Kind.FITTED, "." in n.key))
+
+
+def shot_columns() -> list[str]:
+    """Return the columns of ``shots.csv``."""
+    first = ["name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"]
+    return [*first, *itertools.chain.from_iterable(map(columns_of, shot_numbers())), "reduced_chi2"]
 
 
 def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
@@ -147,7 +147,7 @@ def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
 
     Beside each reading stand its combined standard uncertainty (``_std``) and that from noise alone (``_std_noise``).
     """
-    write_table(SHOT_COLUMNS, rows, path)
+    write_table(shot_columns(), rows, path)
 
 
 def write_table(header: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
@@ -175,20 +175,69 @@ def shot_row(shot: Shot, motion_file: str) -> list[str]:
     row = [shot.name, shot.path or "", shot.started_at or "", status, shot.problem or "", " ".join(shot.flags)]
     row += [shot.note, motion_file, shot.fit.model if shot.fit else ""]
     combined = combined_of(shot)
-    for _, _, attribute in READINGS:
-        row += _cells(getattr(shot.impact, attribute) if shot.impact else None, combined.get(attribute))
-    for kind in KINETIC:
-        reading = getattr(shot.impact.cor_kinetic, kind) if shot.impact else None
-        row += _cells(reading, combined.get(f"cor_kinetic.{kind}"))
+    for number in shot_numbers():
+        row += _cells(number.find(shot), combined.get(number.key))
     fit = shot.fit if shot.fit is not None and shot.fit.converged else None
-    for name in FITTED:
-        row += _cells(fit.parameters.get(name) if fit else None, combined.get(name))
     return [*row, repr(float(fit.reduced_chi2)) if fit else ""]
 
 
-def _cells(reading: Reading | None, combined: float | None) -> list[str]:
+def _cells(reading: Reading, combined: float | None) -> list[str]:
     """Return value, combined standard uncertainty (the noise's where it has no budget) and that from noise alone."""
     if not isinstance(reading, Quantity):
         return ["", "", ""]
     std = reading.std if combined is None else combined
     return [repr(float(reading.value)), repr(float(std)), repr(float(reading.std))]
+
+
+def export_laws(diagnosis: Diagnosis, folder: Path) -> list[Path]:
+    """Write ``law_1.csv`` and so on, a row a point of the learned curve; return the paths.  Raises OSError."""
+    paths = []
+    for number, law in enumerate(diagnosis.laws, 1):
+        columns = law_columns(law)
+        rows = [[repr(float(value)) for value in row] for row in zip(*columns.values(), strict=True)]
+        path = folder / f"law_{number}.csv"
+        write_table(list(columns), rows, path)
+        paths.append(path)
+    return paths
+
+
+def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
+    """Return the columns of a law's curve by their names: the argument, the free curve, its band, the closed forms."""
+    unit = law.curve_unit.replace("/", "_per_")
+    columns = {f"{law.argument.replace(' ', '_')}_{unit}": law.curve_argument.tolist()}
+    columns |= {"force_n": law.curve_force_n.tolist(), "force_std_n": law.curve_std_n.tolist()}
+    forms = [(law.nearest_form, law.form_force_n)]
+    forms += [(other.form, other.curve_force_n) for other in law.other_forms if other.curve_force_n is not None]
+    for form, curve in forms:
+        assert curve is not None
+        columns[f"{form.replace(', ', '_').replace(' ', '_')}_n"] = curve.tolist()
+    return columns
+
+
+KEYS = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
+
+
+def export_foretold(foretold: "Foretold", folder: Path) -> Path:
+    """Write ``foretold.csv``: a row a shot and one for all; an empty cell was not seen.  Raises OSError."""
+    header = ["name", "took_part", "problem"]
+    header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]
+    rows = [
+        [
+            shot.name,
+            str(shot.took_part).lower(),
+            shot.problem or "",
+            *_error_cells(shot.error_base),
+            *_error_cells(shot.error_model),
+        ]
+        for shot in foretold.shots
+    ]
+    rows.append(["all", "", foretold.sentence, *_error_cells(foretold.error_base), *_error_cells(foretold.error_model)])
+    write_table(header, rows, folder / "foretold.csv")
+    return folder / "foretold.csv"
+
+
+def _error_cells(errors: Errors | None) -> list[str]:
+    if errors is None:
+        return [""] * len(KEYS)
+    values = asdict(errors)
+    return ["" if values[key] != values[key] else repr(float(values[key])) for key in KEYS]

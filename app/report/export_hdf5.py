@@ -14,8 +14,8 @@ from analysis.shot.shot import Shot
 from analysis.shot.version import program_version
 from app.report.export import motion_columns, motion_file_names
 from app.words.physics_words import parameter_parts
-from instrument.recording_error import RecordingError
-from instrument.recording_writer import write_beside
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_writer import write_beside
 
 
 def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:

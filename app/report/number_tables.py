@@ -4,43 +4,26 @@ import math
 from collections.abc import Collection
 
 from analysis.fitted.readings_model import ReadingsModel
+from analysis.shot.disturbance import Disturbance
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import NotSeen, Quantity, Reading
 from analysis.shot.shot import Shot
+from analysis.shot.units import shown_in
 from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
-from analysis.uncertainty.series import FITTED, read
+from analysis.uncertainty.numbers import Kind, number_of, of_collision, with_unit
 from app.report.markup import Markup, joined, table, tag
 from app.words.physics_words import effect_words, parameter_parts
 
-SCALES = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
 SMALL = 0.02  # of the combined uncertainty: what is below is told in one line
-NUMBERS = (  # key, words, unit of the key; in the order of the result file
-    ("velocity_in_m_per_s", "velocity before touch", "m/s"),
-    ("velocity_out_m_per_s", "velocity after release", "m/s"),
-    ("cor_quasi_static", "quasi-static COR", "1"),
-    ("cor_impulse", "impulse ratio", "1"),
-    ("cor_kinetic.force_peaks", "kinetic COR, force peaks", "1"),
-    ("cor_kinetic.onsets", "kinetic COR, onsets", "1"),
-    ("cor_kinetic.flights", "kinetic COR, flights", "1"),
-    ("cor_kinetic.contact", "kinetic COR, fitted contact", "1"),
-    ("force_peak_n", "peak force", "N"),
-    ("force_fwhm_s", "pulse width (FWHM)", "s"),
-    ("contact_time_s", "contact time", "s"),
-    ("deflection_max_m", "deflection", "m"),
-    ("stiffness_slope_n_per_m", "slope of force vs deflection", "N/m"),
-)
 
 
 def numbers(shot: Shot, of: Budget | None) -> Markup:
     """Return the table of everything read from the motion; what was not seen says why."""
     rows = []
-    for key, words, unit in NUMBERS:
-        reading = read(shot, key)
-        entry = of.of(key) if of is not None else None
-        rows.append([_named(words, unit), *_cells(reading, entry, unit)])
-    for entry in of.quantities if of is not None else ():
-        if all(entry.key != key for key, _, _ in NUMBERS) and entry.key not in FITTED:
-            rows.append([_named(entry.words, entry.unit), *_cells(entry.quantity, entry, entry.unit)])
+    for number in of_collision(Kind.READ, Kind.DERIVED):
+        entry, reading = of.of(number.key) if of is not None else None, number.find(shot)
+        if entry is not None or number.kind is Kind.READ:
+            rows.append([with_unit(number.words, number.shown_unit), *_cells(reading, entry, number.unit)])
     header = ["", "value ± standard uncertainty", "of it type A", "type B", f"expanded, k = {COVERAGE_FACTOR:g}", "how"]
     return table(header, rows, "numbers")
 
@@ -49,7 +32,7 @@ def rests_on(model: ReadingsModel | None) -> Markup:
     """Return which of the numbers rest on a model, and on which."""
     if model is None:
         return tag("p", "All are read from the motion alone.")
-    named = ", ".join(words for key, words, _ in NUMBERS if key in model.readings)
+    named = ", ".join(number_of(key).words for key in model.readings)
     effects = f" with {', '.join(map(effect_words, model.effects))}" if model.effects else ""
     return tag("p", f"From the fitted model {model.base}{effects}: {named}. All else is read from the motion alone.")
 
@@ -72,7 +55,7 @@ def fitted(fit: Fit | None, tried: Collection[str] = (), of: Budget | None = Non
         entry = of.of(name) if of is not None else None
         noise = f"{value.std:.2g}" if entry is not None else "all of it"
         stated = entry.quantity if entry is not None else value
-        rows.append([_with_unit(words, unit), str(stated), noise, *correlations])
+        rows.append([with_unit(words, unit), str(stated), noise, *correlations])
     header = ["", "value ± standard uncertainty", "of it type A", *(parameter_parts(name)[0] for name in names)]
     effects = f" with {', '.join(map(effect_words, fit.effects))}" if fit.effects else ""
     said = (
@@ -93,7 +76,7 @@ def budgets(of: Budget | None) -> Markup:
 
 def scaled(reading: Reading, unit: str) -> tuple[str, str]:
     """Return a reading as text and the unit it is stated in; what was not seen is a dash."""
-    factor, shown = SCALES.get(unit, (1.0, unit))
+    factor, shown = shown_in(unit)
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
         return "\u2013", shown
     return str(reading.scaled(factor)), shown
@@ -104,14 +87,14 @@ def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[st
         return ["\u2013", "", "", "", f"not seen: {reading.reason}"]
     if entry is None:
         return [scaled(reading, unit)[0], "", "", "", reading.how]
-    factor, _ = SCALES.get(unit, (1.0, unit))
+    factor, _ = shown_in(unit)
     parts = [f"{factor * part:.2g}" for part in (entry.std_a, entry.std_b, entry.expanded)]
     return [scaled(entry.quantity, unit)[0], *parts, reading.how]
 
 
 def _budget(entry: QuantityBudget) -> Markup:
     """Return the sources that count, and in a closing line those that together change nothing that is printed."""
-    factor, unit = SCALES.get(entry.unit, (1.0, entry.unit))
+    factor, unit = shown_in(entry.unit)
     counts = [row for row in entry.rows if row.std is None or row.contribution > SMALL * entry.std]
     small = [row for row in entry.rows if row not in counts]
     rows = [_source(row, factor) for row in counts]
@@ -123,7 +106,7 @@ def _budget(entry: QuantityBudget) -> Markup:
     parts = [f"{factor * part:.3g}" for part in (entry.std_a, entry.std_b, entry.expanded)]
     said = f"type A {parts[0]}, type B {parts[1]}, expanded {parts[2]} (k = {COVERAGE_FACTOR:g})"
     caption = tag("h5", f"{entry.words}: {value} {unit} ", tag("span", said, class_="faint"))
-    header = ["source", "type", "u(x)", "sensitivity", _with_unit("contribution", unit), "how"]
+    header = ["source", "type", "u(x)", "sensitivity", with_unit("contribution", unit), "how"]
     return tag("div", caption, table(header, rows, "budget"), class_="whole")
 
 
@@ -141,9 +124,26 @@ def _correlation(fit: Fit, one: int, other: int) -> str:
     return f"{fit.covariance[one, other] / math.sqrt(spread):.2f}"
 
 
-def _named(words: str, unit: str) -> str:
-    return _with_unit(words, SCALES.get(unit, (1.0, unit))[1])
-
-
-def _with_unit(words: str, unit: str) -> str:
-    return f"{words} ({unit})" if unit else words
+def disturbance_section(disturbance: Disturbance) -> Markup:
+    """Return the section without its heading."""
+    floor = (
+        f"Site vibration of {1e9 * disturbance.floor_rms_m:.3g} nm and "
+        f"{1e6 * disturbance.floor_rms_m_per_s:.3g} µm/s rms is included in the uncertainties."
+    )
+    parts = [tag("p", floor)]
+    if disturbance.lines:
+        rows = [
+            [str(line.frequency_hz), str(line.amplitude_m.scaled(1e9)), f"{line.phase_rad:.3f}"]
+            for line in disturbance.lines
+        ]
+        parts += [
+            tag("p", "Spectral lines present in both flights were removed before the numbers were read:"),
+            table(["frequency (Hz)", "amplitude (nm)", "phase at the first sample (rad)"], rows, "numbers"),
+        ]
+    knocks = ", ".join(f"{1e3 * begin:.1f} to {1e3 * end:.1f} ms" for begin, end in disturbance.knocks_s)
+    if knocks:
+        parts.append(tag("p", f"Excluded because the table was struck: {knocks} of the record."))
+    shares = [f"{100 * share:.0f} % for {number_of(name).words}" for name, share in disturbance.shares.items()]
+    if shares:
+        parts.append(tag("p", f"Share of the variance due to table vibration: {', '.join(shares)}."))
+    return joined(*parts)

@@ -11,11 +11,9 @@ from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.report import provenance
-from app.report.diagnosis_section import diagnosis_section
-from app.report.disturbance_section import disturbance_section
-from app.report.foretold_section import foretold_section
+from app.report.diagnosis_section import diagnosis_section, foretold_section
 from app.report.markup import Markup, joined, table, tag
-from app.report.number_tables import budgets, fitted, numbers, rests_on
+from app.report.number_tables import budgets, disturbance_section, fitted, numbers, rests_on
 from app.report.session_section import session_section
 from app.report.shot_figures import figures
 from app.words.flag_words import by_weight, flag_words

@@ -10,7 +10,7 @@ from PySide6.QtSvg import QSvgRenderer
 
 from app.report.svg_plot import WIDTH
 from app.report.svg_style import with_own_style
-from instrument.recording_writer import write_beside
+from instrument.files.recording_writer import write_beside
 
 _FIGURE = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
 _KEY = re.compile(r'<span class="key ([\w-]+)">')

@@ -15,12 +15,11 @@ from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Setup
 from analysis.shot.shot import Shot
 from analysis.shot.version import program_version
 from app.report.markup import Markup, joined, table, tag
-from instrument.data_hash import data_hash
-from instrument.foreign.mapping import read_mapping
-from instrument.foreign.remembered import is_foreign, remembered_mapping
-from instrument.recording_error import RecordingError, one_line, shown
-from instrument.recording_metadata import read_metadata
-from instrument.recording_search import recording_stem
+from instrument.files.foreign.mapping import is_foreign, read_mapping, remembered_mapping
+from instrument.files.recording_error import RecordingError, one_line, shown
+from instrument.files.recording_file import data_hash
+from instrument.files.recording_metadata import read_metadata
+from instrument.files.recording_search import recording_stem
 
 NUMERICS = ("numpy", "scipy", "numba")
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import budget
-from analysis.uncertainty.combined import combined_of, stated
+from analysis.shot.units import shown_in
+from analysis.uncertainty.budget import budget, combined_of, stated
+from analysis.uncertainty.numbers import Kind, of_collision, with_unit
 from analysis.uncertainty.series import Series, Summary, Trend, series
 from app.report.markup import Markup, joined, table, tag
-from app.report.number_tables import SCALES, scaled
-from app.report.shot_figures import figure
-from app.report.shot_times import contact_span_ms, time_zero
+from app.report.number_tables import scaled
+from app.report.shot_figures import contact_span_ms, figure, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
 from app.words.flag_words import by_weight, flag_name
 
@@ -43,23 +43,16 @@ def session_section(shots: Sequence[Shot]) -> Markup:
 
 
 def _overview(shots: Sequence[Shot]) -> Markup:
+    listed = [number for number in of_collision(Kind.READ) if number.listed]
     rows = []
-    for number, shot in enumerate(shots, 1):
-        impact = shot.impact
-        cells = ["\u2013"] * 4
-        if impact is not None:
-            combined = combined_of(shot)
-            columns = (
-                (impact.velocity_in_m_per_s, "velocity_in_m_per_s", "m/s"),
-                (impact.cor_quasi_static, "cor_quasi_static", "1"),
-                (impact.cor_kinetic.force_peaks, "cor_kinetic.force_peaks", "1"),
-                (impact.force_peak_n, "force_peak_n", "N"),
-            )
-            cells = [scaled(stated(reading, key, combined) or reading, unit)[0] for reading, key, unit in columns]
+    for place, shot in enumerate(shots, 1):
+        combined = combined_of(shot)
+        readings = [stated(number.find(shot), number.key, combined) for number in listed]
+        cells = [scaled(reading, number.unit)[0] for reading, number in zip(readings, listed, strict=True)]
         failed = f"failed: {shot.problem}" if shot.problem else ""
         said = "; ".join(part for part in (failed, ", ".join(map(flag_name, by_weight(shot.flags))), shot.note) if part)
-        rows.append([tag("a", shot.name, href=f"#shot-{number}"), shot.started_at or "", *cells, said])
-    header = ["shot", "started", "v in (m/s)", "COR quasi-static", "COR kinetic", "peak force (N)", "remarks"]
+        rows.append([tag("a", shot.name, href=f"#shot-{place}"), shot.started_at or "", *cells, said])
+    header = ["shot", "started", *(number.head for number in listed), "remarks"]
     note = "± is the combined standard uncertainty; its sources are in each shot's budget."
     return joined(table(header, rows, "overview"), tag("p", note, class_="faint"))
 
@@ -91,8 +84,8 @@ def _summaries(found: Series, shots: Sequence[Shot]) -> Markup:
     shared = shared_stds(shots)
     rows = []
     for s in found.summaries:
-        factor, unit = SCALES.get(s.unit, (1.0, s.unit))
-        name = f"{s.words} ({unit})" if unit else s.words
+        factor, unit = shown_in(s.unit)
+        name = with_unit(s.words, unit)
         if isinstance(s.trend, Trend):
             slope = f"{s.trend.slope.scaled(factor)}"
             beyond = f"{s.trend.significance:.1f}"
@@ -124,7 +117,7 @@ def shared_stds(shots: Sequence[Shot]) -> dict[str, float]:
 
 
 def _trend(summary: Summary) -> Markup:
-    factor, unit = SCALES.get(summary.unit, (1.0, summary.unit))
+    factor, unit = shown_in(summary.unit)
     dots = []
     columns = (summary.shots, summary.speeds_m_per_s, summary.values, summary.stds)
     for name, at, value, std in zip(*columns, strict=True):
@@ -134,7 +127,7 @@ def _trend(summary: Summary) -> Markup:
     if isinstance(summary.trend, Trend):
         ends = np.array([summary.speeds_m_per_s.min(), summary.speeds_m_per_s.max()])
         lines = (Line(ends, factor * np.array([summary.trend.at(v) for v in ends]), "slope"),)
-    label = f"{summary.words} ({unit})" if unit else summary.words
+    label = with_unit(summary.words, unit)
     return draw(Plot("impact velocity (m/s)", label, lines, dots=tuple(dots)), width=376, height=230)
 
 

@@ -6,9 +6,9 @@ from typing import Generic, TypeVar
 from analysis.shot.recording import Recording
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.session import Entry
-from instrument.open_recording import open_recording
-from instrument.recording_error import RecordingError
-from instrument.recording_search import is_motion_record
+from instrument.files.open_recording import open_recording
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_search import is_motion_record
 
 Given = TypeVar("Given")
 Result = TypeVar("Result")

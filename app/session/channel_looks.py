@@ -1,4 +1,4 @@
-"""What each channel of a foreign file looks like: level, beat and how far it moves; which it therefore probably is.
+"""What each channel of a foreign file looks like: level, beat, how far it moves; and whether two are swapped.
 
 Looked at in an errand, over the beginning of the record: a beat that moves is PD1's, one that stands still PD0's, two
 levels are the light switch's, and a column that rises by one a row is the export's own counter.
@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Role
-from instrument.foreign import csv_table, hdf5, tdms, wav
-from instrument.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents
+from analysis.shot.shot import Shot
+from instrument.files.foreign import csv_table, hdf5, tdms, wav
+from instrument.files.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents
 
 LOOKED_AT = 2**22  # samples of a channel
 PARTS, PART = 48, 4096  # stretches over the record in which the beat is looked for, and their length at most
@@ -124,3 +125,11 @@ def _lines(values: Floats) -> Floats:
             shift = 0.5 * (a - c) / (a - 2 * b + c) if a - 2 * b + c < 0 else 0.0
             found.append((top + shift) / length)
     return np.array(found)
+
+
+WORD = "swapped"  # of what the demodulation says where PD0's beat moves and PD1's stands still
+
+
+def is_swapped(shot: Shot | None) -> bool:
+    """Return whether a shot was not analysed because its PD0 and PD1 are swapped."""
+    return shot is not None and shot.problem is not None and WORD in shot.problem

@@ -5,13 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
-from analysis.shot.corrected import AIR
+from analysis.shot.recording import AIR
 from analysis.shot.shot import AnalysisSettings
 from app.session import settings_file
-from app.session.setting_field import Value
 from app.session.settings import MOST_ADDRESSES, WrongSettings
-from instrument.capture_options import CaptureOptions
-from instrument.digitizer import Digitizer
+from instrument.capture.capture_options import CaptureOptions
+from instrument.devices.digitizer import Digitizer
+from instrument.devices.sources import source_of
+from levimass.setting import Value
 
 MOST_RECENT = 12
 RIG = (  # what belongs together when it is put right
@@ -41,7 +42,7 @@ class Choices:
 
     def remember_source(self, source: str) -> None:
         """Open this source at the next start too; a recording played back is not remembered."""
-        if not source.startswith("replay"):
+        if source_of(source).remembered:
             self.change({"source": source})
 
     def remember_network(self, source: str) -> None:

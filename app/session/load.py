@@ -6,14 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from analysis.pipeline import analyse, analyse_motion
-from analysis.shot.corrected import FLAG
-from analysis.shot.recording import Recording
+from analysis.shot.recording import FLAG, Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
-from instrument.motion_file import read_motion
-from instrument.open_recording import analysed_while_hashed, open_unchecked
-from instrument.recording_error import RecordingError, one_line
-from instrument.recording_search import is_motion_record
+from instrument.files.motion_file import read_motion
+from instrument.files.open_recording import analysed_while_hashed, open_unchecked
+from instrument.files.recording_error import RecordingError, one_line
+from instrument.files.recording_search import is_motion_record
 
 Cancel = Callable[[], bool]
 BASE_OF_RECORD = {"plate": "paper", "contact": "contact", "driven": "driven"}  # names in docs/formats.md, the model's

@@ -1,23 +1,26 @@
-"""The model that the shots of a session are fitted with, away from the screen: saving, loading, what has drifted."""
+"""The model that the shots of a session are fitted with: saving, loading, what has drifted, a person's own laws."""
 
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from analysis.collision.effects import findings
+from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
 from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.diagnosis.result import Diagnosis
 from analysis.fitted.fitted_shot import fit_jointly, shaking_of
 from analysis.shot.fit import Fit
-from analysis.shot.one_rig import why_not_together
+from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisError, Shot
 from analysis.uncertainty.budget import budget
-from app.session.model_effects import ModelEffects
+from app.session.verdict_of import ModelEffects
 from app.words.wording import effect_words, local, model_in_words, parameter_parts
-from instrument.recording_error import RecordingError
-from instrument.recording_writer import write_text_beside
-from instrument.text_file import read_toml_text
+from instrument.files.law_file import read_laws, write_law
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_writer import write_text_beside
+from instrument.files.text_file import read_toml_text
 
 NOISE_ALONE = "value, and standard uncertainty from noise alone, SI units"
 COMBINED = "combined standard uncertainties: noise, and mass, wavelength, air and clock"
@@ -99,3 +102,24 @@ def _named(name: str) -> str:
     effect, dot, parameter = name.rpartition(".")
     words = parameter_parts(parameter)[0]
     return f"{effect_words(effect)}: {words}" if dot else words
+
+
+class OwnLaws:
+    """Reads the folder anew each time: a file may come and go while the window is open."""
+
+    def __init__(self, folder: Path | None) -> None:
+        """``folder`` None: there are no laws, and none can be kept."""
+        self.folder = folder
+
+    def keys(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return the keys of the laws there are, and one line for each file that holds none."""
+        laws, problems = read_laws(self.folder) if self.folder is not None else ([], [])
+        return tuple(law.key for law in laws), tuple(problems)
+
+    def keep(self, table: dict[str, Any]) -> OwnLaw:
+        """Keep the law that a table describes; RecordingError or LawError, one line, says why that cannot be."""
+        law = from_mapping(table)
+        if self.folder is None:
+            raise LawError("there is no folder for laws here")
+        write_law(law, self.folder)
+        return law

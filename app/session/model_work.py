@@ -13,11 +13,10 @@ from analysis.diagnosis.model_file import SavedModel
 from analysis.fitted.awaited_fit import awaits_fit, can_be_fitted
 from analysis.shot.shot import Shot
 from app.session.event import Event, Kind, Loaded, Refitted
-from app.session.jobs import Asked, Job, Report
+from app.session.jobs import Asked, Job, Report, Work
 from app.session.model_in_use import load_model, model_words
 from app.session.session import Entry, Session
 from app.session.shot_work import refit_shot
-from app.session.work import Work
 
 
 @dataclass(frozen=True, slots=True)

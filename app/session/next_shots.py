@@ -18,8 +18,8 @@ from app.session.planned_record import planned_record, planned_setup
 from app.session.rig import Rig
 from app.session.session import Entry
 from app.session.workbench import Workbench
-from instrument.capture_options import CaptureOptions
-from instrument.sources import is_bench, pushed
+from instrument.capture.capture_options import CaptureOptions
+from instrument.devices.sources import is_bench, pushed
 
 PLAN = "plan"  # the kind of its jobs
 

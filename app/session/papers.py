@@ -1,4 +1,4 @@
-"""What leaves the program: CSV, reports, model files, a model put to the test; each a job that says what it wrote."""
+"""What leaves the program: CSV, reports, model files, shots saved elsewhere; each a job that says what it wrote."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -7,13 +7,12 @@ from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.shot.shot import Shot
-from app.session.diagnoses import Diagnoses
-from app.session.event import Event, Kind
-from app.session.jobs import Asked, Report
-from app.session.put_to_test import put_to_test
+from app.session.event import Event, Kind, SavedElsewhere
+from app.session.jobs import Asked, Jobs, Report, Work
 from app.session.session import Entry, Session
-from app.session.shot_work import report_text, write_csv, write_hdf5, write_model, write_report
-from app.session.work import Work
+from app.session.shot_work import put_to_test, report_text, write_csv, write_hdf5, write_model, write_report
+from app.session.verdict_of import Diagnoses
+from instrument.files.recording_error import PartlySaved
 
 
 class Papers:
@@ -81,3 +80,38 @@ class Papers:
             return Event(Kind.EXPORTED, self._work.do(write, report, cancelled))
 
         self._work.jobs.submit(name, work, "export")
+
+
+class Elsewhere:
+    """Saves, and knows by a shot's name where it was saved."""
+
+    def __init__(self, session: Session, errands: Jobs) -> None:
+        self._session, self._errands = session, errands
+        self._ahead: dict[str, str] = {}  # paths of shots whose analysis is still under way, by name
+
+    def save(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
+        """Queue the saving of shots that are only in memory; ``save`` does it and returns each one's path by name."""
+
+        def work(_: Report, __: Asked) -> SavedElsewhere:
+            try:
+                return SavedElsewhere(save(folder), folder)
+            except PartlySaved as error:
+                return SavedElsewhere(error.saved, folder, str(error))
+
+        self._errands.submit("saving elsewhere", work, "save")
+
+    def path_of(self, name: str) -> str | None:
+        """Return where a shot was saved before it was analysed, once, or None."""
+        return self._ahead.pop(name, None)
+
+    def take(self, result: SavedElsewhere) -> Event:
+        """Let the session know the new paths; return what is to be said."""
+        for name, path in result.paths.items():
+            if not self._session.set_path(name, str(path)):
+                self._ahead[name] = str(path)
+        count = len(result.paths)
+        words = f"{count} shot{'s' if count > 1 else ''} saved to {result.folder}" if count else "no shot waits"
+        if result.problem is None:
+            return Event(Kind.EXPORTED, words)
+        before = f"{words}; " if count else ""
+        return Event(Kind.PROBLEM, f"{before}the rest stays in memory: {result.problem}")

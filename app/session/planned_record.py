@@ -6,7 +6,7 @@ from dataclasses import replace
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s
 from analysis.shot.recording import Setup
 from analysis.shot.shot import Shot
-from instrument.digitizer import CaptureSettings
+from instrument.devices.digitizer import CaptureSettings
 
 _LEAST_BEFORE_SWITCH_S = 1e-3
 _RATE_HZ = 10e6  # where no shot tells

@@ -14,7 +14,7 @@ from analysis.compiled import kernel_cache
 from analysis.shot.shot import Cancelled
 from app.session import rehearsal
 from app.session.jobs import Asked, Report
-from instrument.apart.give_way import give_way
+from instrument.process.messages import give_way
 
 _LOOK_S = 0.05
 

@@ -28,9 +28,9 @@ def readings() -> Shot:
     The shot goes over the disk, as a kernel for arrays that are only read is another one than for arrays of its own.
     """
     from analysis.pipeline import read
-    from instrument.live import warm
-    from instrument.open_recording import analysed_while_hashed
-    from instrument.recording_writer import write_recording
+    from instrument.files.open_recording import analysed_while_hashed
+    from instrument.files.recording_writer import write_recording
+    from instrument.live.live import warm
 
     warm()
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:

@@ -13,26 +13,25 @@ from analysis.pipeline import read
 from analysis.shot.recording import Channel, Recording
 from analysis.shot.shot import AnalysisSettings, Cancelled, Progress, Shot
 from app.session.prepare import Stage
-from instrument.acquisition import Deadlines, State
-from instrument.analyst import fit_here
-from instrument.apart.analysis import AnalysisApart
-from instrument.apart.digitizer import open_apart
-from instrument.capture_options import CaptureOptions
-from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.found_devices import FoundDevice, found_devices
-from instrument.network_scope import network_name
-from instrument.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot, empty_view
+from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.analyst import fit_here
+from instrument.capture.capture_options import CaptureOptions
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.found_devices import FoundDevice, found_devices
+from instrument.devices.scpi_address import network_name
+from instrument.devices.sources import listed_sources
+from instrument.live.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot, empty_view
+from instrument.process.digitizer import open_apart
+from instrument.process.work import AnalysisApart
 
 if TYPE_CHECKING:
-    from instrument.capture import Capture
+    from instrument.capture.capture import Capture
 
 Open = Callable[[str], Digitizer]
 Awaited = Callable[[Stage, Callable[[], bool]], None]  # returns when kernels are ready, or raises Cancelled
 Change = Callable[[CaptureOptions], CaptureOptions]
 BENCH = "bench"
-FLAWED_BENCH = "bench?effect=quadratic_drag:coefficient_n_s2_per_m2=2e-4"  # not named on the screen: to be found
 LONGEST_ARMING_S = 60.0
-WORDS = {BENCH: "Simulated bench", FLAWED_BENCH: "Simulated bench with a flaw", "replay:": "Play a recording …"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,9 +100,10 @@ class Rig:
 
     def sources(self) -> list[tuple[str, str]]:
         """Return (name, words) of what can be chosen: bench, devices found, known addresses, a recording to play."""
-        benches = [(source, WORDS[source]) for source in (BENCH, FLAWED_BENCH)]
+        listed = listed_sources()
         network = [(source, network_name(source)) for source in self._network]
-        return [*benches, *self._found, *network, ("replay:", WORDS["replay:"])]
+        asked = [item for item in listed if item[0].endswith(":")]
+        return [*(item for item in listed if item not in asked), *self._found, *network, *asked]
 
     def remember_found(self, found: Sequence[FoundDevice]) -> None:
         """Offer these devices as sources from now on."""
@@ -285,7 +285,7 @@ class Rig:
             self._problems.append(f"{running.source} did not end in time; re-plug it before it is used again")
 
     def _open_source(self, source: str) -> None:
-        from instrument.capture import Capture  # brings the numerics: only now, beside the screen
+        from instrument.capture.capture import Capture  # brings the numerics: only now, beside the screen
 
         self._fault = None
         try:

@@ -2,20 +2,18 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from analysis.diagnosis.model_file import BASES
 from analysis.fitted.awaited_fit import awaits_fit
-from analysis.shot.corrected import NAMES
+from analysis.shot.recording import NAMES
 from analysis.shot.shot import AnalysisSettings, Shot
-from app.session.model_effects import ModelEffects, known_effects
-from app.session.verdict_of import VerdictOf
-from instrument.checked import Checked
-from instrument.recording_error import RecordingError, shown
-from instrument.recording_writer import write_json_beside
-from instrument.text_file import read_json
+from app.session.verdict_of import ModelEffects, VerdictOf, known_effects
+from instrument.files.checked import Checked
+from instrument.files.recording_error import RecordingError, shown
+from instrument.files.recording_writer import write_json_beside
+from instrument.files.text_file import read_json
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
@@ -281,10 +279,14 @@ class Session:
             document = Checked(path, read_json(path))
             if (schema := document.text("schema", 100)) != SCHEMA:
                 raise document.refuse("schema", f"{shown(schema)} is not {SCHEMA}")
-            session._entries = tuple(_from_json(item) for item in document.objects("shots") or ())
-            accepted = (known_effects(_names(document, key)) for key in ("effects", "drive_effects", "tried"))
+            unknown: set[str] = set()
+            session._entries = tuple(_from_json(item, unknown) for item in document.objects("shots") or ())
+            accepted = (known_effects(document.names(key)) for key in ("effects", "drive_effects", "tried"))
             session._effects = ModelEffects(*accepted)
-            session._left_out = _names(document, "left_out")[-MOST_LEFT_OUT:]
+            session._left_out = document.names("left_out")[-MOST_LEFT_OUT:]
+            unknown.update(document.unread())
+            if unknown:
+                session.problem = f"unknown to this version, left out of the session: {', '.join(sorted(unknown))}"
         except RecordingError as error:
             aside = path.with_name(path.name + ".unreadable")
             session.problem = f"the last session could not be read ({error}); it was kept as {aside.name}"
@@ -299,56 +301,36 @@ def _capture_of(shot: Shot) -> tuple[str, str | None, int | None]:
     return shot.name, shot.started_at, shot.samples
 
 
+_NOT_SAVED = ("shot", "version")  # of an entry: read again from its recording, or from what was kept
+
+
 def _to_json(entry: Entry) -> dict[str, Any]:
-    return {
-        "number": entry.number,
-        "name": entry.name,
-        "path": entry.path,
-        "note": entry.note,
-        "verdict": entry.verdict,
-        "verdict_of": None if entry.verdict_of is None else asdict(entry.verdict_of),
-        "copy_of": entry.copy_of,
-        "settings": asdict(entry.settings) | {"corrections": dict(entry.settings.corrections)},
-    }
+    saved = {field.name: getattr(entry, field.name) for field in fields(entry) if field.name not in _NOT_SAVED}
+    settings = asdict(entry.settings) | {"corrections": dict(entry.settings.corrections)}
+    return saved | {"settings": settings, "verdict_of": entry.verdict_of and asdict(entry.verdict_of)}
 
 
-def _from_json(item: Checked) -> Entry:
-    number, path = item.whole("number", 1, 2**31), item.text("path", 10_000)
-    chosen = item.object("settings")
-    for key, value in (("number", number), ("path", path), ("settings", chosen)):
-        if value is None:
-            raise item.refuse(key, "missing")
-    assert number is not None and chosen is not None
-    own = AnalysisSettings()
-    settings = AnalysisSettings(
-        bandwidth_hz=chosen.number("bandwidth_hz", 1.0, 1e9) or own.bandwidth_hz,
-        motion_rate_hz=chosen.number("motion_rate_hz", 1.0, 1e9) or own.motion_rate_hz,
-        model=_one_of(chosen, "model", BASES) or own.model,
-        rest=_one_of(chosen, "rest", ("smoothed", "instantaneous")) or own.rest,
-        fit=chosen.get("fit") is not False,
-        effects=_names(chosen, "effects"),
-        corrections=_corrections(chosen),
-    )
-    return Entry(
-        number=number,
-        name=item.text("name", 10_000) or "",
-        path=path,
-        settings=settings,
-        note=item.text("note") or "",
-        verdict=item.text("verdict") or "",
-        verdict_of=_verdict_of(item),
-        copy_of=item.whole("copy_of", 1, 2**31),
-    )
+def _from_json(item: Checked, unknown: set[str]) -> Entry:
+    """Return an entry; ``unknown`` gets the names that this program does not know, so that they can be told."""
+
+    def settings(item: Checked) -> AnalysisSettings:
+        chosen = item.object("settings")
+        if chosen is None:
+            raise item.refuse("settings", "missing")
+        built = chosen.built(AnalysisSettings, {"corrections": _corrections})
+        unknown.update(chosen.unread())
+        return built
+
+    if item.get("path") is None:
+        raise item.refuse("path", "missing")
+    own = {"settings": settings, "shot": lambda _: None, "version": lambda _: "", "name": _name}
+    entry = item.built(Entry, own)
+    unknown.update(item.unread())
+    return entry
 
 
-def _verdict_of(item: Checked) -> VerdictOf | None:
-    given = item.object("verdict_of")
-    if given is None:
-        return None
-    shots = given.get("shots") or []
-    if not isinstance(shots, list) or not all(type(number) is int for number in shots):
-        raise given.refuse("shots", "not a list of numbers")
-    return VerdictOf(_names(given, "effects"), _names(given, "found"), tuple(shots))
+def _name(item: Checked) -> str:
+    return item.text("name", 10_000) or ""
 
 
 def _corrections(chosen: Checked) -> tuple[tuple[str, float | None], ...]:
@@ -359,17 +341,3 @@ def _corrections(chosen: Checked) -> tuple[tuple[str, float | None], ...]:
     if unknown := given.unread():
         raise given.refuse(next(iter(unknown)), "nothing of the rig is called so")
     return found
-
-
-def _one_of(chosen: Checked, key: str, known: Sequence[str]) -> str | None:
-    value = chosen.text(key, 100)
-    if value is not None and value not in known:
-        raise chosen.refuse(key, f"{shown(value)} is none of {', '.join(known)}")
-    return value
-
-
-def _names(item: Checked, key: str) -> tuple[str, ...]:
-    names = item.get(key) or []
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise item.refuse(key, "not a list of names")
-    return tuple(names)

@@ -1,7 +1,6 @@
 """What a person may choose: the rig, the shot, the analysis, the folders; checked as a whole, in SI units."""
 
 import contextlib
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -10,59 +9,90 @@ from platformdirs import user_documents_path
 
 from analysis.planning.next_shot import ADDED_KG, SPEEDS_M_PER_S, Reach
 from analysis.shot.recording import Air, Setup
-from analysis.shot.shot import AnalysisSettings
-from app.session.setting_field import Field, Value
 from instrument.bench.site import LEVELS_M_PER_S, NAMES, USUAL_SITE
-from instrument.capture_options import CaptureOptions
-from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.network_scope import network_source
-from instrument.recording_error import shown
-from instrument.trigger import Edge
+from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.trigger import Edge
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.scpi_address import network_source
+from instrument.devices.sources import source_of
+from instrument.files.recording_error import shown
+from levimass.analysis_settings import AnalysisChoices, AnalysisSettings
+from levimass.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
 
-KNOWS_ITS_RIG = ("bench", "replay")  # sources that bring mass and wavelength along
 MOST_ADDRESSES = 5
-MOST_LISTED = 12  # speeds or weights: each pair is foretold by every model that competes
 
 
 class WrongSettings(Exception):
     """What does not go together, in one line."""
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """All choices; None where a thing is not given."""
+SITES = tuple(
+    (name, f"{name} ({LEVELS_M_PER_S[name] * 1e6:.3g} µm/s)" if name in LEVELS_M_PER_S else name) for name in NAMES
+)
+RIG, AIR, SHOT, SWITCH, ANALYSIS, BENCH, LOOKS, TRIGGER, NEXT = GROUPS = (
+    *("The rig", "Air in the beam path", "The shot", "Light switch", "Analysis", "Simulated bench"),
+    *("Folders and appearance", "At the trigger", "The next shot"),
+)
 
-    moving_mass_kg: float = 17.85e-3
-    moving_mass_u_kg: float = 1e-6
-    wavelength_vacuum_m: float | None = 632.991354e-9
-    wavelength_air_m: float | None = None
-    temperature_c: float | None = None
-    pressure_pa: float | None = None
-    humidity_percent: float | None = None
-    rest_frequency_hz: float | None = None
-    sample_rate_hz: float = 10e6
-    duration_s: float = 0.15
-    pre_trigger_s: float = 6e-3
-    edge: str = "either"
-    switch_low_v: float | None = None
-    switch_high_v: float | None = None
-    bandwidth_hz: float = 10e3
-    model: str = "paper"
-    rest: str = "smoothed"
-    speeds_m_per_s: str = " ".join(map(str, SPEEDS_M_PER_S))  # that a planned shot may have
-    weights_kg: str = " ".join(str(kg) for kg in ADDED_KG if kg)  # that it may have on the block
-    run_up_m: float = 12e-3
-    folder: str = ""
-    sound: bool = False  # at the trigger
-    flash: bool = False
-    appearance: str = "system"
+
+# fmt: off
+@dataclass(frozen=True, slots=True)
+class Settings(AnalysisChoices):
+    """All choices; None where a thing is not given.  Those without words are what the window remembers by itself."""
+
+    moving_mass_kg: float = number(17.85e-3, RIG, "Moving mass", "g", 1e3, 1e-4, 100.0,
+        "Block with corner cube and extension; force and impulse scale with it")
+    moving_mass_u_kg: float = number(1e-6, RIG, "its uncertainty", "mg", 1e6, 0.0, 1.0,
+        "Standard uncertainty of the mass")
+    wavelength_vacuum_m: float | None = number(632.991354e-9, RIG, "Wavelength in vacuum", "nm", 1e9, 200e-9, 3e-6,
+        "HP 5518A: 632.991354 nm. With the air given, the wavelength in air follows from it", optional=True)
+    wavelength_air_m: float | None = number(None, RIG, "Wavelength in air", "nm", 1e9, 200e-9, 3e-6,
+        "Given, it is used as it is. Velocity and force scale with it")
+    rest_frequency_hz: float | None = number(None, RIG, "Rest frequency", "MHz", 1e-6, 1e3, 1e9,
+        "Only where there is no PD0")
+    temperature_c: float | None = number(None, AIR, "Temperature", "°C", 1.0, -40.0, 100.0,
+        "1 K changes the wavelength by 0.95 ppm")
+    pressure_pa: float | None = number(None, AIR, "Pressure", "hPa", 1e-2, 1e4, 1.4e5,
+        "1 hPa changes the wavelength by 0.27 ppm")
+    humidity_percent: float | None = number(None, AIR, "Relative humidity", "%", 1.0, 0.0, 100.0,
+        "10 % change the wavelength by 0.09 ppm")
+    sample_rate_hz: float = number(10e6, SHOT, "Sample rate", "MS/s", 1e-6, 1e3, 1e10,
+        "The nearest rate the digitizer has is taken")
+    duration_s: float = number(0.15, SHOT, "Length", "ms", 1e3, 1e-3, 100.0,
+        "Long enough for both flights: the contact lasts about 29 ms")
+    pre_trigger_s: float = number(6e-3, SHOT, "before the light switch", "ms", 1e3, 0.0, 100.0,
+        "Samples recorded before the light switch")
+    edge: str = choice("either", SWITCH, "Edge", (("either", "either"), ("rising", "rising"), ("falling", "falling")),
+        "Which step of the light switch starts the shot")
+    switch_low_v: float | None = number(None, SWITCH, "Low threshold", "V", 1.0, -100.0, 100.0,
+        "Empty: determined from the signal")
+    switch_high_v: float | None = number(None, SWITCH, "High threshold", "V", 1.0, -100.0, 100.0,
+        "Empty: determined from the signal")
+    site: str = choice(USUAL_SITE, BENCH, "stands at", SITES, "How much the floor under the simulated bench moves: "
+        "the vibration criteria of the field, as the rms velocity in a third-octave")
+    folder: str = declared("", Setting(LOOKS, "Recordings", "folder",
+        hover="Where shots are saved; empty: Levimass in your documents"))
+    appearance: str = choice("system", LOOKS, "Colours",
+        (("system", "as the system"), ("light", "light"), ("dark", "dark")), "Dark or light")
+    sound: bool = flag(False, TRIGGER, "a sound", "The system's own sound when the light switch fires")
+    flash: bool = flag(False, TRIGGER, "a flash of the banner",
+        "The banner flashes once when the light switch fires")
+    speeds_m_per_s: str = declared(" ".join(map(str, SPEEDS_M_PER_S)), Setting(NEXT, "Speeds", "numbers",
+        "m/s", 1.0, 1e-3, 10.0,
+        "Speeds at which you can let the block strike; a planned shot is one of them. Blanks part them"))
+    weights_kg: str = declared(" ".join(str(kg) for kg in ADDED_KG if kg), Setting(NEXT, "Weights", "numbers",
+        "g", 1e3, 1e-4, 100.0,
+        "What can be put on the block, each as a whole; a planned shot has one of them or none. Empty: none at hand",
+        optional=True))
+    run_up_m: float = number(12e-3, NEXT, "Run-up", "mm", 1e3, 1e-4, 10.0,
+        "Free flight before the plate: so much of it can be recorded")
     source: str = "bench"
-    site: str = USUAL_SITE  # of the simulated bench
     network: str = ""  # oscilloscopes in the network that answered, newest first, blanks between them
     tour_done: bool = False
     session: str = ""  # the named one that is open
     recent: str = ""  # recordings and sessions opened lately, newest first, a line each
     window: str = ""  # how it was left: ``app.window.window_state``
+    # fmt: on
 
     def __post_init__(self) -> None:
         air = (self.temperature_c, self.pressure_pa, self.humidity_percent)
@@ -70,50 +100,19 @@ class Settings:
             raise WrongSettings("air: give temperature, pressure and humidity, or none of them")
         if (self.switch_low_v is None) != (self.switch_high_v is None):
             raise WrongSettings("light switch: give both thresholds, or neither")
+        for field in fields(self):
+            value, setting = getattr(self, field.name), setting_of(field)
+            try:
+                if setting is not None:
+                    setting.check(value)
+                elif type(value) is not type(field.default):
+                    raise WrongSettings(f"{field.name}: {shown(value)} is no {type(field.default).__name__}")
+            except ValueError as error:
+                raise WrongSettings(str(error)) from None
         if self.switch_low_v is not None and self.switch_high_v is not None and self.switch_low_v >= self.switch_high_v:
             raise WrongSettings("light switch: the low threshold must lie below the high one")
         if self.pre_trigger_s >= self.duration_s:
             raise WrongSettings("the pre-trigger part must be shorter than the shot")
-        if not isinstance(self.tour_done, bool):
-            raise WrongSettings(f"tour_done: {shown(self.tour_done)} is neither true nor false")
-        for key in ("source", "network", "session", "recent", "window"):
-            if not isinstance(getattr(self, key), str):
-                raise WrongSettings(f"{key}: {shown(getattr(self, key))} is not a text")
-        for field in FIELDS:
-            value = getattr(self, field.key)
-            if field.kind == "number":
-                if value is None and field.optional:
-                    continue
-                if (
-                    isinstance(value, bool)
-                    or not isinstance(value, int | float)
-                    or not field.low <= value <= field.high
-                ):
-                    raise WrongSettings(f"{field.words}: {shown(value)} is outside {field.low:g} to {field.high:g}")
-            elif field.kind == "numbers":
-                self._check_list(field, value)
-            elif field.kind == "choice" and value not in {stored for stored, _ in field.choices}:
-                raise WrongSettings(f"{field.words}: {shown(value)} is none of the choices")
-            elif field.kind == "flag":
-                if not isinstance(value, bool):
-                    raise WrongSettings(f"{field.words}: {shown(value)} is neither true nor false")
-            elif not isinstance(value, str):
-                raise WrongSettings(f"{field.words}: {shown(value)} is not a text")
-
-    def _check_list(self, field: Field, value: Value) -> None:
-        try:
-            numbers = [float(word) for word in value.split()] if isinstance(value, str) else None
-        except ValueError:
-            numbers = None
-        if numbers is None:
-            raise WrongSettings(f"{field.words}: {shown(value)} is no list of numbers")
-        if not numbers and not field.optional:
-            raise WrongSettings(f"{field.words}: a number is missing")
-        if len(numbers) > MOST_LISTED:
-            raise WrongSettings(f"{field.words}: {len(numbers)} numbers, of which a plan can weigh {MOST_LISTED}")
-        for number in numbers:
-            if not field.low <= number <= field.high:
-                raise WrongSettings(f"{field.words}: {number:g} is outside {field.low:g} to {field.high:g}")
 
     @property
     def reach(self) -> Reach:
@@ -138,7 +137,7 @@ class Settings:
     @property
     def analysis(self) -> AnalysisSettings:
         """Get what concerns the analysis."""
-        return AnalysisSettings(bandwidth_hz=self.bandwidth_hz, model=self.model, rest=self.rest)
+        return AnalysisSettings(**{field.name: getattr(self, field.name) for field in fields(AnalysisChoices)})
 
     @property
     def setup(self) -> Setup:
@@ -170,7 +169,7 @@ class Settings:
             if able.max_samples is not None:
                 samples = min(samples, able.max_samples)
             settings = CaptureSettings(rate, samples, min(round(self.pre_trigger_s * rate), samples - 1))
-        knows = re.split("[:?]", source, maxsplit=1)[0] in KNOWS_ITS_RIG
+        knows = source_of(source).knows_its_rig
         setup = None if knows else replace(self.setup, digitizer_bits=digitizer.capabilities.bits)
         edge = {"rising": Edge.RISING, "falling": Edge.FALLING}.get(self.edge, Edge.EITHER)
         return CaptureOptions(folder, settings, setup, edge, self.switch_low_v, self.switch_high_v)
@@ -187,68 +186,7 @@ class Settings:
             raise WrongSettings(f"unknown setting: {error}") from None
 
 
-SITES = tuple(
-    (name, f"{name} ({LEVELS_M_PER_S[name] * 1e6:.3g} µm/s)" if name in LEVELS_M_PER_S else name) for name in NAMES
-)
-FIELDS: tuple[Field, ...] = (
-    Field("moving_mass_kg", "The rig", "Moving mass", "number", "g", 1e3, 1e-4, 100.0,
-          "Block with corner cube and extension; force and impulse scale with it"),
-    Field("moving_mass_u_kg", "The rig", "its uncertainty", "number", "mg", 1e6, 0.0, 1.0,
-          "Standard uncertainty of the mass"),
-    Field("wavelength_vacuum_m", "The rig", "Wavelength in vacuum", "number", "nm", 1e9, 200e-9, 3e-6,
-          "HP 5518A: 632.991354 nm. With the air given, the wavelength in air follows from it", optional=True),
-    Field("wavelength_air_m", "The rig", "Wavelength in air", "number", "nm", 1e9, 200e-9, 3e-6,
-          "Given, it is used as it is. Velocity and force scale with it", optional=True),
-    Field("rest_frequency_hz", "The rig", "Rest frequency", "number", "MHz", 1e-6, 1e3, 1e9,
-          "Only where there is no PD0", optional=True),
-    Field("temperature_c", "Air in the beam path", "Temperature", "number", "°C", 1.0, -40.0, 100.0,
-          "1 K changes the wavelength by 0.95 ppm", optional=True),
-    Field("pressure_pa", "Air in the beam path", "Pressure", "number", "hPa", 1e-2, 1e4, 1.4e5,
-          "1 hPa changes the wavelength by 0.27 ppm", optional=True),
-    Field("humidity_percent", "Air in the beam path", "Relative humidity", "number", "%", 1.0, 0.0, 100.0,
-          "10 % change the wavelength by 0.09 ppm", optional=True),
-    Field("sample_rate_hz", "The shot", "Sample rate", "number", "MS/s", 1e-6, 1e3, 1e10,
-          "The nearest rate the digitizer has is taken"),
-    Field("duration_s", "The shot", "Length", "number", "ms", 1e3, 1e-3, 100.0,
-          "Long enough for both flights: the contact lasts about 29 ms"),
-    Field("pre_trigger_s", "The shot", "before the light switch", "number", "ms", 1e3, 0.0, 100.0,
-          "Samples recorded before the light switch"),
-    Field("edge", "Light switch", "Edge", "choice", choices=(
-        ("either", "either"), ("rising", "rising"), ("falling", "falling")),
-          hover="Which step of the light switch starts the shot"),
-    Field("switch_low_v", "Light switch", "Low threshold", "number", "V", 1.0, -100.0, 100.0,
-          "Empty: determined from the signal", optional=True),
-    Field("switch_high_v", "Light switch", "High threshold", "number", "V", 1.0, -100.0, 100.0,
-          "Empty: determined from the signal", optional=True),
-    Field("bandwidth_hz", "Analysis", "Bandwidth", "number", "kHz", 1e-3, 10.0, 1e6,
-          "Of velocity and force; noise of force grows with its power 2.5"),
-    Field("model", "Analysis", "Base model", "choice", choices=(
-        ("paper", "paper (two bodies)"), ("clamped", "damping clamped"), ("no_tension", "no tension"),
-        ("contact", "one body on a spring"), ("driven", "driven slider")),
-          hover="What is simulated and fitted. Paper: block and plate, damped both ways, pulling until the overlap is "
-          "gone; damping clamped: none while they part, as Eq. 10 is printed; no tension: the contact never pulls"),
-    Field("rest", "Analysis", "Rest beat", "choice", choices=(
-        ("smoothed", "smoothed PD0"), ("instantaneous", "instantaneous PD0")),
-          hover="How PD0 is subtracted from PD1"),
-    Field("site", "Simulated bench", "stands at", "choice", choices=SITES,
-          hover="How much the floor under the simulated bench moves: the vibration criteria of the field, "
-          "as the rms velocity in a third-octave"),
-    Field("folder", "Folders and appearance", "Recordings", "folder",
-          hover="Where shots are saved; empty: Levimass in your documents"),
-    Field("appearance", "Folders and appearance", "Colours", "choice", choices=(
-        ("system", "as the system"), ("light", "light"), ("dark", "dark")), hover="Dark or light"),
-    Field("sound", "At the trigger", "a sound", "flag",
-          hover="The system's own sound when the light switch fires"),
-    Field("flash", "At the trigger", "a flash of the banner", "flag",
-          hover="The banner flashes once when the light switch fires"),
-    Field("speeds_m_per_s", "The next shot", "Speeds", "numbers", "m/s", 1.0, 1e-3, 10.0,
-          "Speeds at which you can let the block strike; a planned shot is one of them. Blanks part them"),
-    Field("weights_kg", "The next shot", "Weights", "numbers", "g", 1e3, 1e-4, 100.0,
-          "What can be put on the block, each as a whole; a planned shot has one of them or none. Empty: none at hand",
-          optional=True),
-    Field("run_up_m", "The next shot", "Run-up", "number", "mm", 1e3, 1e-4, 10.0,
-          "Free flight before the plate: so much of it can be recorded"),
-)  # fmt: skip
+FIELDS = tuple(sorted((s for s in settings_of(Settings) if s.group), key=lambda s: GROUPS.index(s.group)))
 
 
 def correction_words(corrections: Sequence[tuple[str, float | None]]) -> list[str]:

@@ -7,9 +7,9 @@ from dataclasses import fields
 from pathlib import Path
 
 from app.session.settings import Settings, WrongSettings
-from instrument.into_place import into_place, same_rights, sync_folder
-from instrument.recording_error import RecordingError, one_line, shown
-from instrument.text_file import read_json
+from instrument.files.into_place import into_place, same_rights, sync_folder
+from instrument.files.recording_error import RecordingError, one_line, shown
+from instrument.files.text_file import read_json
 
 VERSION = 1
 

@@ -5,17 +5,20 @@ What only some of them need is imported there: a window starts without it.
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from analysis.diagnosis.result import Diagnosis
+from analysis.fitted.fit_time import SECONDS
 from analysis.fitted.fitted_shot import fit_again
+from analysis.fitted.given_up import waited_for
 from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisSettings, Progress, Shot
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
 from app.session.jobs import Asked
 from app.session.load import load_and_analyse
-from app.session.model_effects import ModelEffects
-from app.session.model_in_use import save_model
-from instrument.recording_writer import write_text_beside
+from app.session.model_in_use import load_model, model_words, save_model
+from app.session.verdict_of import ModelEffects
+from instrument.files.recording_writer import write_text_beside
 
 
 def open_shot(
@@ -32,26 +35,17 @@ def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, canc
 
 def diagnose_motions(
     motions: Sequence[Motion],
-    *,
     model: str,
     accepted: Sequence[str],
     laws: Sequence[str],
     shakings: Sequence[Shaking | None],
-    progress: Progress,
-    cancelled: Asked,
+    seconds: float,
+    **watched: Any,  # progress and cancelled
 ) -> Diagnosis:
-    """Return what the model of these motions lacks."""
+    """Return what the model of these motions lacks; ``seconds`` after which other ways are left out."""
     from analysis.diagnosis.diagnose import diagnose  # and all that it needs: not at every start
 
-    return diagnose(
-        motions,
-        model=model,
-        accepted=accepted,
-        laws=laws,
-        shakings=shakings,
-        progress=progress,
-        cancelled=cancelled,
-    )
+    return diagnose(motions, model=model, accepted=accepted, laws=laws, shakings=shakings, seconds=seconds, **watched)
 
 
 def write_model(
@@ -112,11 +106,29 @@ def write_csv(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Asked
 ) -> str:
     """Export these shots to a folder, with the laws that a diagnosis of them learned; return what was done in words."""
-    from app.report.export import export
-    from app.report.export_laws import export_laws
+    from app.report.export import export, export_laws
 
     progress("writing CSV", 0.1)
     written = export(shots, folder)
     if diagnosis is not None:
         written += export_laws(diagnosis, folder)
     return f"{len(shots)} shots exported to {folder} ({len(written)} files)"
+
+
+def put_to_test(path: Path, shots: Sequence[Shot], progress: Progress, cancelled: Stop) -> str:
+    """Return in words how much better the file's model foretells these shots than its base, unchanged.
+
+    Raises RecordingError where the file is no model, AnalysisError where nothing can be foretold, Cancelled.
+    """
+    from analysis.diagnosis.verdict.foretold import foretell  # and all of the diagnosis: not at every start
+
+    progress("foretelling", 0.0)
+    model = load_model(path)
+    seen = [(shot.motion, shot) for shot in shots if shot.motion is not None and shot.settings.model == model.base]
+    if not seen:
+        raise AnalysisError(f"none of these shots is of the file's base model, {model.base}")
+    motions, names = [motion for motion, _ in seen], [shot.path or shot.name for _, shot in seen]
+    told = waited_for(lambda: foretell(motions, names, model, cancelled), SECONDS * (1 + len(seen)), cancelled)
+    partook = sum(shot.took_part for shot in told.shots)
+    warned = f" ({partook} of them took part in the model's fit: no test)" if partook else ""
+    return f"{model_words(model)}: {told.sentence}{warned}"

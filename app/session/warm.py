@@ -15,7 +15,7 @@ from analysis.shot.shot import Cancelled
 from app.session.jobs import Asked, Report
 from app.session.prepare import BENCH, LATER, Stage, complete, mark_complete, prepare
 from app.session.rehearsal import readings
-from instrument.apart.work import WorkApart
+from instrument.process.work import WorkApart
 
 _LOOK_S = 0.05
 _BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # the simulated bench compiles its own where it is the source
@@ -64,7 +64,7 @@ class Kernels:
             if not complete(Stage.READINGS):
                 self._analyst.await_ready(cancelled)
                 mark_complete(Stage.READINGS)
-            from instrument.live import warm  # brings the numerics: only now, beside the screen
+            from instrument.live.live import warm  # brings the numerics: only now, beside the screen
 
             warm()
         self._ready[Stage.READINGS].set()

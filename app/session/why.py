@@ -16,8 +16,7 @@ from analysis.fitted.fitted_shot import fit_jointly, shaking_of
 from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Progress, Shot
-from app.session.jobs import Asked, Job, Report
-from app.session.work import Work
+from app.session.jobs import Asked, Job, Report, Work
 from app.words.physics_words import effect_words
 
 Floats = NDArray[np.float64]

@@ -15,32 +15,26 @@ from typing import Any
 
 from analysis.fitted.awaited_fit import awaits_fit
 from analysis.fitted.fitted_shot import shaking_of
-from analysis.shot.one_rig import why_not_together
+from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisSettings, Shot
-from app.session.diagnoses import Diagnoses
-from app.session.elsewhere import Elsewhere
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Refitted, Reopened, SavedElsewhere
-from app.session.jobs import Asked, Job, Report
-from app.session.kept_work import KeptWork
+from app.session.jobs import Asked, Job, Report, Saver, Work
 from app.session.load import unanalysed
+from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
-from app.session.own_laws import OwnLaws
-from app.session.own_session import held, named_session, own_session
-from app.session.papers import Papers
-from app.session.results import Key, Results
-from app.session.saver import Saver
+from app.session.own_session import Unlisted, held, listed_by, named_session, own_session, unlisted
+from app.session.papers import Elsewhere, Papers
+from app.session.results import KeptWork, Key, Results
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_motions, open_shot
-from app.session.unlisted import Unlisted, listed_by, unlisted
-from app.session.verdict_of import verdict_of
+from app.session.verdict_of import Diagnoses, verdict_of
 from app.session.why import Why
-from app.session.work import Work
 from app.words.verdict import verdict_words
-from instrument.analyst import STOPPED
-from instrument.apart.work import WorkApart
-from instrument.recording_error import RecordingError
-from instrument.recording_file import find_recordings, rewrite_note
+from instrument.capture.analyst import STOPPED
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import find_recordings, rewrite_note
+from instrument.process.work import WorkApart
 
 MOST_NAMED = 6  # shots, in the name of a diagnosis under way
 
@@ -80,6 +74,17 @@ class Workbench:
         self.elsewhere = Elsewhere(session, self.errands)
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
+        self._takers: dict[type, Callable[[Any], object]] = {  # what each kind of result is taken by
+            Event: lambda result: self._waiting.append(result),
+            Diagnosed: self._take_diagnosed,
+            SavedElsewhere: lambda result: self._waiting.append(self.elsewhere.take(result)),
+            Loaded: lambda result: self._waiting.append(self.model.take(result)),
+            Opened: self._take_opened,
+            Filled: self._take_filled,
+            Refitted: self._take_refitted,
+            Reopened: self._take_reopened,
+            Unlisted: self._take_unlisted,
+        }
         self._captured: dict[tuple[str, str | None], int] = {}  # numbers of shots that wait for the rig's analysis
 
     def close(self) -> bool:
@@ -253,7 +258,8 @@ class Workbench:
         self._waiting += [Event(Kind.PROBLEM, problem) for problem in problems]
         shakings = [shaking_of(shot) for shot in shots]
         accepted = self.model.effects_of(model)
-        judging = partial(diagnose_motions, motions, model=model, accepted=accepted, laws=laws, shakings=shakings)
+        seconds = self._settings().diagnosis_seconds  # as it is now, not as it was when the shots were taken
+        judging = partial(diagnose_motions, motions, model, accepted, laws, shakings, seconds)
 
         def work(report: Report, cancelled: Asked) -> Diagnosed:
             return Diagnosed(self._work.do(judging, report, cancelled), ids)
@@ -308,37 +314,32 @@ class Workbench:
         return happened
 
     def _take(self, result: object) -> None:
-        if isinstance(result, Event):
-            self._waiting.append(result)
-        elif isinstance(result, Diagnosed):
-            self.diagnoses.append(result)
-            if self._kept is not None:
-                entries = filter(None, map(self.session.entry, result.numbers))
-                self._kept.keep_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
-            of = verdict_of(result.diagnosis, result.numbers)
-            for number in result.numbers:
-                self.session.set_verdict(number, verdict_words(result.diagnosis), of)
-            self._waiting.append(Event(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
-        elif isinstance(result, SavedElsewhere):
-            self._waiting.append(self.elsewhere.take(result))
-        elif isinstance(result, Loaded):
-            self._waiting.append(self.model.take(result))
-        elif isinstance(result, Opened):
-            entry = self.session.add(result.shot, copy_of=result.copy_of)
-            self._keep([result.shot])
-            self.model.catch_up()
-            self._waiting.append(Event(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
-        elif isinstance(result, Filled):
-            self._take_filled(result)
-        elif isinstance(result, Refitted):
-            shot = self.model.take_fit(result)
-            if shot is not None:
-                self._keep([shot])
-                self._waiting.append(Event(Kind.CHANGED, "", (result.number,)))
-        elif isinstance(result, Reopened):
-            self._take_reopened(result)
-        elif isinstance(result, Unlisted):
-            self._take_unlisted(result)
+        if (take := self._takers.get(type(result))) is not None:
+            take(result)
+
+    def _take_diagnosed(self, result: Diagnosed) -> None:
+        self.diagnoses.append(result)
+        if self._kept is not None:
+            entries = filter(None, map(self.session.entry, result.numbers))
+            self._kept.keep_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
+        of = verdict_of(result.diagnosis, result.numbers)
+        for number in result.numbers:
+            self.session.set_verdict(number, verdict_words(result.diagnosis.verdict, of.found), of)
+        self._waiting.append(Event(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
+        if result.diagnosis.not_asked:
+            self._waiting.append(Event(Kind.PROBLEM, f"no time for {'; '.join(result.diagnosis.not_asked)} (F2)"))
+
+    def _take_opened(self, result: Opened) -> None:
+        entry = self.session.add(result.shot, copy_of=result.copy_of)
+        self._keep([result.shot])
+        self.model.catch_up()
+        self._waiting.append(Event(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
+
+    def _take_refitted(self, result: Refitted) -> None:
+        shot = self.model.take_fit(result)
+        if shot is not None:
+            self._keep([shot])
+            self._waiting.append(Event(Kind.CHANGED, "", (result.number,)))
 
     def _take_filled(self, result: Filled) -> None:
         entry = self.session.entry(result.number)

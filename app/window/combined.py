@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from analysis.shot.shot import Shot
-from analysis.uncertainty.combined import combined_of
+from analysis.uncertainty.budget import combined_of
 
 COMBINED = "± is the combined standard uncertainty, from all sources in the budget."
 NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."

@@ -1,8 +1,8 @@
 """How the panels stand in the window; what they do with one another is in ``window``."""
 
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtGui import QResizeEvent, QWheelEvent
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QTabBar, QTabWidget, QVBoxLayout, QWidget
 
 from app.window.panels.about_sheet import AboutSheet
 from app.window.panels.banner import Banner
@@ -16,7 +16,7 @@ from app.window.panels.law_sheet import LawSheet
 from app.window.panels.live import LivePanel
 from app.window.panels.mapping_sheet import MappingSheet
 from app.window.panels.model import ModelPanel
-from app.window.panels.notice_list import NoticeList
+from app.window.panels.notice import NoticeList
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.paper import PaperPanel
 from app.window.panels.session_table import SessionTable
@@ -28,7 +28,6 @@ from app.window.panels.spectrum import SpectrumPanel
 from app.window.panels.tour import Tour
 from app.window.panels.work_line import WorkLine
 from app.window.plots.plot_view import PlotView
-from app.window.steady_tabs import SteadyTabs
 from app.window.theme import Theme
 
 
@@ -179,3 +178,17 @@ class Layout(QWidget):
         self.tour.place()
         if self.keys.isVisible():
             self.keys.place()
+
+
+class _Bar(QTabBar):
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Do nothing."""
+        event.accept()
+
+
+class SteadyTabs(QTabWidget):
+    """Pages with tabs that a click or a key changes."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setTabBar(_Bar(self))

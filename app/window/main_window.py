@@ -12,14 +12,14 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 
 from analysis.shot.shot import AnalysisSettings
 from app.session.choices import Choices
+from app.session.jobs import Saver
 from app.session.log import ProgramLog, note
+from app.session.model_in_use import OwnLaws
 from app.session.next_shots import PLAN, NextShots
-from app.session.own_laws import OwnLaws
 from app.session.own_session import last_session
 from app.session.prepare import complete, rehearse
 from app.session.results import Results
 from app.session.rig import Open, Rig
-from app.session.saver import Saver
 from app.session.session import Entry
 from app.session.warm import Kernels
 from app.session.workbench import Workbench
@@ -40,14 +40,13 @@ from app.window.presenters.tables import TablesPresenter
 from app.window.presenters.tour import TourPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
-from app.window.within_screen import first_size, keep_within_screen
-from instrument.acquisition import State
-from instrument.apart.analysis import AnalysisApart
-from instrument.apart.digitizer import open_apart
-from instrument.apart.work import WorkApart
-from instrument.digitizer import Digitizer
-from instrument.snapshot import FinishedShot, Snapshot
-from instrument.sources import at_site
+from app.window.window_state import first_size, keep_within_screen
+from instrument.capture.acquisition import State
+from instrument.devices.digitizer import Digitizer
+from instrument.devices.sources import at_site
+from instrument.live.snapshot import FinishedShot, Snapshot
+from instrument.process.digitizer import open_apart
+from instrument.process.work import AnalysisApart, WorkApart
 
 PULL_MS = 35
 FRAMED_MS = 300  # after the first show: by then the system has given the window its title bar

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Role
-from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.budget import combined_of, stated
 from app.session.session import Entry
 from app.window.panels.signal_line import Sign
 from app.window.theme import Tone
 from app.words.wording import local, number, room, value_text
-from instrument.acquisition import State
-from instrument.snapshot import KEPT_IN_MEMORY, ChannelSignal, SignalLine, Snapshot
-from instrument.trigger import Level
+from instrument.capture.acquisition import State
+from instrument.capture.trigger import Level
+from instrument.live.snapshot import KEPT_IN_MEMORY, ChannelSignal, SignalLine, Snapshot
 
 GOOD_SNR_DB = 25.0
 POOR_SNR_DB = 15.0

@@ -2,43 +2,12 @@
 
 from collections.abc import Collection
 
+from analysis.collision.effects import CATALOGUE, WIDER
 from analysis.collision.laws.own import from_key
+from analysis.drive.catalogue import LAWS
 from analysis.shot.units import parts
 
-EFFECT_WORDS = {
-    "coulomb_friction": "Coulomb friction on the block",
-    "viscous_drag": "viscous drag on the block",
-    "quadratic_drag": "quadratic drag on the block",
-    "tilt": "a tilt of the guideway",
-    "bearing_gradient": "a gradient of the bearing",
-    "block_mode": "an internal mode of the block",
-    "cubic_stiffness": "a cubic stiffness of the plate",
-    "plate_damping": "damping of the plate",
-    "viscoelastic_arm": "a viscoelastic arm",
-    "second_plate_mode": "a second mode of the plate",
-    "support_compliance": "a compliant support",
-    "plate_motion": "a plate already swinging at first touch",
-    "contact_exponent": "a contact that stiffens with overlap",
-    "nonlinear_contact_damping": "a contact damping that grows with overlap",
-    "adhesion": "adhesion at release",
-    "sensor_drift": "a drift of the measured velocity",
-    "demodulation_lag": "a lag of the demodulation",
-    "frame_vibration": "a vibration of the frame",
-    "frame_vibration_with_plate": "a vibration of the frame and the plate on it",
-    "cyclic_error": "a cyclic error of the interferometer",
-    "directional_viscous_drag": "direction-dependent viscous drag",
-    "stribeck_friction": "Stribeck friction",
-    "presliding_friction": "presliding friction",
-    "lugre_friction": "LuGre friction",
-    "position_ripple": "a ripple along the travel",
-    "place_dependent_friction": "position-dependent friction",
-    "load_dependent_friction": "load-dependent friction",
-    "quadratic_stiffness": "an asymmetric spring",
-    "drive_delay": "a delay between force and motion",
-    "gain_error": "an error of the force's scale",
-}
-
-
+_OTHER_WORDS = {"gain_error": "an error of the force's scale"}  # of no row of a catalogue
 BASE_WORDS = {
     "paper": "paper model",
     "clamped": "clamped plate",
@@ -67,7 +36,18 @@ def effect_words(name: str) -> str:
     """Return an effect's name as a person says it."""
     if "{" in name:
         return from_key(name).words
-    return EFFECT_WORDS.get(name, name.replace("_", " "))
+    row = CATALOGUE.get(name) or WIDER.get(name) or LAWS.get(name)
+    return (row.words if row is not None else _OTHER_WORDS.get(name, "")) or name.replace("_", " ")
+
+
+def short_effect_words(name: str) -> str:
+    """Return an effect's name as a narrow cell wants it: what it is, not where it acts."""
+    return effect_words(name) if "{" in name else name.replace("_", " ").replace("coulomb", "Coulomb")
+
+
+def known_effect(name: str) -> bool:
+    """Return whether a catalogue still has an effect of this name."""
+    return name in CATALOGUE or name in WIDER or name in LAWS
 
 
 def model_effect_words(name: str, tried: Collection[str]) -> str:

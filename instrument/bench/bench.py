@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from analysis.shot.recording import Setup
 from instrument.bench.effects import Effects, complete, for_shot
-from instrument.bench.floor import Floor
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, Trajectory
+from instrument.bench.noise import Floor
 from instrument.bench.optics import Optics, Path, fill, node_times_s
 from instrument.bench.script import Scene, held, next_pause_s, play, push_s
 from instrument.bench.sight import lit, shoot

@@ -3,16 +3,21 @@
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Setup
 from instrument.bench.bench import Bench, Stage
-from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.bench.effects import parse
+from instrument.bench.site import QUIET, site_named
+from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.source_options import SourceOptions
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
 _CHUNK = 1 << 17
+_SET_SPREAD = 0.02  # part by which a push that was set is off: one who sets it takes more care than one who pushes
 _LOWEST_HZ, _HIGHEST_HZ = 8e6, 60e6  # below, the beat of a fast block is no longer resolved
 
 
@@ -193,3 +198,26 @@ class BenchDigitizer(Digitizer):
             self._next_push_s = scene.end_s + self._push_every_s if self._push_every_s > 0 else None
         self._chunk_clips = any(stage.fill(base, self._chunk))
         self._chunk_at = base
+
+
+def opened(_: str, options: SourceOptions) -> BenchDigitizer:
+    """Return the bench that a source's options describe."""
+    try:
+        effects = parse(options.text("effect", "")) if "effect" in options else {}
+    except ValueError as error:
+        raise DigitizerError(f"source bench: {error}", "leave the effect out, or name one of these") from error
+    try:
+        site = site_named(options.text("site", QUIET.name))
+    except ValueError as error:
+        raise DigitizerError(f"source bench: {error}", "leave the site out, or name another") from error
+    push: dict[str, Any] = {}
+    if "speed" in options:
+        push = {"velocity_m_per_s": options.number("speed", ""), "velocity_spread": _SET_SPREAD}
+    if "added" in options:
+        push["added_kg"] = options.number("added", "", "added mass")
+    try:
+        rig = Bench(effects=effects, site=site, seed=options.whole("seed", "1"), **push)
+    except ValueError as error:
+        raise DigitizerError(f"source bench: {error}", "set another speed or less weight") from error
+    # patient: a shot of the simulated rig with holes in it, because the computer is busy, teaches nobody anything
+    return BenchDigitizer(rig, patient=True, first_shot=options.whole("first", "0", "first push"))

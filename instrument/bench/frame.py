@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.bench.cubic import with_slope
-from instrument.bench.sines import Sines
+from instrument.bench.sines import Sines, with_slope
 from instrument.bench.site import Knock, Site
 
 Floats = NDArray[np.float64]

@@ -8,9 +8,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from instrument.bench import forces as slot
-from instrument.bench.cubic import at_times
 from instrument.bench.frame import Frame
 from instrument.bench.integrator import STILL, Drive, drive_at, integrate
+from instrument.bench.sines import at_times
 
 Floats = NDArray[np.float64]
 

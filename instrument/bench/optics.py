@@ -74,17 +74,6 @@ class Optics:
         """Get the channels as a recording names them."""
         return tuple(Channel(role, self.volts_per_count) for role in self.roles)
 
-    def displacement_noise_m(self, sample_rate_hz: float, record_rate_hz: float, *, both: bool = True) -> float:
-        """Return the standard deviation of displacement at ``record_rate_hz``, decimated from ``sample_rate_hz``.
-
-        Phase variance 1 / (N SNR) a beat over N averaged samples; ``both``: PD0 is taken off sample by sample.
-        """
-        averaged = sample_rate_hz / record_rate_hz
-        variance = 10 ** (-self.measurement_snr_db / 10) / averaged
-        if both and self.with_reference:
-            variance += 10 ** (-self.reference_snr_db / 10) / averaged
-        return self.wavelength_m / (4 * math.pi) * math.sqrt(variance)
-
     def light(self, time_s: Floats) -> Floats:
         """Return what part of the measurement amplitude is there at ``time_s``."""
         result = np.ones_like(time_s)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.bench.cubic import with_slope
 from instrument.bench.effects import Effects
 from instrument.bench.frame import Frame
 from instrument.bench.mechanics import Trajectory
 from instrument.bench.sight import seen
+from instrument.bench.sines import with_slope
 
 Floats = NDArray[np.float64]
 

@@ -9,12 +9,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from instrument.bench.cubic import at_times
 from instrument.bench.effects import Effects, force_slots
 from instrument.bench.frame import Frame
 from instrument.bench.mechanics import Bodies, Trajectory, collide
 from instrument.bench.optics import Optics
-from instrument.bench.sines import Sines
+from instrument.bench.sines import Sines, at_times
 from instrument.bench.site import QUIET
 
 Floats = NDArray[np.float64]

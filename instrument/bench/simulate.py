@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from analysis.shot.recording import Recording
 from instrument.bench.bench import Bench
 from instrument.bench.effects import BEYOND, CATALOGUE, Effects, complete, draw, for_shot
-from instrument.bench.floor import Floor
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Trajectory
+from instrument.bench.noise import Floor
 from instrument.bench.optics import Path as LightPath
 from instrument.bench.optics import fill, node_times_s
 from instrument.bench.sight import lit, seen, shoot
 from instrument.bench.site import QUIET, Site
-from instrument.recording_file import write_recording
+from instrument.files.recording_file import write_recording
 
 SAMPLE_RATE_HZ = 10e6
 DURATION_S = 0.06
@@ -66,12 +66,6 @@ def simulate(
         text = json.dumps({"seed": seed, "shots": truths})
         (place / f".truth-{seed}").write_bytes(base64.b64encode(text.encode()) + b"\n")
     return paths
-
-
-def read_truth(path: Path | str) -> list[dict[str, dict[str, float]]]:
-    """Return what ``simulate`` kept back: the effects of each shot (for those who score, not for the analysis)."""
-    content = json.loads(base64.b64decode(Path(path).read_bytes()))
-    return list(content["shots"])
 
 
 def speeds_of_set(shots: int, seed: int) -> tuple[float, ...]:

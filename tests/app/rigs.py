@@ -1,7 +1,7 @@
 """Digitizers for the window's tests: the simulated bench in a hurry, and ones that fail in a known way."""
 
 from instrument.bench.digitizer import BenchDigitizer
-from instrument.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 
 
 def quick_bench(_: str) -> Digitizer:

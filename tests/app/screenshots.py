@@ -17,7 +17,7 @@ from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.simulate import simulate
 from instrument.bench.site import USUAL_SITE, site_named
-from instrument.digitizer import Digitizer, DigitizerError
+from instrument.devices.digitizer import Digitizer, DigitizerError
 
 SIZE = (1480, 920)
 MOST_BYTES = 300_000

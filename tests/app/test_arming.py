@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from analysis.shot.shot import AnalysisSettings
 from app.session.rig import Rig
-from instrument.acquisition import State
+from instrument.capture.acquisition import State
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import pytest
 from app.command_line import bundle
 from app.command_line.bundle import write_bundle
 from app.command_line.cli import USAGE, main
-from instrument.doctor import Check, Grade
+from instrument.devices.doctor import Check, Grade
 
 
 def test_a_bundle_holds_what_helps_and_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

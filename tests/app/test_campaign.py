@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
+from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program, program_version
 from app.command_line.campaign.cluster import guarded
 from app.command_line.campaign.crew import Processes, most_processes
 from app.command_line.campaign.journal import JOURNAL, Journal
-from app.command_line.campaign.place import unfit
-from app.command_line.campaign.task import NotReached, analyse_one, tasks_of
+from app.command_line.campaign.task import NotReached, analyse_one, tasks_of, unfit
 from app.command_line.cli import main
-from app.report.export import SHOT_COLUMNS
+from app.report.export import shot_columns
 from tests.app.deadly import DEADLY, unless_deadly
 
 
@@ -107,7 +107,7 @@ def test_a_process_that_dies_is_not_the_end(monkeypatch: pytest.MonkeyPatch) -> 
     crew = Processes(2)
     try:
         monkeypatch.setattr("app.command_line.campaign.crew.analyse_one", unless_deadly)
-        tasks = tasks_of([Path("a"), Path(DEADLY), Path("b")], None, (), None)
+        tasks = tasks_of([Path("a"), Path(DEADLY), Path("b")], None, AnalysisSettings(), None)
         for task in tasks:
             crew.give(task)
         outcomes: dict[str, Any] = {}
@@ -129,7 +129,7 @@ def test_a_campaign_that_did_not_look_at_the_hash_is_no_answer_to_one_that_does(
     octets[-2] ^= 1
     stem.with_suffix(".sigmf-data").write_bytes(octets)
     found = [stem.with_suffix(".sigmf-meta")]
-    (left,), (looked,) = (tasks_of(found, None, (), None, checked=checked) for checked in (False, True))
+    (left,), (looked,) = (tasks_of(found, None, AnalysisSettings(), None, checked=checked) for checked in (False, True))
     assert left.stamp != looked.stamp
     for task, said in ((left, False), (looked, True)):
         entry = analyse_one(task)
@@ -137,7 +137,7 @@ def test_a_campaign_that_did_not_look_at_the_hash_is_no_answer_to_one_that_does(
 
 
 ENTRY = {
-    "stamp": "s", "shot": {"status": "ok", "problem": None, "flags": [], "x": 1.5}, "row": [""] * len(SHOT_COLUMNS),
+    "stamp": "s", "shot": {"status": "ok", "problem": None, "flags": [], "x": 1.5}, "row": [""] * len(shot_columns()),
 }  # fmt: skip
 
 
@@ -167,8 +167,8 @@ def test_a_line_of_a_journal_is_served_as_it_was_written_or_not_at_all(tmp_path:
         whole.replace(b'"s"', b'"t"', 1).replace(b"1.5", b"1.50"),
         whole[:-3] + b"\n",
         _forged(ENTRY, row=[]),
-        _forged(ENTRY, row=[1.0] * len(SHOT_COLUMNS)),
-        _forged(ENTRY, row="x" * len(SHOT_COLUMNS)),
+        _forged(ENTRY, row=[1.0] * len(shot_columns())),
+        _forged(ENTRY, row="x" * len(shot_columns())),
         _forged(ENTRY, shot=[]),
         _forged(ENTRY, shot={**shot, "x": float("nan")}),
         _forged(ENTRY, shot={**shot, "x": 1e999}),
@@ -204,10 +204,10 @@ def test_a_changed_program_of_the_same_version_does_not_serve_old_numbers(
     shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = sorted((shots / "a").glob("*.sigmf-meta"))
-    before = [task.stamp for task in tasks_of(found, None, (), None)]
-    assert before == [task.stamp for task in tasks_of(found, None, (), None)]
+    before = [task.stamp for task in tasks_of(found, None, AnalysisSettings(), None)]
+    assert before == [task.stamp for task in tasks_of(found, None, AnalysisSettings(), None)]
     monkeypatch.setattr("app.command_line.campaign.task.program", lambda: f"{program_version()} (another)")
-    assert not set(before) & {task.stamp for task in tasks_of(found, None, (), None)}
+    assert not set(before) & {task.stamp for task in tasks_of(found, None, AnalysisSettings(), None)}
     assert program().startswith(program_version()) and len(program()) > len(program_version())
 
 

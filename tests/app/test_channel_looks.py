@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from app.session.channel_looks import Kind, looks_of, proposed
+from app.session.channel_looks import Kind, is_swapped, looks_of, proposed
 from app.session.choices import Choices
 from app.session.load import load_and_analyse
 from app.session.session import Session
-from app.session.swapped import is_swapped
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.mapping_sheet import MappingSheet
@@ -20,11 +19,10 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from instrument.bench.simulate import simulate
-from instrument.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
-from instrument.foreign.reading import foreign_channels, read_foreign
-from instrument.foreign.remembered import own_mapping
-from instrument.open_recording import open_recording
-from instrument.recording_file import write_recording
+from instrument.files.foreign.mapping import ForeignMapping, MappedChannel, own_mapping, read_mapping, write_mapping
+from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.open_recording import open_recording
+from instrument.files.recording_file import write_recording
 from tests.app import synthetic
 
 

@@ -12,6 +12,8 @@ import pytest
 
 from app.command_line import cli
 from app.command_line.cli import FAILED, INTERRUPTED, USAGE, main
+from app.command_line.options import GROUPS, commands_of
+from app.command_line.parser import command_parser, flat_parser, parse
 
 HOUSE = Path(__file__).resolve().parents[2]
 
@@ -74,10 +76,49 @@ def test_version_and_a_wrong_word_wait_for_no_numerics() -> None:
     assert ended.returncode == 0, ended.stderr
 
 
+@pytest.mark.parametrize(
+    ("command", "as_options"),
+    [
+        (["replay", "a", "b", "--fit-seconds", "3"], ["--replay", "a", "b", "--fit-seconds", "3"]),
+        (["replay", "--no-diagnose", "a"], ["--no-diagnose", "--replay", "a"]),
+        (["plan", "a", "--speeds", "0.1"], ["--replay", "a", "--plan", "--speeds", "0.1"]),
+        (["plan", "a", "--plan", "plate_mass_kg"], ["--replay", "a", "--plan", "plate_mass_kg"]),
+        (["acquire", "2", "--source", "bench", "--out", "d"], ["--acquire", "2", "--source", "bench", "--out", "d"]),
+        (["simulate", "d", "--seed", "7"], ["--simulate", "d", "--seed", "7"]),
+        (["map", "f.csv", "--rate", "1e6"], ["--map", "f.csv", "--rate", "1e6"]),
+        (["paper"], ["--paper"]),
+        (["paper", "shot", "--json", "-"], ["--paper", "shot", "--json", "-"]),
+        (["prepare", "--jobs", "1"], ["--prepare", "--jobs", "1"]),
+        (["doctor", "--source", "bench"], ["--doctor", "--source", "bench"]),
+        (["window", "--site", "VC-D"], ["--site", "VC-D"]),
+    ],
+)  # fmt: skip
+def test_a_command_says_what_its_options_say(command: list[str], as_options: list[str]) -> None:
+    assert parse(command) == parse(as_options)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["replay"], ["replay", "x", "--seed", "2"], ["plan", "x", "--no-diagnose"], ["acquire", "1", "--source", "bench"],
+     ["doctor", "--json", "-"], ["simulate"], ["prepare", "now"], ["--replay", "x", "--seed", "2"]],
+)  # fmt: skip
+def test_a_command_refuses_what_does_not_go_with_it(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == USAGE
+    assert "levimass" in capsys.readouterr().err
+
+
+def test_every_option_goes_with_a_command_whose_help_names_it() -> None:
+    for group in GROUPS:
+        for option in group.options:
+            for command in commands_of(group, option):
+                assert option.flag in command_parser(command).format_help()
+    assert "--seed" not in command_parser("replay").format_help()
+
+
 def test_the_help_names_the_sites_there_are() -> None:
     from instrument.bench.site import NAMES
 
-    words = " ".join(cli._parser().format_help().split())
+    words = " ".join(flat_parser().format_help().split())
     for name in NAMES:
         assert name in words or name.startswith("VC-"), name
 

@@ -12,14 +12,14 @@ from analysis.shot.recording import Channel, Recording, Role, Setup
 from app.command_line.bundle import write_bundle
 from app.report.export import write_motion
 from app.report.export_hdf5 import export_hdf5
-from app.session.model_effects import ModelEffects
 from app.session.model_in_use import save_model
 from app.session.session import Session
 from app.session.settings import Settings
 from app.session.settings_file import load, save
+from app.session.verdict_of import ModelEffects
 from app.window.plots.save import save_columns
-from instrument.recording_error import RecordingError
-from instrument.recording_file import read_recording, rewrite_note, verify, write_recording
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import read_recording, rewrite_note, verify, write_recording
 from tests.app import synthetic
 from tests.only_synced import Image, only_synced
 

@@ -15,8 +15,8 @@ from analysis.drive.fit import fit_driven
 from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main
 from app.session.load import load_and_analyse
-from app.session.put_to_test import put_to_test
-from instrument.motion_file import read_motion
+from app.session.shot_work import put_to_test
+from instrument.files.motion_file import read_motion
 from tests.analysis.drive.slider import Drive, Floats
 
 

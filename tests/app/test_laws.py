@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from analysis.collision.laws.own import from_mapping
-from app.report.export_laws import export_laws
-from app.session.own_laws import OwnLaws
+from app.report.export import export_laws
+from app.session.model_in_use import OwnLaws
 from app.window.panels.law_curve import LawCurve
 from app.window.panels.law_sheet import LawSheet
 from app.window.theme import LIGHT
-from instrument.law_file import law_text, read_law, write_law
-from instrument.recording_error import RecordingError
+from instrument.files.law_file import law_text, read_law, write_law
+from instrument.files.recording_error import RecordingError
 from tests.app.synthetic import diagnosis, learned_law, shot
 
 STIR = {

@@ -13,8 +13,8 @@ from app.command_line.cli import main
 from app.report.export import MODEL_COLUMNS, MOTION_COLUMNS
 from app.report.export_hdf5 import export_hdf5
 from app.session.load import load_and_analyse
-from instrument.foreign.remembered import OF_FOLDER
-from instrument.recording_file import read_recording
+from instrument.files.foreign.mapping import OF_FOLDER
+from instrument.files.recording_file import read_recording
 from tests.app.synthetic import shot
 
 

@@ -11,11 +11,11 @@ from pytestqt.qtbot import QtBot
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError
-from app.session.model_effects import ModelEffects
 from app.session.model_in_use import drift_words, load_model, model_words, save_model
 from app.session.session import Session
+from app.session.verdict_of import ModelEffects
 from app.window.main_window import open_window
-from instrument.recording_error import RecordingError
+from instrument.files.recording_error import RecordingError
 from tests.app import rigs, synthetic
 
 WAIT_MS = 60_000

@@ -14,13 +14,13 @@ from analysis.planning.steps import Standing, Step
 from analysis.shot.recording import Setup
 from app.command_line.cli import main
 from app.command_line.plan_ahead import plan_ahead
-from app.session.diagnoses import Diagnoses
 from app.session.event import Diagnosed
 from app.session.next_shots import NextShots
 from app.session.planned_record import planned_setup
 from app.session.settings import Settings
+from app.session.verdict_of import Diagnoses
 from app.window.panels.next_shot import NextShotCard
-from instrument.capture_options import CaptureOptions
+from instrument.capture.capture_options import CaptureOptions
 from tests.analysis.diagnosis.shots import motions_of
 from tests.analysis.planning.rig import rig
 from tests.app import synthetic

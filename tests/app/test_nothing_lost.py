@@ -19,10 +19,10 @@ from analysis.shot.recording import Channel, Recording, Role, Setup
 from analysis.shot.shot import AnalysisSettings, Cancelled, Shot
 from app.session.choices import Choices
 from app.session.log import NAME, ProgramLog, note
+from app.session.own_session import Unlisted, listed_by, unlisted
 from app.session.results import Results
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
-from app.session.unlisted import Unlisted, listed_by, unlisted
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT
@@ -31,15 +31,14 @@ from app.window.panels.side_sheet import SideSheet
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
-from app.words.typed_number import typed_number
-from app.words.wording import DASH, local
-from instrument.analyst import Analyst
+from app.words.wording import DASH, local, typed_number
 from instrument.bench.simulate import simulate
-from instrument.digitizer import CaptureSettings
-from instrument.open_recording import open_recording
-from instrument.recording_file import write_recording
-from instrument.recording_writer import RecordingWriter
-from instrument.snapshot import FinishedShot, WaitingShot
+from instrument.capture.analyst import Analyst
+from instrument.devices.digitizer import CaptureSettings
+from instrument.files.open_recording import open_recording
+from instrument.files.recording_file import write_recording
+from instrument.files.recording_writer import RecordingWriter
+from instrument.live.snapshot import FinishedShot, WaitingShot
 from tests.app import synthetic
 
 WAIT_MS = 30_000

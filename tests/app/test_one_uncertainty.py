@@ -11,15 +11,15 @@ from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.paper.paper import reproduce
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty.budget import budget
+from analysis.uncertainty.numbers import Kind, number_of, of_collision
 from analysis.uncertainty.series import series
 from app.command_line.replay import summary
-from app.report.export import READINGS, export
+from app.report.export import columns_of, export
 from app.report.page import report_of
 from app.session.model_in_use import NOISE_ALONE, _with_combined
 from app.session.session import Session
 from app.window.panels.compare import ComparePanel
 from app.window.panels.large import LargePanel
-from app.window.panels.number_rows import DRIVE, GROUPS
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_table import SessionTable
 from app.window.state_words import last_shot
@@ -41,7 +41,7 @@ def combined(entry):
 
 
 def test_every_number_of_the_panel_that_was_read_has_a_budget(entry, combined):
-    rows = [row for heading, rows in GROUPS if heading != DRIVE for row in rows]
+    rows = of_collision(Kind.READ, Kind.FITTED)
     read = {row.key for row in rows if value_text(row.find(entry.shot)) != "–"}
     assert read and read <= set(combined)
 
@@ -107,10 +107,9 @@ def test_shots_csv_has_the_combined_uncertainty_and_the_noise_in_a_column_named_
         (row,) = csv.DictReader(file)
     impact = entry.shot.impact
     for key in ("velocity_in_m_per_s", "force_peak_n", "cor_quasi_static"):
-        name, unit = next((name, unit) for name, unit, attribute in READINGS if attribute == key)
-        ending = "" if unit == "1" else f"_{unit}"
-        assert float(row[f"{name}_std{ending}"]) == combined[key].std
-        assert float(row[f"{name}_std_noise{ending}"]) == getattr(impact, key).std != combined[key].std
+        _, std, noise = columns_of(number_of(key))
+        assert float(row[std]) == combined[key].std
+        assert float(row[noise]) == getattr(impact, key).std != combined[key].std
     assert float(row["cor_kinetic_force_peaks_std"]) == combined["cor_kinetic.force_peaks"].std
     noise = entry.shot.fit.parameters["plate_stiffness_n_per_m"].std
     assert float(row["plate_stiffness_n_per_m_std"]) == combined["plate_stiffness_n_per_m"].std

@@ -3,15 +3,15 @@
 import pytest
 
 from analysis.planning.next_shot import Reach
-from app.command_line import cli, plan_ahead, resolve
+from app.command_line import plan_ahead, resolve
+from app.command_line.modes import reach_of
+from app.command_line.parser import parse
 from app.session.settings import Settings
 from tests.app import synthetic
 
 
 def asked(*more: str) -> Reach:
-    options = cli._parser().parse_args(["--replay", "x", "--plan", *more])
-    cli._check(cli._parser(), options)
-    return cli.reach_of(options)
+    return reach_of(parse(["plan", "x", *more]))
 
 
 def test_where_nothing_is_said_the_command_line_plans_as_the_window_does():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.command_line.cli import main
-from instrument.recording_writer import write_recording
+from instrument.files.recording_writer import write_recording
 from tests.analysis.synthetic_collision import Synthetic, motion_of
 from tests.beats import recording_of
 

@@ -3,7 +3,7 @@
 import threading
 from dataclasses import replace
 
-from app.session.saver import Saver
+from app.session.jobs import Saver
 from app.session.session import Session
 from tests.app import synthetic
 

@@ -12,7 +12,7 @@ from app.session.own_session import last_session, named_session
 from app.session.session import Session
 from app.session.workbench import Workbench
 from app.window.main_window import open_window
-from instrument.recording_error import RecordingError
+from instrument.files.recording_error import RecordingError
 from tests.app import rigs, synthetic
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.planning.next_shot import Reach
-from analysis.shot.corrected import FLAG, corrected
-from analysis.shot.recording import Air, Setup
+from analysis.shot.recording import FLAG, Air, Setup, corrected
 from analysis.shot.shot import AnalysisSettings
 from app.session import settings_file
 from app.session.choices import Choices

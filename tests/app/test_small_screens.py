@@ -22,7 +22,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from analysis.collision.effects import CATALOGUE, WIDER
 from analysis.diagnosis.result import Candidate, Verdict
+from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.signal.quality import MEANINGS
 from app.session.jobs import Jobs
@@ -31,20 +33,22 @@ from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
 from app.window.layout import Layout
-from app.window.panels.session_model import COLUMNS, FIRST_EXTRA, FLAGS, VERDICT
+from app.window.panels.session_model import FLAGS, VERDICT
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone
 from app.words.flag_words import FLAG_WORDS, flags_in_short
-from app.words.physics_words import EFFECT_WORDS
-from app.words.verdict import verdict_in_short
+from app.words.physics_words import effect_words
+from app.words.verdict import verdict_words
 from tests.app import synthetic
 
 SMALLEST = (960, 540)
 SIZES = (SMALLEST, (1366, 768 - 30), (1920, 1080 - 30))
 FULL_HD_AT_150 = (1280, 720 - 30)
 LONG = "2026-03-01_rig-a_paper-plate_run-"
+
+EFFECTS = (*CATALOGUE, *WIDER, *LAWS)
 
 
 class _Nobody:
@@ -197,7 +201,7 @@ def test_no_page_is_wider_than_the_window(window):
     panels = window.panels
     shot = panels.diagnosis._shots[0]
     found = synthetic.diagnosis(shot)
-    longest_first = sorted(EFFECT_WORDS, key=lambda name: -len(EFFECT_WORDS[name]))  # more are not shown
+    longest_first = sorted(EFFECTS, key=lambda name: -len(effect_words(name)))  # more are not shown
     every = tuple(Candidate(name, 3580.0 - 100 * n, -25700.0) for n, name in enumerate(longest_first))
     named = tuple(replace(found.effects[0], name=name) for name in longest_first[:3])  # in bold, with a tick
     found = replace(found, candidates=every, effects=named)
@@ -323,7 +327,7 @@ def test_every_flag_has_room_in_its_column(window):
 
 def test_every_effects_name_has_room_in_the_column_of_verdicts_and_keeps_its_beginning(window):
     table = window.panels.table
-    words = [verdict_in_short(f"{effect} + {effect}") for effect in EFFECT_WORDS.values()]
+    words = [verdict_words(Verdict.EFFECT_FOUND, (name, name), short=True) for name in EFFECTS]
     widest = max(words, key=table.fontMetrics().horizontalAdvance)
     assert table.fontMetrics().horizontalAdvance(widest) < table.table.columnWidth(VERDICT) - 8, widest
     option = QStyleOptionViewItem()
@@ -355,9 +359,12 @@ def test_a_usual_shots_numbers_have_room_in_their_columns(window):
         "F max": "0.436073(77)",
         "k_p": "221.383(15)",
     }
-    for column, (heading, _) in enumerate(COLUMNS[:FIRST_EXTRA]):
+    for column, heading in enumerate(c.head for c in table.model.columns if not c.hidden):
         shown = next((text for name, text in widths.items() if heading.startswith(name)), "")
-        cells = (shown, *(str(table.model.index(row, column).data()) for row in (0, 1) if 3 <= column <= 8))
+        cells = (
+            shown,
+            *(str(table.model.index(row, column).data()) for row in (0, 1) if table.model.columns[column].number),
+        )
         for text in cells:
             assert table.fontMetrics().horizontalAdvance(text) < table.table.columnWidth(column) - 14, (heading, text)
 

@@ -11,8 +11,8 @@ from analysis.shot.shot import AnalysisSettings
 from app.session.session import Entry
 from app.window import state_words
 from app.window.theme import Tone
-from instrument.acquisition import State
-from instrument.snapshot import ChannelSignal, SignalLine, Snapshot, empty_view
+from instrument.capture.acquisition import State
+from instrument.live.snapshot import ChannelSignal, SignalLine, Snapshot, empty_view
 from tests.app import synthetic
 
 

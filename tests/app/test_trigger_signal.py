@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from app.window.presenters.rig import RigPresenter
-from instrument.acquisition import State
+from instrument.capture.acquisition import State
 
 IDLE, ARMED, TRIGGERED = State.IDLE, State.ARMED, State.TRIGGERED
 TRANSFERRING, ANALYSING = State.TRANSFERRING, State.ANALYSING

@@ -12,9 +12,9 @@ from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.workbench import Event, Kind, Workbench
 from app.window.main_window import open_window
-from instrument.open_recording import open_recording
-from instrument.recording_error import PartlySaved, RecordingError
-from instrument.recording_writer import RecordingWriter
+from instrument.files.open_recording import open_recording
+from instrument.files.recording_error import PartlySaved, RecordingError
+from instrument.files.recording_writer import RecordingWriter
 from tests.app import rigs, synthetic
 
 WAIT_MS = 30_000
@@ -28,7 +28,7 @@ class _FullDisk(RecordingWriter):
 def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
     qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warm_kernels: None
 ) -> None:
-    monkeypatch.setattr("instrument.recorder.RecordingWriter", _FullDisk)
+    monkeypatch.setattr("instrument.capture.recorder.RecordingWriter", _FullDisk)
     chosen = {"levimass_settings": 1, "folder": str(tmp_path / "data"), "duration_s": 0.12}
     (tmp_path / "settings.json").write_text(json.dumps(chosen))
     window = open_window(tmp_path, rigs.quick_bench, apart=False)

@@ -8,17 +8,20 @@ from PySide6.QtCore import Qt
 
 from analysis.diagnosis.result import Verdict
 from analysis.shot.shot import AnalysisSettings
+from app.report.diagnosis_section import diagnosis_section
 from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.session import Session
-from app.session.verdict_of import verdict_of
+from app.session.verdict_of import VerdictOf, verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
-from app.window.panels.session_model import VERDICT
+from app.window.panels.session_model import VERDICT, SessionModel
 from app.window.presenters.diagnosis import DiagnosisPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
-from app.window.theme import Theme
+from app.window.theme import Theme, Tone
+from app.window.verdict import told
+from app.words.verdict import VERDICTS, verdict_words
 from tests.app import synthetic
 from tests.app.stepped_work import SteppedWork
 
@@ -95,3 +98,43 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
     finally:
         bench._work._apart.close()
         bench.close()
+
+
+def _entry(conclusion, found=(), words="in words of which nobody reads anything back"):
+    session = Session()
+    session.add(synthetic.shot())
+    session.set_verdict(1, words, VerdictOf((), found, (1,), conclusion))
+    return session.entries[0]
+
+
+@pytest.mark.parametrize(
+    ("conclusion", "found", "model", "tone", "more"),
+    [
+        (Verdict.ADEQUATE, (), (), Tone.GOOD, ""),
+        (Verdict.UNEXPLAINED, ("tilt",), ("tilt",), Tone.BAD, ""),
+        (Verdict.EFFECT_FOUND, ("tilt", "adhesion"), ("tilt",), Tone.WARNING, ""),
+        (Verdict.EFFECT_FOUND, ("tilt", "adhesion"), ("adhesion", "tilt", "viscous_drag"), Tone.GOOD, ": in the model"),
+        (Verdict.PARTLY_EXPLAINED, (), (), Tone.WARNING, ""),
+        (None, ("tilt",), ("tilt",), Tone.WARNING, ""),  # of an earlier version: said as it was kept
+    ],
+)
+def test_a_verdicts_tone_comes_from_what_was_concluded_and_not_from_its_words(conclusion, found, model, tone, more):
+    entry = _entry(conclusion, found)
+    assert told(entry, model) == (entry.verdict + more, tone)
+    assert told(entry, model, holds=False) == (f"<s>{entry.verdict}</s> outdated: diagnose again", Tone.NEUTRAL)
+
+
+def test_every_conclusion_is_worded_in_one_place(qtbot):
+    assert set(VERDICTS) == set(Verdict)
+    found = ("quadratic_drag", "tilt")
+    for conclusion, said in VERDICTS.items():
+        assert Tone(said.tone) and verdict_words(conclusion, ()) == said.brief == said.brief.lower()
+        whole, short = (verdict_words(conclusion, found, short=short) for short in (False, True))
+        assert whole == ("quadratic drag on the block + a tilt of the guideway" if said.names else said.brief)
+        assert short == ("quadratic drag + 1" if said.names else said.brief)
+        diagnosis = replace(_found(), verdict=conclusion)
+        assert said.full in str(diagnosis_section(diagnosis, [synthetic.shot()]))
+        model = SessionModel()
+        model.show_entries((_entry(conclusion, found, whole),))
+        assert model.data(model.index(0, VERDICT)) == short
+        assert model.data(model.index(0, VERDICT), Qt.ItemDataRole.EditRole) == whole

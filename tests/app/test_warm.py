@@ -14,11 +14,11 @@ from analysis.shot.shot import AnalysisSettings, Cancelled
 from app.command_line.cli import main
 from app.session import prepare, warm
 from app.session.rig import Rig
-from instrument.acquisition import Deadlines, State
 from instrument.bench.simulate import simulate
 from instrument.bench.site import USUAL_SITE, site_named
-from instrument.capture_options import CaptureOptions
-from instrument.digitizer import CaptureSettings
+from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.capture_options import CaptureOptions
+from instrument.devices.digitizer import CaptureSettings
 from tests.app import rigs
 
 
@@ -145,7 +145,7 @@ import gc, sys
 from numba.core.registry import CPUDispatcher
 from analysis.pipeline import fitted, read
 from app.session import rehearsal
-from instrument.open_recording import open_recording
+from instrument.files.open_recording import open_recording
 
 def known():
     each = (kernel for kernel in gc.get_objects() if isinstance(kernel, CPUDispatcher))

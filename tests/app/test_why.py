@@ -12,12 +12,11 @@ from PySide6.QtWidgets import QApplication, QLabel
 
 from analysis.diagnosis.result import Candidate
 from app.session import why
-from app.session.jobs import Jobs
+from app.session.jobs import Jobs, Work
 from app.session.why import Remainder, Why, by_evidence
-from app.session.work import Work
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.diagnosis import DiagnosisPanel
-from app.window.plots.symlog import SymLog, scale_of
+from app.window.plots.residual_grid import SymLog, scale_of
 from app.window.theme import LIGHT
 from tests.app import synthetic
 

@@ -10,6 +10,7 @@ from analysis.diagnosis import words
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.signal.quality import MEANINGS
+from app.session.verdict_of import verdict_of
 from app.words import verdict, wording
 from app.words.flag_words import FLAG_WORDS
 from app.words.wording import number, parameter_words
@@ -92,8 +93,9 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
     law = synthetic.learned_law()
     sizes = {name: q for name, (q, _) in law.parameters.items()}
     learned = replace(synthetic.diagnosis(shot), verdict=Verdict.LAW_LEARNED, effects=(), laws=(law,))
-    assert verdict.verdict_words(learned) == "a force of the place, exponential"
-    assert verdict.verdict_words(replace(learned, laws=())) == "law learned"
+    found = verdict_of(learned, (1,)).found
+    assert verdict.verdict_words(learned.verdict, found) == "a force of the place, exponential"
+    assert verdict.verdict_words(learned.verdict, ()) == "law learned"
     assert wording.effect_numbers(law.name, sizes) == "a (-4.0000 ± 0.0010)e-3 N, b (5.0000 ± 0.0010)e-4 m"
 
 

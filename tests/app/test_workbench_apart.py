@@ -12,8 +12,8 @@ from app.session.event import Event, Kind
 from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.workbench import Workbench
-from instrument.apart.work import WorkApart
 from instrument.bench.simulate import simulate
+from instrument.process.work import WorkApart
 
 LONGEST_S = 120.0
 

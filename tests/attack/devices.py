@@ -12,13 +12,13 @@ import numpy as np
 import usb.core
 
 from analysis.shot.recording import Role
-from instrument.acquire import AcquireError, acquire
-from instrument.digitizer import CaptureSettings, DigitizerError
-from instrument.drivers.bulk_stream import Chunk
-from instrument.drivers.hantek6022 import Hantek6022
-from instrument.drivers.niscope_card import NiscopeCard
-from instrument.recording_file import read_recording
-from instrument.snapshot import Snapshot
+from instrument.capture.acquire import AcquireError, acquire
+from instrument.devices.bulk_stream import Chunk
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.hantek6022 import Hantek6022
+from instrument.devices.niscope_card import NiscopeCard
+from instrument.files.recording_file import read_recording
+from instrument.live.snapshot import Snapshot
 from tests.attack.trial import REFUSED, SURVIVED, Attempt, refused_in_a_line
 from tests.instrument.capturing import Capturing, assert_true_samples, until
 from tests.instrument.drivers.scripted_usb import Plugged, ScriptedUsb

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from analysis.shot.recording import Role, Setup
-from instrument.foreign.mapping import ForeignMapping, MappedChannel
-from instrument.foreign.reading import foreign_channels, read_foreign
-from instrument.recording_error import RecordingError
+from instrument.files.foreign.mapping import ForeignMapping, MappedChannel
+from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.recording_error import RecordingError
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line
 from tests.instrument.mutating import spoilt_bytes
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from app.command_line.campaign.journal import JOURNAL, Journal
-from app.report.export import SHOT_COLUMNS
+from app.report.export import shot_columns
 from instrument.bench.simulate import simulate
 from tests.attack.trial import REFUSED, SURVIVED, Attempt
 from tests.instrument.mutating import spoilt_bytes
@@ -66,7 +66,7 @@ def journals(folder: Path, random_: random.Random) -> Iterator[Attempt]:
     """Journals of campaigns with bytes at random: an entry comes back as it was written, or not at all."""
     path = folder / JOURNAL
     shot = {"status": "ok", "problem": None, "flags": ["wander"], "velocity_in_m_per_s": {"value": -0.265, "std": 1e-6}}
-    entries = {str(n): {"stamp": str(n), "shot": shot, "row": [str(n)] * len(SHOT_COLUMNS)} for n in range(5)}
+    entries = {str(n): {"stamp": str(n), "shot": shot, "row": [str(n)] * len(shot_columns())} for n in range(5)}
     with contextlib.closing(Journal(path, ())) as journal:
         for entry in entries.values():
             journal.add(entry)

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from instrument.acquire import AcquireError, acquire
-from instrument.digitizer import CaptureSettings, DigitizerError
-from instrument.drivers.scpi import ScpiOscilloscope
-from instrument.drivers.scpi_socket import SocketTransport
-from instrument.recording_file import find_recordings, read_recording
+from instrument.capture.acquire import AcquireError, acquire
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.scpi import ScpiOscilloscope
+from instrument.devices.scpi_socket import SocketTransport
+from instrument.files.recording_file import find_recordings, read_recording
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line
 from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
 

@@ -13,9 +13,9 @@ from app.session.model_in_use import load_model
 from app.session.session import SCHEMA, Session
 from app.session.settings import Settings
 from app.session.settings_file import load, save
-from instrument.foreign.mapping import read_mapping
-from instrument.motion_file import read_motion
-from instrument.recording_error import RecordingError
+from instrument.files.foreign.mapping import read_mapping
+from instrument.files.motion_file import read_motion
+from instrument.files.recording_error import RecordingError
 from tests.attack.travelling import sent
 from tests.attack.trial import REFUSED, SURVIVED, Attempt, refused_in_a_line
 from tests.instrument.mutating import spoilt_bytes, spoilt_json

@@ -9,12 +9,13 @@ from scipy.signal import butter, sosfiltfilt
 from analysis.shot.recording import Recording
 from instrument.bench import forces as slot
 from instrument.bench.bench import Bench
-from instrument.bench.floor import HIGHEST_HZ, LOWEST_HZ
 from instrument.bench.frame import density_m2_per_hz
 from instrument.bench.mechanics import Bodies, Trajectory, collide
+from instrument.bench.noise import HIGHEST_HZ, LOWEST_HZ
 from instrument.bench.optics import Optics
 from instrument.bench.simulate import Played, play_shot, recording_of
 from instrument.bench.site import LEVELS_M_PER_S, Knock, Line, Site, site_named
+from tests.bench.displacement_noise import displacement_noise_m
 
 Floats = NDArray[np.float64]
 SITES = tuple(name for name in LEVELS_M_PER_S if name.startswith("VC"))
@@ -201,7 +202,7 @@ def bound(rig: Bench, played: Played, bent_m_per_s2: float = 0.0) -> dict[str, f
     frequency_hz = np.geomspace(0.5, 1000.0, 3000)
     density = density_m2_per_hz(rig.site, frequency_hz) + _floor_density(rig.floor_m, frequency_hz)
     covariance = np.trapezoid(density * np.cos(2 * np.pi * np.outer(lag, frequency_hz)), frequency_hz, axis=1)
-    covariance[0] += rig.optics.displacement_noise_m(RATE_HZ, _BOUND_HZ) ** 2
+    covariance[0] += displacement_noise_m(rig.optics, RATE_HZ, _BOUND_HZ) ** 2
     index = np.flatnonzero(keep)
     matrix = covariance[np.abs(index[:, None] - index[None, :])]
     columns = [before, before * (time_s - touch), after, after * (time_s - release)]

@@ -18,6 +18,7 @@ from instrument.bench.noise import Noise, NoiseKind
 from instrument.bench.optics import Optics
 from instrument.bench.simulate import record_shot
 from tests.bench.blind import RATE_HZ, Record, Truth, drawn, records
+from tests.bench.displacement_noise import displacement_noise_m
 from tests.bench.separation import separation
 from tests.bench.strength import Tangents, at_snr, base_tangents, cramer_rao, residual_snr
 
@@ -217,4 +218,4 @@ def _white_m(case: Case) -> float:
     counts = optics.measurement_v / optics.volts_per_count
     rounding = (1 / 12) / (counts**2 / 2)  # of the digitizer's steps, as noise over signal
     snr_db = -10 * np.log10(10 ** (-optics.measurement_snr_db / 10) + rounding)
-    return replace(optics, measurement_snr_db=float(snr_db)).displacement_noise_m(10e6, RATE_HZ, both=False)
+    return displacement_noise_m(replace(optics, measurement_snr_db=float(snr_db)), 10e6, RATE_HZ, both=False)

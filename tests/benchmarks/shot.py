@@ -22,7 +22,7 @@ def main() -> int:
     keep_true()
     from app.session.load import load_and_analyse
     from instrument.bench.simulate import simulate
-    from instrument.open_recording import open_recording
+    from instrument.files.open_recording import open_recording
     from tests.benchmarks.peers import analytic_signal
 
     best = dict.fromkeys((*STEPS, "all", "hilbert", "hashed", "unhashed", "call", "call unchecked"), float("inf"))

@@ -19,14 +19,14 @@ from statistics import median
 from analysis.pipeline import read
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Progress, Shot
-from instrument.acquisition import State
-from instrument.analyst import fit_here
-from instrument.apart.analysis import AnalysisApart
-from instrument.apart.digitizer import DigitizerApart
 from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
-from instrument.capture import Capture, CaptureOptions
-from instrument.digitizer import CaptureSettings
+from instrument.capture.acquisition import State
+from instrument.capture.analyst import fit_here
+from instrument.capture.capture import Capture, CaptureOptions
+from instrument.devices.digitizer import CaptureSettings
+from instrument.process.digitizer import DigitizerApart
+from instrument.process.work import AnalysisApart
 from tests.benchmarks.streaming import resident_bytes, sweep
 
 RATE_HZ = 8e6

@@ -20,9 +20,9 @@ from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.noise import Noise, NoiseKind
-from instrument.law_file import read_law
-from instrument.motion_file import read_motion
-from instrument.recording_file import read_recording
+from instrument.files.law_file import read_law
+from instrument.files.motion_file import read_motion
+from instrument.files.recording_file import read_recording
 from tests.bench.blind import drawn, records
 from tests.law_rigs import LawRig
 

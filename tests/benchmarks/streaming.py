@@ -19,11 +19,11 @@ from pathlib import Path
 from analysis.pipeline import analyse
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Progress, Shot
-from instrument.apart.digitizer import DigitizerApart
 from instrument.bench.digitizer import BenchDigitizer
-from instrument.capture import Capture, CaptureOptions
-from instrument.digitizer import CaptureSettings, Digitizer
-from instrument.snapshot import Snapshot
+from instrument.capture.capture import Capture, CaptureOptions
+from instrument.devices.digitizer import CaptureSettings, Digitizer
+from instrument.live.snapshot import Snapshot
+from instrument.process.digitizer import DigitizerApart
 
 RATE_HZ = 30e6
 SHOT = CaptureSettings(RATE_HZ, 5_000_000, 250_000)

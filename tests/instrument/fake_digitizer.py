@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.shot.recording import Channel, Role, Setup
-from instrument.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 
 RATE_HZ = 1e6
 REST_HZ = 91_000.0

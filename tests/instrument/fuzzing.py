@@ -8,8 +8,8 @@ from pathlib import Path
 from analysis.shot.recording import Recording
 from app.session.settings import Settings
 from app.session.settings_file import load, save
-from instrument.motion_file import read_motion
-from instrument.recording_file import RecordingError, read_recording, verify, write_recording
+from instrument.files.motion_file import read_motion
+from instrument.files.recording_file import RecordingError, read_recording, verify, write_recording
 from tests.instrument.mutating import spoilt_bytes, spoilt_json
 
 

@@ -11,7 +11,7 @@ from typing import IO
 
 from app.session.settings import Settings
 from app.session.settings_file import load
-from instrument.recording_file import RecordingError, read_recording, verify
+from instrument.files.recording_file import RecordingError, read_recording, verify
 
 HOUSE = Path(__file__).resolve().parents[2]
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instrument.acquisition import TABLE, TIMED_OUT, Acquisition, Action, Deadlines, Event, State
+from instrument.capture.acquisition import TABLE, TIMED_OUT, Acquisition, Action, Deadlines, Event, State
 
 # written out by hand a second time: what a person expects of each state; everything else must change nothing
 EXPECTED = {

@@ -7,7 +7,7 @@ import pytest
 from analysis.fitted.awaited_fit import awaits_fit
 from analysis.pipeline import analyse, fitted, read
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled
-from instrument.analyst import Analyst, fit_here
+from instrument.capture.analyst import Analyst, fit_here
 from tests.beats import Synthetic, recording_of
 
 LONGEST_S = 60.0

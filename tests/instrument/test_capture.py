@@ -13,11 +13,11 @@ import pytest
 
 from analysis.shot.recording import Recording, Setup
 from analysis.shot.shot import Cancelled, Shot
-from instrument.acquisition import Deadlines, State
-from instrument.capture import CaptureOptions
-from instrument.digitizer import Block, CaptureSettings
-from instrument.recording_file import read_recording, verify
-from instrument.trigger import Level
+from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.capture import CaptureOptions
+from instrument.capture.trigger import Level
+from instrument.devices.digitizer import Block, CaptureSettings
+from instrument.files.recording_file import read_recording, verify
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import CHANNELS, FIRST, PERIOD, RATE_HZ, FakeDigitizer, samples
 

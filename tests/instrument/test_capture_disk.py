@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.acquisition import State
-from instrument.capture import Capture, CaptureOptions
-from instrument.recording_file import RecordingError, RecordingWriter, read_recording, verify
+from instrument.capture.acquisition import State
+from instrument.capture.capture import Capture, CaptureOptions
+from instrument.files.recording_file import RecordingError, RecordingWriter, read_recording, verify
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import FakeDigitizer
 
@@ -27,7 +27,7 @@ class FullDisk(RecordingWriter):
 def test_a_full_disk_keeps_the_shot_in_memory_savable_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("instrument.recorder.RecordingWriter", FullDisk)
+    monkeypatch.setattr("instrument.capture.recorder.RecordingWriter", FullDisk)
     there, elsewhere = tmp_path / "a", tmp_path / "b"
     there.mkdir()
     elsewhere.mkdir()
@@ -57,7 +57,7 @@ def test_a_full_disk_keeps_the_shot_in_memory_savable_elsewhere(
 def test_a_full_disk_is_said_on_standard_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("instrument.recorder.RecordingWriter", FullDisk)
+    monkeypatch.setattr("instrument.capture.recorder.RecordingWriter", FullDisk)
     with Capture(FakeDigitizer(), CaptureOptions(tmp_path, SETTINGS), live=False) as capture:
         capture.arm()
         until(capture, lambda s: s.state is State.FAULT)
@@ -73,7 +73,7 @@ class NoFolder(RecordingWriter):
 
 
 def test_shots_that_no_file_could_be_opened_for_are_all_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("instrument.recorder.RecordingWriter", NoFolder)
+    monkeypatch.setattr("instrument.capture.recorder.RecordingWriter", NoFolder)
     there, elsewhere = tmp_path / "a", tmp_path / "b"
     for folder in (there, elsewhere):
         folder.mkdir()
@@ -137,7 +137,7 @@ def test_a_second_instance_is_refused_politely(tmp_path: Path) -> None:
 
 
 def test_too_little_room_is_said_before_the_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("instrument.capture_thread.disk_free_bytes", lambda folder: 70_000_000 - 3_000_000)
+    monkeypatch.setattr("instrument.capture.capture_thread.disk_free_bytes", lambda folder: 70_000_000 - 3_000_000)
     with Capturing(tmp_path, live=False) as rig:
         rig.capture.arm()
         assert "67 MB free" in until(rig.capture, lambda s: s.state is State.FAULT).message

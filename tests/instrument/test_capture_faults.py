@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
-from instrument.acquisition import Deadlines, State
-from instrument.capture import Capture, CaptureOptions
-from instrument.digitizer import Block, CaptureSettings, DigitizerError
-from instrument.recording_file import read_recording, verify
+from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.capture import Capture, CaptureOptions
+from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError
+from instrument.files.recording_file import read_recording, verify
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, until
 from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer
 
@@ -162,7 +162,7 @@ def test_kernels_still_being_compiled_are_not_the_digitizer_s_fault(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     compiled = threading.Event()
-    monkeypatch.setattr("instrument.capture.warm", lambda: compiled.wait(20))
+    monkeypatch.setattr("instrument.capture.capture.warm", lambda: compiled.wait(20))
     digitizer = FakeDigitizer()
     capture = Capture(digitizer, CaptureOptions(tmp_path, SETTINGS), live=False)
     capture.start()

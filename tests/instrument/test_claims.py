@@ -11,8 +11,8 @@ import pytest
 from analysis.pipeline import analyse
 from analysis.shot.recording import MOST_GAPS, Gap, Recording
 from analysis.shot.shot import Cancelled, Shot
-from instrument.open_recording import analysed_while_hashed
-from instrument.recording_file import RecordingError, has_hash, read_recording, write_recording
+from instrument.files.open_recording import analysed_while_hashed
+from instrument.files.recording_file import RecordingError, has_hash, read_recording, write_recording
 
 
 def test_gaps_longer_than_the_recording_are_of_unknown_length(shot: Recording) -> None:

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from analysis.shot.recording import Recording
-from instrument.data_hash import data_hash
-from instrument.recording_error import RecordingError
-from instrument.recording_file import write_recording
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import data_hash, write_recording
 
 
 def test_it_is_the_one_written_when_the_shot_was_taken(shot: Recording, tmp_path: Path) -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from analysis.signal.quality import MEANINGS
-from instrument.acquisition import State
-from instrument.delivered_rate import DeliveredRate
-from instrument.digitizer import Block
-from instrument.recording_file import read_recording
+from instrument.capture.acquisition import State
+from instrument.capture.source_run import DeliveredRate
+from instrument.devices.digitizer import Block
+from instrument.files.recording_file import read_recording
 from tests.instrument.capturing import Capturing, until
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 

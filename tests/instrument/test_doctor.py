@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from instrument import doctor, found_devices
-from instrument.digitizer import DigitizerError
-from instrument.doctor import Grade, examine
-from instrument.drivers import hantek6022_firmware, usb_bus
+from instrument.devices import doctor, found_devices, hantek6022_firmware, usb_bus
+from instrument.devices.digitizer import DigitizerError
+from instrument.devices.doctor import Grade, examine
 from tests.instrument.drivers.scripted_usb import Plugged, ScriptedUsb
 
 TMC = {"interface_class": (0xFE, 3, 1), "endpoints": ((0x82, 2), (0x03, 2))}
@@ -91,7 +90,7 @@ def test_the_udev_rule_covers_every_device_the_drivers_know() -> None:
     rule = found_devices.udev_rule_path().read_text()
     for vendor, product in (*hantek6022_firmware.COLD_IDS, *hantek6022_firmware.WARM_IDS):
         assert re.search(f'"{vendor:04x}".*"{product:04x}".*uaccess', rule)
-    from instrument.drivers.usbtmc import VENDORS
+    from instrument.devices.usbtmc import VENDORS
 
     for vendor in VENDORS:
         assert re.search(f'"{vendor:04x}", TAG\\+="uaccess"', rule)

@@ -10,8 +10,8 @@ import pytest
 
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Progress, Shot
-from instrument.capture import Capture, CaptureOptions
-from instrument.digitizer import CaptureSettings
+from instrument.capture.capture import Capture, CaptureOptions
+from instrument.devices.digitizer import CaptureSettings
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 
 PROC = Path("/proc/self")

@@ -12,14 +12,21 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.recording import Air, Plate, Recording, Role, Setup
-from instrument.foreign import contents, csv_table
-from instrument.foreign.counts import NotFinite, to_counts
-from instrument.foreign.mapping import ForeignMapping, MappedChannel, read_mapping, write_mapping
-from instrument.foreign.reading import foreign_channels, read_foreign
-from instrument.foreign.remembered import OF_FOLDER, is_foreign, own_mapping, remembered_mapping
-from instrument.open_recording import open_recording
-from instrument.recording_error import RecordingError
-from instrument.recording_search import find_recordings, is_motion_record
+from instrument.files.foreign import contents, csv_table
+from instrument.files.foreign.mapping import (
+    OF_FOLDER,
+    ForeignMapping,
+    MappedChannel,
+    is_foreign,
+    own_mapping,
+    read_mapping,
+    remembered_mapping,
+    write_mapping,
+)
+from instrument.files.foreign.reading import NotFinite, foreign_channels, read_foreign, to_counts
+from instrument.files.open_recording import open_recording
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_search import find_recordings, is_motion_record
 
 RATE = 2e6
 SETUP = Setup(0.01785, 1e-6, rest_frequency_hz=2.5e5)

@@ -8,10 +8,10 @@ import pytest
 
 from app.session.settings import Settings
 from app.session.settings_file import save
-from instrument import into_place as module
-from instrument.into_place import into_place
-from instrument.recording_error import RecordingError
-from instrument.recording_writer import write_text_beside
+from instrument.files import into_place as module
+from instrument.files.into_place import into_place
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_writer import write_text_beside
 
 
 class Held:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from instrument.law_file import read_law
-from instrument.recording_error import RecordingError
+from instrument.files.law_file import read_law
+from instrument.files.recording_error import RecordingError
 
 DOCUMENTED = Path(__file__).resolve().parents[2] / "docs" / "own-laws.md"
 

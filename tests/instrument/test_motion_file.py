@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from instrument.motion_file import read_motion
-from instrument.recording_file import RecordingError
+from instrument.files.motion_file import read_motion
+from instrument.files.recording_file import RecordingError
 
 
 def write(folder: Path, table: str, about: str = 'model = "contact"\nmoving_mass_kg = 0.5\n') -> Path:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from instrument.digitizer import DigitizerError
-from instrument.network_scope import network_name, network_source
+from instrument.devices.digitizer import DigitizerError
+from instrument.devices.scpi_address import network_name, network_source
 
 
 @pytest.mark.parametrize(

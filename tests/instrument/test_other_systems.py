@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from instrument import folder_lock, found_devices
-from instrument.apart import child, give_way
-from instrument.apart.messages import Came
-from instrument.digitizer import Block
-from instrument.drivers import usb_bus
-from instrument.drivers.hantek6022_firmware import firmware_folders, firmware_remedy
-from instrument.recording_error import RecordingError
+from instrument.devices import found_devices, usb_bus
+from instrument.devices.digitizer import Block
+from instrument.devices.hantek6022_firmware import firmware_folders, firmware_remedy
+from instrument.files import folder_lock
+from instrument.files.recording_error import RecordingError
+from instrument.process import child, messages
+from instrument.process.messages import Came
 
 WINDOWS_PIPE_BYTES = 8192
 
@@ -106,7 +106,7 @@ def test_priority_is_lowered_by_class_on_windows(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("ctypes.windll", SimpleNamespace(kernel32=kernel), raising=False)
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setattr(os, "nice", lambda steps: pytest.fail("there is none on Windows"))
-    give_way.give_way(5)
+    messages.give_way(5)
     assert [how for _, how in asked] == [0x4000]
 
 

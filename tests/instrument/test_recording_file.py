@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.recording import Recording
-from instrument.recording_file import (
+from instrument.files.recording_file import (
     RecordingError,
     RecordingWriter,
     find_recordings,
@@ -21,7 +21,7 @@ from instrument.recording_file import (
     verify,
     write_recording,
 )
-from instrument.recording_writer import write_text_beside
+from instrument.files.recording_writer import write_text_beside
 
 FIELDS = ("name", "sample_rate_hz", "channels", "setup", "trigger_sample", "gaps", "started_at", "note", "flags")
 

@@ -4,17 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from instrument import acquire as module
-from instrument.acquire import RESCUED, AcquireError, acquire
-from instrument.recording_file import RecordingError, read_recording, verify
-from instrument.recording_writer import RecordingWriter
+from instrument.capture import acquire as module
+from instrument.capture.acquire import RESCUED, AcquireError, acquire
+from instrument.files.recording_file import RecordingError, read_recording, verify
+from instrument.files.recording_writer import RecordingWriter
 from tests.instrument.capturing import SETTINGS, assert_true_samples
 from tests.instrument.fake_digitizer import FakeDigitizer
 from tests.instrument.test_capture_disk import FullDisk
 
 
 def test_a_shot_that_the_disk_does_not_take_is_saved_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("instrument.recorder.RecordingWriter", FullDisk)
+    monkeypatch.setattr("instrument.capture.recorder.RecordingWriter", FullDisk)
     home = tmp_path / "home"
     home.mkdir()
     monkeypatch.setattr(Path, "home", lambda: home)
@@ -32,7 +32,7 @@ def test_where_no_place_has_room_it_is_said_to_be_lost(tmp_path: Path, monkeypat
         def append(self, counts: object) -> None:
             raise RecordingError(self.data_path, "No space left on device")
 
-    for place in ("instrument.recorder.RecordingWriter", "instrument.recording_writer.RecordingWriter"):
+    for place in ("instrument.capture.recorder.RecordingWriter", "instrument.files.recording_writer.RecordingWriter"):
         monkeypatch.setattr(place, Full)
     monkeypatch.setattr(Path, "home", lambda: tmp_path / "none")
     monkeypatch.setattr(module.tempfile, "gettempdir", lambda: str(tmp_path))

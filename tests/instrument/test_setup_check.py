@@ -7,8 +7,8 @@ from analysis.reading.site import read_site
 from analysis.shot.recording import Channel, Role
 from instrument.bench.frame import frame_of
 from instrument.bench.site import Site
-from instrument.doctor import Grade
-from instrument.setup_check import check_setup, judge_site
+from instrument.devices.doctor import Grade
+from instrument.live.setup_check import check_setup, judge_site
 
 RATE_HZ = 30e6
 BITS = 12

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
-from instrument.digitizer import Block, DigitizerError
-from instrument.replay import ReplayDigitizer
-from instrument.signal_trial import try_signals
+from instrument.devices.digitizer import Block, DigitizerError
+from instrument.devices.replay import ReplayDigitizer
+from instrument.live.signal_trial import try_signals
 from tests.instrument.fake_digitizer import FakeDigitizer
 
 

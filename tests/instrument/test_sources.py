@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from instrument.digitizer import DigitizerError
-from instrument.drivers import usb_bus
-from instrument.sources import at_site, open_source, pushed
+from instrument.devices import usb_bus
+from instrument.devices.digitizer import DigitizerError
+from instrument.devices.sources import at_site, open_source, pushed
 from tests.instrument.drivers.scripted_usb import In, Plugged, ScriptedUsb
 
 

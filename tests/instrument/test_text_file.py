@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from instrument.recording_error import FileNotReached, RecordingError
-from instrument.text_file import LARGEST_JSON_BYTES, MOST_VALUES, read_json, read_toml
+from instrument.files.recording_error import FileNotReached, RecordingError
+from instrument.files.text_file import LARGEST_JSON_BYTES, MOST_VALUES, read_json, read_toml
 
 SPOILT_JSON = {
     "Infinity": b'{"a": Infinity}',

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from app.session.settings import Settings
 from app.session.settings_file import save
-from instrument.capture import Capture, CaptureOptions
-from instrument.digitizer import CaptureSettings
+from instrument.capture.capture import Capture, CaptureOptions
+from instrument.devices.digitizer import CaptureSettings
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 
 

@@ -32,7 +32,7 @@ def adhesion(s: Any, p: Any, out: Any) -> None:
 ROWS = (
     Effect(
         "contact_exponent",
-        "a contact spring that is not linear",
+        "a contact that stiffens with overlap",
         Acts.IN_CONTACT,
         (Parameter("delta", "", 0.02, lower=-0.15, upper=2.0, tried=(0.01,)),),
         "delta",
@@ -43,7 +43,7 @@ ROWS = (
     ),
     Effect(
         "nonlinear_contact_damping",
-        "a contact whose damping grows with the overlap",
+        "a contact damping that grows with overlap",
         Acts.IN_CONTACT,
         (Parameter("coefficient_n_s_per_m2", "N s/m²", 1e3, lower=0.0),),
         "coefficient_n_s_per_m2",
@@ -53,7 +53,7 @@ ROWS = (
     ),
     Effect(
         "adhesion",
-        "an attraction while the bodies are almost touching",
+        "adhesion at release",
         Acts.IN_CONTACT,
         (
             Parameter("force_n", "N", 1e-4, lower=0.0),

@@ -52,7 +52,7 @@ def block_mode(s: Any, p: Any, out: Any) -> None:
 ROWS = (
     Effect(
         "coulomb_friction",
-        "dry friction of constant size against the motion",
+        "Coulomb friction on the block",
         Acts.ON_BLOCK,
         (Parameter("force_n", "N", 2e-5, lower=0.0),),
         "force_n",
@@ -61,7 +61,7 @@ ROWS = (
     ),
     Effect(
         "viscous_drag",
-        "a drag that grows with the speed",
+        "viscous drag on the block",
         Acts.ON_BLOCK,
         (Parameter("coefficient_n_s_per_m", "N s/m", 1e-4, lower=0.0),),
         "coefficient_n_s_per_m",
@@ -70,7 +70,7 @@ ROWS = (
     ),
     Effect(
         "quadratic_drag",
-        "a drag that grows with the square of the speed",
+        "quadratic drag on the block",
         Acts.ON_BLOCK,
         (Parameter("coefficient_n_s2_per_m2", "N s²/m²", 3e-4, lower=0.0),),
         "coefficient_n_s2_per_m2",
@@ -79,7 +79,7 @@ ROWS = (
     ),
     Effect(
         "tilt",
-        "a track that is not level",
+        "a tilt of the guideway",
         Acts.ON_BLOCK,
         (Parameter("angle_rad", "rad", 1e-4, lower=-0.5, upper=0.5),),
         "angle_rad",
@@ -88,7 +88,7 @@ ROWS = (
     ),
     Effect(
         "bearing_gradient",
-        "a force along the track that changes with the position",
+        "a gradient of the bearing",
         Acts.ON_BLOCK,
         (Parameter("stiffness_n_per_m", "N/m", 1e-2),),
         "stiffness_n_per_m",
@@ -97,7 +97,7 @@ ROWS = (
     ),
     Effect(
         "block_mode",
-        "a part of the block that swings on its own",
+        "an internal mode of the block",
         Acts.ON_BLOCK,
         (
             Parameter("mass_kg", "kg", 1e-5, lower=0.0, upper=8e-3, tried=(2e-5,)),

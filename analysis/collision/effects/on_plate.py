@@ -69,7 +69,7 @@ def support_compliance(s: Any, p: Any, out: Any) -> None:
 ROWS = (
     Effect(
         "cubic_stiffness",
-        "a plate that stiffens as it bends",
+        "a cubic stiffness of the plate",
         Acts.ON_PLATE,
         (Parameter("coefficient_n_per_m3", "N/m³", 1e5),),
         "coefficient_n_per_m3",
@@ -79,7 +79,7 @@ ROWS = (
     ),
     Effect(
         "plate_damping",
-        "a plate that loses energy as it bends",
+        "damping of the plate",
         Acts.ON_PLATE,
         (Parameter("coefficient_n_s_per_m", "N s/m", 2e-4, lower=0.0),),
         "coefficient_n_s_per_m",
@@ -89,7 +89,7 @@ ROWS = (
     ),
     Effect(
         "viscoelastic_arm",
-        "a plate whose force creeps back",
+        "a viscoelastic arm",
         Acts.ON_PLATE,
         (
             Parameter("stiffness_n_per_m", "N/m", 0.5, lower=0.0),
@@ -105,7 +105,7 @@ ROWS = (
     ),
     Effect(
         "second_plate_mode",
-        "a second way in which the plate swings",
+        "a second mode of the plate",
         Acts.ON_PLATE,
         (
             Parameter("mass_kg", "kg", 5e-3, lower=1e-5, upper=1e4, tried=(0.1,), logarithmic=True),
@@ -124,7 +124,7 @@ ROWS = (
     ),
     Effect(
         "support_compliance",
-        "a clamp that gives under the plate",
+        "a compliant support",
         Acts.ON_PLATE,
         (
             Parameter("compliance_m_per_n", "m/N", 1e-5, lower=0.0, upper=1e-2, tried=(1e-6,)),
@@ -139,7 +139,7 @@ ROWS = (
     ),
     Effect(
         "plate_motion",
-        "a plate that already swings when the block meets it",
+        "a plate already swinging at first touch",
         Acts.AT_START,
         (
             Parameter("velocity_m_per_s", "m/s", 1e-4, own=True),

@@ -126,7 +126,7 @@ _LINE = (
 ROWS = (
     Effect(
         "sensor_drift",
-        "a measured velocity that drifts",
+        "a drift of the measured velocity",
         Acts.ON_SENSOR,
         (Parameter("ramp_m_per_s2", "m/s²", 1e-4),),
         "ramp_m_per_s2",
@@ -136,7 +136,7 @@ ROWS = (
     ),
     Effect(
         "demodulation_lag",
-        "optics that lag behind",
+        "a lag of the demodulation",
         Acts.ON_SENSOR,
         (Parameter("time_s", "s", 1e-5, lower=2e-7, upper=5e-4, logarithmic=True),),
         "time_s",
@@ -147,7 +147,7 @@ ROWS = (
     ),
     Effect(
         "frame_vibration",
-        "a frame that vibrates with the optics",
+        "a vibration of the frame",
         Acts.ON_SENSOR,
         _LINE,
         "amplitude_m_per_s",
@@ -157,7 +157,7 @@ ROWS = (
     ),
     Effect(
         "cyclic_error",
-        "a phase error that repeats every half wavelength",
+        "a cyclic error of the interferometer",
         Acts.ON_SENSOR,
         (
             Parameter("amplitude_m", "m", 1e-9, lower=0.0),
@@ -174,7 +174,7 @@ ROWS = (
 WIDER = (
     Effect(
         "frame_vibration_with_plate",
-        "a frame that vibrates with the optics and the plate",
+        "a vibration of the frame and the plate on it",
         Acts.ON_PLATE,
         (*_LINE, Parameter("plate_factor", "", 0.5, lower=0.0, upper=1.0)),
         "amplitude_m_per_s",

@@ -13,8 +13,7 @@ from urllib.parse import urlsplit
 
 from analysis.shot.version import program
 from app.command_line.campaign.crew import LOOK_S, CrewLost
-from app.command_line.campaign.place import unfit
-from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one
+from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, unfit
 
 _UNSAFE = (
     "a scheduler in the network without TLS takes work, which is code, from anybody who reaches it: give it as "

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from app.command_line.campaign.task import Entry
-from app.report.export import SHOT_COLUMNS
-from instrument.recording_error import RecordingError
-from instrument.text_file import open_regular
+from app.report.export import shot_columns
+from instrument.files.recording_error import RecordingError
+from instrument.files.text_file import open_regular
 
 JOURNAL = "campaign.jsonl"
 _HEAD = b'{"sha256": "'
@@ -94,7 +94,7 @@ def _entry_of(line: bytes) -> Entry | None:
         shot, row = entry["shot"], entry["row"]
         whole = shot["status"] in ("ok", "failed") and isinstance(shot["problem"], str | None)
         whole &= isinstance(shot["flags"], list) and isinstance(entry["stamp"], str)
-        whole &= isinstance(row, list) and len(row) == len(SHOT_COLUMNS) and all(isinstance(c, str) for c in row)
+        whole &= isinstance(row, list) and len(row) == len(shot_columns()) and all(isinstance(c, str) for c in row)
         json.dumps(entry, allow_nan=False)  # 1e999 is an infinity
     except (ValueError, KeyError, TypeError, RecursionError):
         return None

@@ -3,72 +3,73 @@
 import contextlib
 import json
 import sys
+import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.fitted.fit_time import SECONDS
 from analysis.report import SCHEMA
-from analysis.shot.shot import AnalysisError
+from analysis.shot.shot import AnalysisError, AnalysisSettings
 from analysis.shot.version import program_version
 from app.command_line.campaign.crew import Crew, Processes
 from app.command_line.campaign.journal import JOURNAL, Journal
-from app.command_line.campaign.progress import Progress
 from app.command_line.campaign.task import Entry, NotReached, Task, failed_entry, tasks_of
-from app.command_line.model_choice import known_model
-from app.command_line.outputs import check_outputs, in_a_line
+from app.command_line.options import known_model
+from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.report.export import write_shots
 from app.session.load import complaint
-from instrument.recording_error import RecordingError
-from instrument.recording_search import find_recordings
-from instrument.recording_writer import write_text_beside
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_search import find_recordings
+from instrument.files.recording_writer import write_text_beside
 
 AHEAD = 4  # shots handed out for each worker, so that none waits and none hoards
 
 
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """Who does the work: ``jobs`` processes, or the machines of a dask ``scheduler``.
+
+    ``insecure`` lets a scheduler be elsewhere without TLS.
+    """
+
+    jobs: int | None
+    scheduler: str | None
+    insecure: bool = False
+
+
 def campaign(
     paths: Sequence[Path],
+    workers: Workers,
+    outputs: Outputs,
     *,
-    jobs: int | None,
-    scheduler: str | None,
-    json_to: str | None,
-    export_to: Path | None,
     model: str | None,
+    settings: AnalysisSettings,
     checked: bool = True,
-    fit_seconds: float | None = None,
-    insecure: bool = False,
 ) -> int:
     """Analyse every shot under ``paths``; return the exit status.
 
-    What is done stands in a journal in ``export_to`` (or beside ``json_to``) and is not done again by the next call;
-    a shot that was not reached stands in none.  The shots are not joined into one diagnosis.
-    ``checked`` compares the data with their hash, which costs a campaign a third of its time; ``fit_seconds`` is the
-    longest that the fit of one shot may take.  ``insecure`` lets a scheduler be elsewhere without TLS.
+    What is done stands in a journal in the folder of the export (or beside the result) and is not done again by the
+    next call; a shot that was not reached stands in none.  The shots are not joined into one diagnosis.
+    ``checked`` compares the data with their hash, which costs a campaign a third of its time.
     """
     found = find_recordings(paths)
     try:
         known = known_model(model)
-        check_outputs(json_to, export_to)
-        effects = known.effects if known else ()
-        tasks = tasks_of(
-            found,
-            known.base if known else model,
-            effects,
-            export_to,
-            checked=checked,
-            fit_seconds=fit_seconds or SECONDS,
-        )
-        with contextlib.closing(_journal(json_to, export_to, tasks)) as journal:
+        check_outputs(outputs.json, outputs.export)
+        settings = replace(settings, effects=known.effects if known else ())
+        tasks = tasks_of(found, known.base if known else model, settings, outputs.export, checked=checked)
+        with contextlib.closing(_journal(outputs.json, outputs.export, tasks)) as journal:
             if journal.spoilt:
                 print(f"levimass: {_spoilt(journal.path, journal.spoilt)}", file=sys.stderr)
             todo = [task for task in tasks if task.stamp not in journal]
             _say_again(tasks, journal)
             not_reached: dict[str, str] = {}
             if todo:
-                with contextlib.closing(_crew(jobs, scheduler, todo, insecure)) as crew:
+                with contextlib.closing(_crew(workers, todo)) as crew:
                     not_reached = _run(crew, todo, journal, already=len(tasks) - len(todo))
-            return _tell(found, tasks, journal, not_reached, json_to, export_to)
+            return _tell(found, tasks, journal, not_reached, outputs.json, outputs.export)
     except (AnalysisError, RecordingError, OSError) as error:
-        print(f"levimass: {in_a_line(error, model or scheduler or export_to)}", file=sys.stderr)
+        print(f"levimass: {in_a_line(error, model or workers.scheduler or outputs.export)}", file=sys.stderr)
         return 1
 
 
@@ -77,12 +78,12 @@ def _journal(json_to: str | None, export_to: Path | None, tasks: Sequence[Task])
     return Journal(export_to / JOURNAL if export_to is not None else beside, {task.stamp for task in tasks})
 
 
-def _crew(jobs: int | None, scheduler: str | None, todo: Sequence[Task], insecure: bool) -> Crew:
-    if scheduler is None:
-        return Processes(jobs or 1)
+def _crew(workers: Workers, todo: Sequence[Task]) -> Crew:
+    if workers.scheduler is None:
+        return Processes(workers.jobs or 1)
     from app.command_line.campaign.cluster import Cluster  # dask.distributed is an extra
 
-    return Cluster(scheduler, todo, insecure=insecure)
+    return Cluster(workers.scheduler, todo, insecure=workers.insecure)
 
 
 def _spoilt(path: Path | None, lines: int) -> str:
@@ -162,3 +163,34 @@ def _result_text(entries: Iterator[Entry]) -> Iterator[str]:
     for number, entry in enumerate(entries):
         yield ("," if number else "") + "\n" + json.dumps(entry["shot"], indent=1, allow_nan=False)
     yield '],\n "diagnosis": null\n}\n'
+
+
+class Progress:
+    """A line on a terminal that counts shots; on anything else silence, as logs have no use for it."""
+
+    def __init__(self, total: int, already: int) -> None:
+        self._total, self._already, self._done = total, already, 0
+        self._shown = sys.stderr.isatty()
+        self._bare = getattr(sys.stderr, "bare", sys.stderr)  # this line alone moves the cursor
+        self._started = time.monotonic()
+        if already and self._shown:
+            self.say(f"levimass: {already} shots were done before and are not done again")
+
+    def step(self) -> None:
+        """Count one shot."""
+        self._done += 1
+        if self._shown:
+            spent = time.monotonic() - self._started
+            left = spent / self._done * (self._total - self._done)
+            self._bare.write(f"\r{self._done}/{self._total} shots, {left:.0f} s to go \x1b[K")
+
+    def say(self, line: str) -> None:
+        """Print a line without disturbing the count."""
+        if self._shown:
+            self._bare.write("\r\x1b[K")
+        sys.stderr.write(line + "\n")
+
+    def end(self) -> None:
+        """Leave the terminal on a fresh line."""
+        if self._shown and self._total:
+            sys.stderr.write("\n")

@@ -1,19 +1,20 @@
-"""One shot of a campaign, as it is handed out and as it comes back."""
+"""One shot of a campaign, as it is handed out and as it comes back; and who can take it."""
 
-from collections.abc import Sequence
+import os
+import uuid
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.fitted.fit_time import SECONDS
 from analysis.report import shot_result
 from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program
 from app.report.export import motion_file_names, shot_row, write_motion
 from app.session.load import analysed, cause_of, unanalysed
-from instrument.foreign.remembered import remembered_mapping
-from instrument.recording_error import FileNotReached, RecordingError, one_line
-from instrument.recording_search import recording_stem
+from instrument.files.foreign.mapping import remembered_mapping
+from instrument.files.recording_error import FileNotReached, RecordingError, one_line
+from instrument.files.recording_search import recording_stem
 
 Entry = dict[str, Any]  # "stamp", "shot" as in the result file, "row" of shots.csv
 
@@ -22,16 +23,15 @@ Entry = dict[str, Any]  # "stamp", "shot" as in the result file, "row" of shots.
 class Task:
     """One shot to analyse; its paths are absolute, as a worker may stand in another folder.
 
-    ``stamp`` changes when the files, the model, whether the data are ``checked``, or the program do; ``sizes`` are
+    ``stamp`` changes when the files, the settings, whether the data are ``checked``, or the program do; ``sizes`` are
     those of the shot's files (bytes, -1 where there is none) as seen by who hands it out.
     """
 
     path: str
     base: str | None
-    effects: tuple[str, ...]
+    settings: AnalysisSettings
     motion_csv: str | None
     checked: bool
-    fit_seconds: float
     stamp: str
     sizes: tuple[int, ...]
 
@@ -52,11 +52,10 @@ Outcome = Entry | NotReached
 def tasks_of(
     found: Sequence[Path],
     base: str | None,
-    effects: tuple[str, ...],
+    settings: AnalysisSettings,
     export_to: Path | None,
     *,
     checked: bool = True,
-    fit_seconds: float = SECONDS,
 ) -> list[Task]:
     """Return a task for each shot that was found; motion is written to ``export_to`` where that is given."""
     names = motion_file_names([recording_stem(path).stem for path in found])
@@ -64,9 +63,9 @@ def tasks_of(
     for path, name in zip(found, names, strict=True):
         csv = str(export_to.absolute() / name) if export_to is not None else None
         sizes, dates = _state(path)
-        stamp = (program(), base, effects, csv, checked, fit_seconds, str(path.resolve()), sizes, dates)
+        stamp = (program(), base, settings, csv, checked, str(path.resolve()), sizes, dates)
         text = "|".join(map(str, stamp))
-        tasks.append(Task(str(path.absolute()), base, effects, csv, checked, fit_seconds, text, sizes))
+        tasks.append(Task(str(path.absolute()), base, settings, csv, checked, text, sizes))
     return tasks
 
 
@@ -75,10 +74,9 @@ def analyse_one(task: Task) -> Outcome:
     path = Path(task.path)
     if _state(path)[0] != task.sizes:
         return NotReached(f"{path}: not here as it was handed out (another folder, or still being copied)")
-    settings = AnalysisSettings(effects=task.effects, fit_seconds=task.fit_seconds)
     motion_csv = ""
     try:
-        shot = analysed(path, task.base, settings=settings, checked=task.checked)
+        shot = analysed(path, task.base, settings=task.settings, checked=task.checked)
         if task.motion_csv and shot.motion is not None:
             write_motion(shot, Path(task.motion_csv))
             motion_csv = Path(task.motion_csv).name
@@ -87,7 +85,7 @@ def analyse_one(task: Task) -> Outcome:
     except Exception as error:
         if task.motion_csv and isinstance(error, RecordingError) and error.path == task.motion_csv:
             return NotReached(str(error))
-        shot = unanalysed(path, settings, cause_of(path, error))
+        shot = unanalysed(path, task.settings, cause_of(path, error))
     return {"stamp": task.stamp, "shot": shot_result(shot), "row": shot_row(shot, motion_csv)}
 
 
@@ -113,3 +111,22 @@ def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
             sizes.append(state.st_size)
             dates.append(state.st_mtime_ns)
     return tuple(sizes), tuple(dates)
+
+
+def unfit(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:
+    """Return why work that reads from and writes to these folders cannot be done here, or None."""
+    if (own := program()) != wanted_program:
+        return f"has levimass {own}, not {wanted_program}"
+    for folder in reads:
+        if not os.path.isdir(folder):
+            return f"does not see the folder {folder}"
+        if not os.access(folder, os.R_OK | os.X_OK):
+            return f"may not read the folder {folder}"
+    if writes is not None:
+        trial = Path(writes) / f".levimass-{uuid.uuid4().hex}"
+        try:
+            trial.write_bytes(b"levimass")
+            trial.unlink()
+        except OSError as error:
+            return f"cannot write to {writes} ({error.strerror or error})"
+    return None

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from analysis.shot.shot import Shot
+from analysis.shot.units import shown_in
 from analysis.uncertainty.budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
-from app.report.number_tables import SCALES
 from app.window.panels.tree_table import Line, TreeTable
 from app.words.wording import DASH, number, value_text
 
@@ -56,7 +56,7 @@ class BudgetPanel(QWidget):
 
 
 def _line(q: QuantityBudget) -> Line:
-    factor, unit = SCALES.get(q.unit, (1.0, q.unit))
+    factor, unit = shown_in(q.unit)
     parts = (number(factor * part, 2) for part in (q.std_a, q.std_b, q.std, q.expanded))
     below = tuple(_part(row, q, factor) for row in q.rows)
     return Line((q.words, value_text(q.quantity, factor), unit, *parts), f"{q.words}: {STATED}", below, True)

@@ -3,9 +3,10 @@
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSplitter, QVBoxLayout, QWidget
 
-from app.report.shot_times import contact_span_ms, time_zero
+from analysis.uncertainty.numbers import of_series, with_unit
+from app.report.shot_figures import contact_span_ms, time_zero
 from app.session.session import Entry
-from app.window.panels.trend import TRENDS, TrendPlot
+from app.window.panels.trend import TrendPlot
 from app.window.pens import series_pen
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.curve import SampledCurve
@@ -44,8 +45,9 @@ class ComparePanel(QWidget):
         self._which = QComboBox(self)
         self._which.setAccessibleName("Number whose trend is shown")
         self._which.setToolTip("The number plotted against impact speed; a slope means that it is not constant")
-        for trend in TRENDS:
-            self._which.addItem(trend.label, trend.name)
+        self._numbers_followed = of_series()
+        for number in self._numbers_followed:
+            self._which.addItem(with_unit(number.title, number.shown_unit), number.key)
         self._which.currentIndexChanged.connect(self._trend_chosen)
         bar.addWidget(self._which)
         column.addLayout(bar)
@@ -133,9 +135,9 @@ class ComparePanel(QWidget):
         self._trend_chosen(0)
         self.show_whole()
 
-    def choose_trend(self, name: str) -> None:
-        """Show the trend of the number of this name in ``TRENDS``."""
-        self._which.setCurrentIndex(self._which.findData(name))
+    def choose_trend(self, key: str) -> None:
+        """Show the trend of the number with this key."""
+        self._which.setCurrentIndex(self._which.findData(key))
 
     @property
     def repeatability(self) -> str:
@@ -161,7 +163,7 @@ class ComparePanel(QWidget):
     @Slot(int)
     def _trend_chosen(self, _: int) -> None:
         shots = [entry.shot for entry in self._entries if entry.shot is not None]
-        self._repeatability.setText(self.trend.show_trend(TRENDS[self._which.currentIndex()], shots))
+        self._repeatability.setText(self.trend.show_trend(self._numbers_followed[self._which.currentIndex()], shots))
 
     def plot_in_front(self) -> PlotView:
         """Return the trend where it has the keyboard, else the overlaid shots."""

@@ -25,26 +25,12 @@ from app.window.panels.residuals import Residuals
 from app.window.panels.why_canvas import WhyCanvas
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.words.verdict import OUTDATED
+from app.words.verdict import OUTDATED, VERDICTS
 from app.words.wording import kept_words, local_words, short_name
 
 MOST_NAMED = 5  # shots
 LEAST_BESIDE = 78  # letters M of width
 NEAR_ONE = 1.5  # a chi2 below this reads as if nothing were left
-TONES = {
-    Verdict.ADEQUATE: Tone.GOOD,
-    Verdict.EFFECT_FOUND: Tone.WARNING,
-    Verdict.LAW_LEARNED: Tone.WARNING,
-    Verdict.PARTLY_EXPLAINED: Tone.WARNING,
-    Verdict.UNEXPLAINED: Tone.BAD,
-}
-WORDS = {
-    Verdict.ADEQUATE: "ADEQUATE",
-    Verdict.EFFECT_FOUND: "EFFECT FOUND",
-    Verdict.LAW_LEARNED: "LAW LEARNED",
-    Verdict.PARTLY_EXPLAINED: "PARTLY EXPLAINED",
-    Verdict.UNEXPLAINED: "UNEXPLAINED",
-}
 
 
 class DiagnosisPanel(QWidget):
@@ -273,8 +259,8 @@ class DiagnosisPanel(QWidget):
             self.residuals.clear()
             self._folded(self.fold.isChecked())
             return
-        tone = TONES[diagnosis.verdict]
-        words = WORDS[diagnosis.verdict]
+        said = VERDICTS[diagnosis.verdict]
+        tone, words = Tone(said.tone), said.brief.upper()
         if diagnosis.findings and all(effect.name in model_effects for effect in diagnosis.findings):
             found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
             tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")

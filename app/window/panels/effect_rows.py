@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import FoundEffect
-from app.window.clear_layout import clear_layout
+from app.window.flow_layout import clear_layout
 from app.words.wording import effect_numbers, effect_words
 
 TRIED = "tried; not named by a diagnosis"

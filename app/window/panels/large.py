@@ -7,23 +7,16 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 from analysis.shot.doubts import CONCERNS
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
-from analysis.uncertainty.combined import combined_of, stated
-from app.window.panels.number_rows import DRIVE, GROUPS, Row
+from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
 from app.window.theme import MARKS, Colours, Tone
 from app.words.flag_words import MILD_FLAGS
 from app.words.wording import DASH, local, number
 
 MOST_DIGITS = 7  # more are not read from afar
-SHORT = {  # what a number is called from afar
-    "quasi-static": "COR",
-    "velocity in": "v in",
-    "velocity out": "v out",
-    "peak force": "F max",
-    "contact time": "contact",
-}
-_ROWS = {row.name: row for _, rows in GROUPS for row in rows}
-COLLISION = tuple(_ROWS[name] for name in SHORT)
-DRIVEN = tuple(row for heading, rows in GROUPS if heading == DRIVE for row in rows)
+_SHOWN = [number for group in Group for number in shown_numbers(group) if number.large]
+COLLISION = tuple(number for number in _SHOWN if number.group is not Group.DRIVE)
+DRIVEN = tuple(number for number in _SHOWN if number.group is Group.DRIVE)
 LEAST_PX, SPARE = 12, 0.92
 
 
@@ -34,7 +27,7 @@ class LargePanel(QWidget):
         super().__init__(parent)
         self._colours = colours
         self._doubtful = False
-        self._rows: tuple[Row, ...] = COLLISION
+        self._rows: tuple[ResultNumber, ...] = COLLISION
         grid = QGridLayout(self)
         grid.setContentsMargins(16, 6, 16, 6)
         self._title = QLabel(self)
@@ -64,9 +57,9 @@ class LargePanel(QWidget):
                 cell.setVisible(there)
             if there:
                 row = self._rows[line]
-                name.setText(SHORT.get(row.name, row.name))
-                unit.setText(row.unit)
-                value.setAccessibleName(f"{name.text()} {row.unit}".strip())
+                name.setText(row.symbol or row.name)
+                unit.setText(row.shown_unit)
+                value.setAccessibleName(f"{name.text()} {row.shown_unit}".strip())
                 reading = stated(row.find(shot), row.key, combined) if shot is not None else None
                 value.setText(plain_digits(reading, row.scale))
         self.dress(self._colours)

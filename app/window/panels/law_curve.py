@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from analysis.diagnosis.result import LearnedLaw
 from analysis.shot.shot import Shot
-from app.report.export_laws import law_columns
+from app.report.export import law_columns
 from app.window.pens import series_pen, straight, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis

@@ -18,7 +18,7 @@ from analysis.collision.laws.functions import FUNCTIONS
 from analysis.collision.laws.own import MOST_PARAMETERS, LawError, from_mapping
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
-from app.words.typed_number import typed_number
+from app.words.wording import typed_number
 
 PLACES = (("block", "on the block"), ("plate", "on the plate"), ("contact", "between block and plate, in contact"))
 COLUMNS = (("name", ""), ("unit", ""), ("start", ""), ("lower", "optional"), ("upper", "optional"))

@@ -19,10 +19,9 @@ from analysis.shot.recording import Role, Setup
 from app.session.channel_looks import ChannelLook, Kind, proposed
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
-from app.words.typed_number import typed_number
-from app.words.wording import local, number
-from instrument.foreign.contents import ForeignContents
-from instrument.foreign.mapping import ForeignMapping, MappedChannel
+from app.words.wording import local, number, typed_number
+from instrument.files.foreign.contents import ForeignContents
+from instrument.files.foreign.mapping import ForeignMapping, MappedChannel
 
 ROLES = {Role.MEASUREMENT: "PD1, moving beat", Role.REFERENCE: "PD0, rest beat", Role.SWITCH: "Light switch"}
 NONE = "not in this file"

@@ -4,8 +4,7 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis, Verdict
-from app.window.clear_layout import clear_layout
-from app.window.flow_layout import FlowLayout
+from app.window.flow_layout import FlowLayout, clear_layout
 from app.words.wording import effect_words, local_words
 
 MOST_TRIED = 3

@@ -21,10 +21,10 @@ from PySide6.QtWidgets import (
 from analysis.shot.doubts import concerning
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
-from analysis.uncertainty.combined import combined_of, stated
+from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
 from app.window.combined import COMBINED, NOISE_ONLY
 from app.window.flag_tone import flag_line, flag_tone
-from app.window.panels.number_rows import DRIVE, GROUPS, Row
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.words.flag_words import by_weight, flag_words
 from app.words.wording import (
@@ -75,7 +75,8 @@ class NumbersPanel(QScrollArea):
         self._title = "No shot"
         self._version = ""
         self._combined: dict[str, float] = {}  # combined standard uncertainty by budget key, of the shot shown
-        self._groups: dict[str, list[QWidget]] = {}
+        self._groups: dict[Group, list[QWidget]] = {}
+        self._rows: list[ResultNumber] = []
         self._values: dict[str, QLabel] = {}
         self._names: dict[str, QLabel] = {}
         self._widgets: dict[str, list[QWidget]] = {}
@@ -102,30 +103,7 @@ class NumbersPanel(QScrollArea):
         grid.setVerticalSpacing(0)
         grid.setColumnStretch(1, 1)
         column.addLayout(grid)
-        line = 0
-        for heading, rows in GROUPS:
-            label = QLabel(heading, inner)
-            label.setProperty("heading", True)
-            grid.addWidget(label, line, 0, 1, 3)
-            self._groups[heading] = [label]
-            label.setMinimumHeight(int(1.15 * self.fontMetrics().height()) if line else 0)  # none where it is hidden
-            label.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-            line += 1
-            for row in rows:
-                self._groups[heading] += self._add_row(grid, line, row, inner)
-                line += 1
-                if row.key == "cor_impulse":
-                    self.agreement = QLabel("", inner)
-                    self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
-                    grid.addWidget(self.agreement, line, 0, 1, 3)
-                    self._groups[heading].append(self.agreement)
-                    line += 1
-                if row.folded:
-                    self._groups[heading].append(self._add_sentence(grid, line, row, inner))
-                    line += 1
-                elif row.key == PAPERS_KINETIC:
-                    self._groups[heading] += self._add_fold(grid, line, inner)
-                    line += 1
+        self._add_groups(grid, inner)
         self.effects = QLabel("", inner)  # what the effects in the model came to
         self.effects.setWordWrap(True)
         self.effects.setToolTip(NOISE_ONLY)
@@ -145,10 +123,38 @@ class NumbersPanel(QScrollArea):
         self.setAccessibleName("Numbers of the shot")
         self.show_shot(None)
 
-    def _add_row(self, grid: QGridLayout, line: int, row: Row, inner: QWidget) -> list[QWidget]:
+    def _add_groups(self, grid: QGridLayout, inner: QWidget) -> None:
+        """Add every number below its group's heading, with what stands between them."""
+        line = 0
+        for heading, numbers in ((group, shown_numbers(group)) for group in Group if group is not Group.ANALYSIS):
+            label = QLabel(heading.value, inner)
+            label.setProperty("heading", True)
+            grid.addWidget(label, line, 0, 1, 3)
+            self._groups[heading] = [label]
+            label.setMinimumHeight(int(1.15 * self.fontMetrics().height()) if line else 0)  # none where it is hidden
+            label.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+            line += 1
+            for row in numbers:
+                self._rows.append(row)
+                self._groups[heading] += self._add_row(grid, line, row, inner)
+                line += 1
+                if row.key == "cor_impulse":
+                    self.agreement = QLabel("", inner)
+                    self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
+                    grid.addWidget(self.agreement, line, 0, 1, 3)
+                    self._groups[heading].append(self.agreement)
+                    line += 1
+                if row.folded:
+                    self._groups[heading].append(self._add_sentence(grid, line, row, inner))
+                    line += 1
+                elif row.key == PAPERS_KINETIC:
+                    self._groups[heading] += self._add_fold(grid, line, inner)
+                    line += 1
+
+    def _add_row(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> list[QWidget]:
         name = QLabel(row.name, inner)
         value = QLabel("–", inner)
-        unit = QLabel(row.unit, inner)
+        unit = QLabel(row.shown_unit, inner)
         unit.setProperty("faint", True)
         value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
         name.setMinimumWidth(name.fontMetrics().horizontalAdvance("kinetic, flights") + 16)  # with room for a mark
@@ -156,7 +162,7 @@ class NumbersPanel(QScrollArea):
         widest = "0.98755567(44)" if row.headline else "-0.987555673(44)"
         value.setMinimumWidth(value.fontMetrics().horizontalAdvance(widest))
         value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        value.setAccessibleName(f"{row.name} {row.unit}")
+        value.setAccessibleName(f"{row.name} {row.shown_unit}")
         grid.addWidget(name, line, 0)
         grid.addWidget(value, line, 1)
         grid.addWidget(unit, line, 2)
@@ -181,7 +187,7 @@ class NumbersPanel(QScrollArea):
         grid.addWidget(self.others, line, 1, 1, 2, Qt.AlignmentFlag.AlignRight)
         return [note, self.others]
 
-    def _add_sentence(self, grid: QGridLayout, line: int, row: Row, inner: QWidget) -> QWidget:
+    def _add_sentence(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> QWidget:
         """Add what says under a folded number what it is."""
         sentence = QLabel(row.folded, inner)
         sentence.setProperty("faint", True)
@@ -200,7 +206,7 @@ class NumbersPanel(QScrollArea):
     def _uncertainty_chosen(self, _: bool) -> None:
         self.show_shot(self._shot, self._title, self._version)
 
-    def _reading(self, row: Row) -> Reading | None:
+    def _reading(self, row: ResultNumber) -> Reading | None:
         """Return a number with the uncertainty that is asked for."""
         return stated(row.find(self._shot), row.key, self._combined) if self._shot is not None else None
 
@@ -230,29 +236,28 @@ class NumbersPanel(QScrollArea):
         driven = shot is not None and shot.settings.model == "driven"
         for group, widgets in self._groups.items():
             for widget in widgets:
-                widget.setVisible((group == DRIVE) == driven)
+                widget.setVisible((group is Group.DRIVE) == driven)
         self._folded(self.others.isChecked())
-        for _, rows in GROUPS:
-            for row in rows:
-                reading = self._reading(row)
-                label = self._values[row.name]
-                label.setText(self._fitting(label, reading, row.scale))
-                which = COMBINED if row.key in self._combined else NOISE_ONLY
-                doubts = concerning(row.key, shot.flags) if shot is not None else ()
-                wide = wide_words(reading)
-                said = "".join(f"<br>{flag_line(flag)}" for flag in doubts) + (f"<br>{wide}" if wide else "")
-                hover = how_text(row.name, reading, row.meaning, which) + said
-                label.setToolTip(hover)
-                self._mark(row, doubts, hover, bool(wide))
-                told = "; ".join((*map(flag_words, doubts), *([wide] if wide else [])))
-                label.setAccessibleDescription(f"{label.text()} {row.unit} {told}".rstrip())
+        for row in self._rows:
+            reading = self._reading(row)
+            label = self._values[row.name]
+            label.setText(self._fitting(label, reading, row.scale))
+            which = COMBINED if row.key in self._combined else NOISE_ONLY
+            doubts = concerning(row.key, shot.flags) if shot is not None else ()
+            wide = wide_words(reading)
+            said = "".join(f"<br>{flag_line(flag)}" for flag in doubts) + (f"<br>{wide}" if wide else "")
+            hover = how_text(row.name, reading, row.meaning, which) + said
+            label.setToolTip(hover)
+            self._mark(row, doubts, hover, bool(wide))
+            told = "; ".join((*map(flag_words, doubts), *([wide] if wide else [])))
+            label.setAccessibleDescription(f"{label.text()} {row.shown_unit} {told}".rstrip())
         self.noise_only.setVisible(not driven)  # no number of a drive has a budget
         self.budget.setVisible(not driven)
         self.effects.setText("\n".join(_effect_lines(shot)))
         self._show_agreement(shot)
         self._show_flags(shot)
 
-    def _mark(self, row: Row, doubts: tuple[str, ...], hover: str, wide: bool) -> None:
+    def _mark(self, row: ResultNumber, doubts: tuple[str, ...], hover: str, wide: bool) -> None:
         """Let a number in doubt, or with a wide ±, say so at its name; a mild flag only in its hover."""
         name = self._names[row.name]
         doubted = wide or any(flag_tone(flag) is Tone.WARNING for flag in doubts)
@@ -280,10 +285,9 @@ class NumbersPanel(QScrollArea):
         self.widget().setFixedWidth(self.width() - self.verticalScrollBar().sizeHint().width())
         self.widget().layout().activate()
         self._fit_title()
-        for _, rows in GROUPS:
-            for row in rows:
-                label = self._values[row.name]
-                label.setText(self._fitting(label, self._reading(row), row.scale))
+        for row in self._rows:
+            label = self._values[row.name]
+            label.setText(self._fitting(label, self._reading(row), row.scale))
 
     def _show_agreement(self, shot: Shot | None) -> None:
         self.agreement.setText("")

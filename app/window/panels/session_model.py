@@ -1,109 +1,88 @@
 """The session as Qt's tables want it: a line a shot, a hover for every number, the note editable."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QFont
 
-from analysis.fitted.awaited_fit import awaits_fit
-from analysis.shot.quantity import NotSeen, Quantity, Reading
-from analysis.uncertainty.combined import stated
+from analysis.shot.quantity import Quantity, Reading
+from analysis.uncertainty.budget import stated
+from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
 from app.session.session import Entry
 from app.window.combined import COMBINED, NOISE_ONLY, CombinedOnce
 from app.window.flag_tone import flag_line
-from app.window.panels.number_rows import DRIVE, GROUPS, Row, chi2_of, mass_of
 from app.window.panels.session_order import Order, ordered
 from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
-from app.words.verdict import OUTDATED, verdict_in_short
+from app.words.verdict import OUTDATED, verdict_words
 from app.words.wording import DASH, concise_text, how_text, value_text
 
-COLUMNS: tuple[tuple[str, int], ...] = (
-    ("#", 9),
-    ("time", 9),
-    ("name", 16),
-    ("v in (m/s)", 15),
-    ("v out (m/s)", 15),
-    ("COR quasi-static", 15),
-    ("COR kinetic", 12),
-    ("F max (N)", 13),
-    ("k_p (N/m)", 13),
-    ("verdict", 25),
-    ("flags", 26),
-    ("note", 9),
-)
-KEYS = {  # of the numbers in the budget, by column
-    3: "velocity_in_m_per_s",
-    4: "velocity_out_m_per_s",
-    5: "cor_quasi_static",
-    6: "cor_kinetic.force_peaks",
-    7: "force_peak_n",
-    8: "plate_stiffness_n_per_m",
-}
-VERDICT, FLAGS, NOTE = range(len(COLUMNS) - 3, len(COLUMNS))
-FIRST_EXTRA = len(COLUMNS)  # columns that are hidden until they are chosen
-_OF_PANEL = tuple(row for heading, rows in GROUPS if heading != DRIVE for row in rows)
-EXTRA = (
-    *(row for row in _OF_PANEL if row.key not in KEYS.values()),
-    Row("χ²/ν", chi2_of, meaning="Of this shot's own fit."),
-    Row("moving mass", mass_of, 1e3, "g", "As stated for the shot."),
-)
-COLUMNS = (*COLUMNS, *((f"{row.name} ({row.unit})" if row.unit else row.name, 14) for row in EXTRA))
+LETTERS = 14  # a number's width, in digits
 
 
-def is_number(column: int) -> bool:
-    """Return whether a column holds a number."""
-    return 3 <= column <= 8 or column >= FIRST_EXTRA
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column: its head, its width in digits, what its cells say; or the number that it shows."""
+
+    head: str
+    letters: int
+    text: Callable[[Entry], str] = lambda entry: ""
+    sorted_by: Callable[[Entry], float | str] | None = None  # None: by its text
+    number: ResultNumber | None = None
+
+    @property
+    def hidden(self) -> bool:
+        """Get whether it is hidden until it is chosen."""
+        return self.number is not None and not self.number.listed
+
+    def order(self, entry: Entry) -> float | str | None:
+        """Return what it sorts by: a number's value, a text; None where there is nothing."""
+        if self.number is not None:
+            reading = self.number.find(entry.shot) if entry.shot is not None else None
+            return reading.value if isinstance(reading, Quantity) else None
+        return self.sorted_by(entry) if self.sorted_by is not None else self.text(entry)
 
 
-def key_of(column: int) -> str:
-    """Return a number's key in the budget, "" where it has none."""
-    return EXTRA[column - FIRST_EXTRA].key if column >= FIRST_EXTRA else KEYS[column]
+def _started_at(entry: Entry) -> str:
+    return (entry.shot.started_at or "") if entry.shot is not None else ""
 
 
-def scale_of(column: int) -> float:
-    """Return by how much a number is scaled for its column."""
-    return EXTRA[column - FIRST_EXTRA].scale if column >= FIRST_EXTRA else 1.0
+def _place(entry: Entry) -> str:
+    return f"{entry.number}" + (f" ({entry.copy_of})" if entry.copy_of is not None else "")
 
 
-def _reading(entry: Entry, column: int) -> Reading | None:
-    shot = entry.shot
-    if shot is None:
-        return None
-    if column >= FIRST_EXTRA:
-        return EXTRA[column - FIRST_EXTRA].find(shot)
-    if column == 8:
-        if awaits_fit(shot):
-            return NotSeen("the fit is still to come")
-        if shot.fit is None or not shot.fit.converged:
-            return NotSeen("no converged fit")
-        return shot.fit.parameters.get("plate_stiffness_n_per_m")
-    if shot.impact is None:
-        return NotSeen(shot.problem or "no impact")
-    impact = shot.impact
-    return {
-        3: impact.velocity_in_m_per_s,
-        4: impact.velocity_out_m_per_s,
-        5: impact.cor_quasi_static,
-        6: impact.cor_kinetic.force_peaks,
-        7: impact.force_peak_n,
-    }[column]
+def _verdict(entry: Entry) -> str:
+    if entry.shot is None:
+        return "waiting for analysis"
+    return entry.shot.problem or entry.verdict or DASH
 
 
-def _sorted_by(entry: Entry, column: int) -> float | str | None:
-    """Return what a column sorts by: a number's value, a word as it is; None where there is nothing."""
-    shot = entry.shot
-    if is_number(column):
-        reading = _reading(entry, column)
-        return reading.value if isinstance(reading, Quantity) else None
-    texts = {
-        1: (shot.started_at or "") if shot is not None else "",
-        2: entry.name,
-        VERDICT: entry.verdict,
-        FLAGS: ", ".join(by_weight(shot.flags)) if shot is not None else "",
-        NOTE: entry.note,
-    }
-    return float(entry.number) if column == 0 else texts[column]
+def _flags(entry: Entry) -> str:
+    return ", ".join(by_weight(entry.shot.flags)) if entry.shot is not None else ""
+
+
+def columns() -> list[Column]:
+    """Return the columns in their order; the hidden ones stand at the end."""
+    numbers = [Column(n.head, LETTERS, number=n) for n in of_collision(Kind.READ, Kind.FITTED, Kind.STATED)]
+    return [
+        Column("#", 9, _place, lambda entry: float(entry.number)),
+        Column("time", 9, lambda entry: _started_at(entry)[11:19] or DASH, _started_at),
+        Column("name", 16, lambda entry: entry.name),
+        *(column for column in numbers if not column.hidden),
+        Column("verdict", 25, _verdict, lambda entry: entry.verdict),
+        Column("flags", 26, _flags),
+        Column("note", 9, lambda entry: entry.note),
+        *(column for column in numbers if column.hidden),
+    ]
+
+
+def place_of(head: str) -> int:
+    """Return the place of a column by its head."""
+    return [column.head for column in columns()].index(head)
+
+
+NAME, VERDICT, FLAGS, NOTE = map(place_of, ("name", "verdict", "flags", "note"))
 
 
 def _identity(row: Entry | str) -> int | str:
@@ -127,6 +106,7 @@ class SessionModel(QAbstractTableModel):
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
+        self.columns = columns()
         self.entries: tuple[Entry, ...] = ()  # all, in the order in which they were taken
         self.rows: tuple[Entry | str, ...] = ()  # as they stand, a heading before each group
         self.order = Order()
@@ -153,12 +133,12 @@ class SessionModel(QAbstractTableModel):
         self._arrange()
 
     def _arrange(self) -> None:
-        before, rows = self.identities, ordered(self.entries, self.order, _sorted_by, self._searched)
+        before, rows = self.identities, ordered(self.entries, self.order, self._sorted_by, self._searched)
         after = list(map(_identity, rows))
         if after == before:
             self.rows = rows
             if rows:
-                self.dataChanged.emit(self.index(0, 0), self.index(len(rows) - 1, len(COLUMNS) - 1))
+                self.dataChanged.emit(self.index(0, 0), self.index(len(rows) - 1, len(self.columns) - 1))
         elif after[: len(before)] == before:
             self.beginInsertRows(QModelIndex(), len(before), len(rows) - 1)
             self.rows = rows
@@ -173,11 +153,14 @@ class SessionModel(QAbstractTableModel):
         found = self.rows[row] if row < len(self.rows) else None
         return found if isinstance(found, Entry) else None
 
-    def _stated(self, entry: Entry, column: int) -> Reading | None:
+    def _sorted_by(self, entry: Entry, column: int) -> float | str | None:
+        return self.columns[column].order(entry)
+
+    def _stated(self, entry: Entry, number: ResultNumber) -> Reading | None:
         """Return a number with its combined standard uncertainty."""
         if entry.shot is None:
             return None
-        return stated(_reading(entry, column), key_of(column), self._combined.of(entry.shot))
+        return stated(number.find(entry.shot), number.key, self._combined.of(entry.shot))
 
     def _searched(self, entry: Entry) -> str:
         flags = (
@@ -185,7 +168,7 @@ class SessionModel(QAbstractTableModel):
             if entry.shot is not None
             else ""
         )
-        return " ".join((*(self._text(entry, column) for column in (0, 1, 2, VERDICT, FLAGS, NOTE)), flags))
+        return " ".join((*(column.text(entry) for column in self.columns if column.number is None), flags))
 
     def rowCount(self, parent: QModelIndex | None = None) -> int:
         """Return the number of rows, headings of groups among them."""
@@ -193,14 +176,16 @@ class SessionModel(QAbstractTableModel):
 
     def columnCount(self, parent: QModelIndex | None = None) -> int:
         """Return the number of columns."""
-        return 0 if parent is not None and parent.isValid() else len(COLUMNS)
+        return 0 if parent is not None and parent.isValid() else len(self.columns)
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return a column's name."""
         if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
-            return COLUMNS[section][0]
+            return self.columns[section].head
         if role == Qt.ItemDataRole.TextAlignmentRole:
-            side = Qt.AlignmentFlag.AlignRight if is_number(section) else Qt.AlignmentFlag.AlignLeft
+            side = (
+                Qt.AlignmentFlag.AlignRight if self.columns[section].number is not None else Qt.AlignmentFlag.AlignLeft
+            )
             return side | Qt.AlignmentFlag.AlignVCenter
         return None
 
@@ -219,8 +204,10 @@ class SessionModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.DisplayRole and column == FLAGS:
             return flags_in_short(entry.shot.flags) if entry.shot is not None else ""
         if role == Qt.ItemDataRole.DisplayRole and column == VERDICT:
-            words = self._text(entry, column)  # or why there is none
-            return verdict_in_short(words) if words == entry.verdict else words
+            of = entry.verdict_of
+            if of is None or of.conclusion is None or entry.shot is None or entry.shot.problem:
+                return self._text(entry, column)
+            return verdict_words(of.conclusion, of.found, short=True)
         if role == Qt.ItemDataRole.EditRole and column == VERDICT and entry.number in self._struck:
             return f"{self._text(entry, column)} (of another model)"
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
@@ -231,38 +218,27 @@ class SessionModel(QAbstractTableModel):
             return font
         if role == Qt.ItemDataRole.ToolTipRole:
             return self._hover(entry, column)
-        if role == Qt.ItemDataRole.TextAlignmentRole and is_number(column):
+        if role == Qt.ItemDataRole.TextAlignmentRole and self.columns[column].number is not None:
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         return None
 
     def _text(self, entry: Entry, column: int) -> str:
-        shot = entry.shot
-        if column == 0:
-            return f"{entry.number}" + (f" ({entry.copy_of})" if entry.copy_of is not None else "")
-        if column == 1:
-            return (shot.started_at or "")[11:19] if shot is not None and shot.started_at else DASH
-        if column == 2:
-            return entry.name
-        if column == VERDICT:
-            if shot is None:
-                return "waiting for analysis"
-            return shot.problem or entry.verdict or DASH
-        if column == FLAGS:
-            return ", ".join(by_weight(shot.flags)) if shot is not None else ""
-        if column == NOTE:
-            return entry.note
-        return concise_text(self._stated(entry, column), scale_of(column))
+        number = self.columns[column].number
+        if number is None:
+            return self.columns[column].text(entry)
+        return concise_text(self._stated(entry, number), number.scale)
 
     def _hover(self, entry: Entry, column: int) -> str | None:
-        if is_number(column):
-            reading, shot = self._stated(entry, column), entry.shot
-            which = COMBINED if shot is not None and key_of(column) in self._combined.of(shot) else NOISE_ONLY
-            return how_text(COLUMNS[column][0], reading, value_text(reading, scale_of(column)), which)
+        number = self.columns[column].number
+        if number is not None:
+            reading, shot = self._stated(entry, number), entry.shot
+            which = COMBINED if shot is not None and number.key in self._combined.of(shot) else NOISE_ONLY
+            return how_text(number.head, reading, value_text(reading, number.scale), which)
         if column == FLAGS and entry.shot is not None:
             return "\n".join(map(flag_line, by_weight(entry.shot.flags))) or None
         if column == VERDICT and entry.number in self._struck:
             return f"{self._text(entry, column)}\n{OUTDATED}"
-        if column == 2:
+        if column == NAME:
             s = entry.settings
             copy = f"Shot {entry.copy_of} with other settings.\n" if entry.copy_of is not None else ""
             return f"{copy}{entry.path or 'not saved'}\nbandwidth {s.bandwidth_hz:g} Hz, model {s.model}"

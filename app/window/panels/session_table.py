@@ -31,7 +31,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.session.session import Entry, Session
-from app.window.panels.session_model import COLUMNS, FIRST_EXTRA, FLAGS, NOTE, VERDICT, SessionModel
+from app.window.panels.session_model import FLAGS, NOTE, VERDICT, SessionModel
 from app.window.panels.session_order import GROUPS, Order
 
 
@@ -94,6 +94,13 @@ class SessionTable(QFrame):
             self._buttons.append(button)
         self._add_order(bar)
         column.addLayout(bar)
+        self._make_table()
+        column.addWidget(self.table, 1)
+        self.table.selectionModel().selectionChanged.connect(self._changed)
+        self._enable()
+
+    def _make_table(self) -> None:
+        """Make the table of shots, its columns as wide as what they usually hold."""
         self.model = SessionModel(self)
         self.model.note_edited.connect(self._note)
         self.table = QTableView(self)
@@ -118,10 +125,9 @@ class SessionTable(QFrame):
         header.setHighlightSections(False)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         letter = self.fontMetrics().horizontalAdvance("0")
-        for index, (_, letters) in enumerate(COLUMNS):
-            self.table.setColumnWidth(index, int(letter * letters))
-        for extra in range(FIRST_EXTRA, len(COLUMNS)):
-            self.table.setColumnHidden(extra, True)
+        for index, made in enumerate(self.model.columns):
+            self.table.setColumnWidth(index, int(letter * made.letters))
+            self.table.setColumnHidden(index, made.hidden)
         header.setStretchLastSection(True)
         header.setSectionsClickable(True)
         header.sectionClicked.connect(self._sort_by)
@@ -129,9 +135,6 @@ class SessionTable(QFrame):
             "In brackets: the combined standard uncertainty of the last digits.\n"
             "Click to sort by this column, again to reverse, once more for the order taken"
         )
-        column.addWidget(self.table, 1)
-        self.table.selectionModel().selectionChanged.connect(self._changed)
-        self._enable()
 
     def _add_order(self, bar: QHBoxLayout) -> None:
         """Add what sorts the shots out: words to find, groups, columns."""
@@ -201,7 +204,7 @@ class SessionTable(QFrame):
         self.table.clearSpans()
         for row, entry in enumerate(self.model.rows):
             if not isinstance(entry, Entry):
-                self.table.setSpan(row, 0, 1, len(COLUMNS))
+                self.table.setSpan(row, 0, 1, len(self.model.columns))
 
     def _selected_again(self, before: list[int]) -> None:
         """Keep in mind a selection that the filter hides, and bring it back when it is seen again."""
@@ -225,11 +228,11 @@ class SessionTable(QFrame):
         """Open the menu of columns."""
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        for column, (words, _) in enumerate(COLUMNS[1:], 1):  # the number stays: it is what a shot is called by
-            action = menu.addAction(words)
+        for place, column in enumerate(self.model.columns[1:], 1):  # the number stays: it is what a shot is called by
+            action = menu.addAction(column.head)
             action.setCheckable(True)
-            action.setChecked(not self.table.isColumnHidden(column))
-            action.toggled.connect(partial(self.show_column, column))
+            action.setChecked(not self.table.isColumnHidden(place))
+            action.toggled.connect(partial(self.show_column, place))
         menu.popup(self.columns.mapToGlobal(self.columns.rect().bottomLeft()))
 
     def show_column(self, column: int, shown: bool) -> None:
@@ -274,10 +277,10 @@ class SessionTable(QFrame):
 
     def as_text(self) -> str:
         """Return the selected lines, or all, as the table shows them: a line of heads, cells parted by tabs."""
-        shown = [n for n in range(len(COLUMNS)) if not self.table.isColumnHidden(n)]
+        shown = [n for n in range(len(self.model.columns)) if not self.table.isColumnHidden(n)]
         chosen = set(self._numbers) or set(self.shown)
         rows = [row for row, e in enumerate(self.model.rows) if isinstance(e, Entry) and e.number in chosen]
-        lines = [[COLUMNS[n][0] for n in shown]]
+        lines = [[self.model.columns[n].head for n in shown]]
         whole = Qt.ItemDataRole.EditRole  # the flags are not cut to the first
         lines += [[str(self.model.index(row, n).data(whole)) for n in shown] for row in rows]
         return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)

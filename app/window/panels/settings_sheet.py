@@ -16,12 +16,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.session.setting_field import Field, Value
 from app.window.file_question import Want, ask
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
-from app.words.typed_number import typed_number, typed_numbers
-from app.words.wording import local
+from app.words.wording import local, typed_number, typed_numbers
+from levimass.setting import Setting, Value
 
 
 class SettingsSheet(SideSheet):
@@ -32,7 +31,7 @@ class SettingsSheet(SideSheet):
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__("Settings", parent)
         self._colours = colours
-        self._fields: tuple[Field, ...] = ()
+        self._fields: tuple[Setting, ...] = ()
         self._editors: dict[str, QWidget] = {}
         self._tone = Tone.NEUTRAL  # of what is said below the fields
         self._browsed = ""  # the field a folder was last asked for
@@ -56,7 +55,7 @@ class SettingsSheet(SideSheet):
         self._apply.clicked.connect(self.apply)
         column.addWidget(self._apply)
 
-    def offer(self, fields: tuple[Field, ...]) -> None:
+    def offer(self, fields: tuple[Setting, ...]) -> None:
         """Build the form."""
         self._fields = fields
         self._editors = {}
@@ -85,7 +84,7 @@ class SettingsSheet(SideSheet):
         inner.setProperty("panel", True)
         self._scroll.setWidget(inner)
 
-    def _editor(self, field: Field, inner: QWidget) -> QWidget:
+    def _editor(self, field: Setting, inner: QWidget) -> QWidget:
         if field.kind == "choice":
             box = QComboBox(inner)
             for stored, words in field.choices:
@@ -172,7 +171,7 @@ class SettingsSheet(SideSheet):
         self.accept_words("Applied. Ctrl+R analyses the selected shots again with them, as copies.")
         self.applied.emit(values)
 
-    def _list(self, field: Field, text: str) -> tuple[str | None, str]:
+    def _list(self, field: Setting, text: str) -> tuple[str | None, str]:
         try:
             values = typed_numbers(text)
         except ValueError as error:
@@ -183,7 +182,7 @@ class SettingsSheet(SideSheet):
         problem = next((problem for _, problem in told if problem), "")
         return " ".join(f"{value:.12g}" for value, _ in told if value is not None), problem
 
-    def _number(self, field: Field, text: str) -> tuple[float | None, str]:
+    def _number(self, field: Setting, text: str) -> tuple[float | None, str]:
         if not text.strip():
             return (None, "") if field.optional else (None, f"{field.words}: a number is missing")
         try:

@@ -6,12 +6,12 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
-from app.window.clear_layout import clear_layout
+from app.window.flow_layout import clear_layout
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.words.wording import local_words
-from instrument.doctor import Check, Grade
-from instrument.found_devices import FoundDevice
+from instrument.devices.doctor import Check, Grade
+from instrument.devices.found_devices import FoundDevice
 
 TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
 MOST_CHECKS = 6

@@ -8,7 +8,7 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves
 from analysis.shot.recording import Recording
 from analysis.shot.shot import Shot
-from app.report.shot_times import time_zero
+from app.report.shot_figures import time_zero
 from app.window.flow_layout import FlowLayout
 from app.window.panels.shot_deflection import DeflectionView
 from app.window.panels.shot_drive import DriveView

@@ -4,7 +4,7 @@ import numpy as np
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot.shot import Shot
-from app.report.shot_times import contact_span_ms, time_zero
+from app.report.shot_figures import contact_span_ms, time_zero
 from app.window.pens import thin, under
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours

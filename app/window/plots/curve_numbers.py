@@ -3,8 +3,8 @@
 import pyqtgraph as pg
 from PySide6.QtCore import QObject, Slot
 
-from app.window.plots.caption import ON_TOP
 from app.window.plots.curve import SampledCurve
+from app.window.plots.framed_plot import ON_TOP
 from app.window.plots.time_plot import TimePlot
 from app.window.theme import Colours
 

@@ -3,9 +3,12 @@
 from typing import Any
 
 import pyqtgraph as pg
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtGui import QFontMetricsF
 from PySide6.QtWidgets import QGraphicsGridLayout
 
 from app.window.plots.plain_axis import PlainAxis
+from app.window.theme import Colours
 
 VIEW_AT = (0, 1)  # row and column
 AXES_AT = {"left": (0, 0), "bottom": (1, 1)}
@@ -49,3 +52,45 @@ class FramedPlot(pg.GraphicsWidget):
     def setXLink(self, other: "FramedPlot") -> None:
         """Keep the span of x that the other has."""
         self.view.setXLink(other.view)
+
+
+ON_TOP = 30
+_MARGIN = 8  # of the text item
+
+
+class Caption(pg.TextItem):
+    """Words in the upper left corner of a plot; hidden as long as the value axis carries them whole."""
+
+    def __init__(self, plot: FramedPlot) -> None:
+        super().__init__("", anchor=(0, 0))
+        self._words = ""
+        self._view = plot.view
+        self.setParentItem(self._view)
+        self.setZValue(ON_TOP)
+        self.hide()
+        plot.getAxis("left").fitted.connect(self._label_fitted)
+        self._view.sigResized.connect(self._fit)
+
+    @property
+    def shown(self) -> str:
+        """Get the words, "" while the axis says them."""
+        return str(self.toPlainText()) if self.isVisible() else ""
+
+    def say(self, words: str) -> None:
+        """Set the words; where the plot is narrower than they are, their end is left out."""
+        self._words = words
+        self._fit()
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours."""
+        self.setColor(colours.text)
+        self.fill = pg.mkBrush(f"{colours.plot}a0")  # what lies behind is seen
+
+    @Slot(bool)
+    def _label_fitted(self, whole: bool) -> None:
+        self.setVisible(not whole)
+
+    @Slot()
+    def _fit(self) -> None:
+        room = self._view.width() - _MARGIN
+        self.setText(QFontMetricsF(self.textItem.font()).elidedText(self._words, Qt.TextElideMode.ElideRight, room))

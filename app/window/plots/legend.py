@@ -6,8 +6,7 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 
-from app.window.clear_layout import clear_layout
-from app.window.flow_layout import FlowLayout
+from app.window.flow_layout import FlowLayout, clear_layout
 from app.window.pens import density
 
 Look = QPen | tuple[str, str]

@@ -7,10 +7,9 @@ from PySide6.QtCore import Slot
 from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
-from app.window.plots.caption import Caption
 from app.window.plots.crisp import CrispCurve
 from app.window.plots.cursors import CursorAxis
-from app.window.plots.framed_plot import FramedPlot
+from app.window.plots.framed_plot import Caption, FramedPlot
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView, Span, ViewState
 from app.window.plots.time_plot import AXIS_WIDTH, QuietView

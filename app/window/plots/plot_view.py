@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Generic, TypeVar
 
 import pyqtgraph as pg
 from PySide6.QtCore import QPoint, Qt, QTimer, Signal, Slot
@@ -10,7 +11,6 @@ from PySide6.QtWidgets import QMenu, QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis, Cursors
 from app.window.plots.legend import Look
-from app.window.plots.view_history import ViewHistory
 from app.window.theme import Colours
 
 Span = tuple[float, float]
@@ -201,3 +201,34 @@ class PlotView(pg.GraphicsLayoutWidget):
 def in_front(plots: Sequence[PlotView]) -> PlotView:
     """Return the plot that has the keyboard, else the first."""
     return next((plot for plot in plots if plot.hasFocus()), plots[0])
+
+
+State = TypeVar("State")
+MOST = 100
+
+
+class ViewHistory(Generic[State]):
+    """A list of states with a place in it; a state that is noted after going back takes the place of what followed."""
+
+    def __init__(self) -> None:
+        self._states: list[State] = []
+        self._place = -1
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._states, self._place = [], -1
+
+    def note(self, state: State) -> None:
+        """Take in what is looked at now; the same again is not taken twice."""
+        if self._place >= 0 and self._states[self._place] == state:
+            return
+        self._states = [*self._states[: self._place + 1], state][-MOST:]
+        self._place = len(self._states) - 1
+
+    def step(self, by: int) -> State | None:
+        """Go back (-1) or forward (1); return what was looked at there, None at the end."""
+        place = self._place + by
+        if not 0 <= place < len(self._states):
+            return None
+        self._place = place
+        return self._states[place]

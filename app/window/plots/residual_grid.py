@@ -13,7 +13,6 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from app.window.plots.symlog import SymLog, scale_of
 from app.window.theme import Colours, Tone
 from app.words.prefixes import prefix_for
 from app.words.wording import number
@@ -176,3 +175,36 @@ def _thinned(values: Floats, columns: int) -> tuple[Floats, Floats]:
     low = np.fmin.reduceat(filled, edges)
     high = np.fmax.reduceat(filled, edges)
     return np.repeat((np.arange(columns) + 0.5) / columns, 2), np.column_stack([low, high]).ravel()
+
+
+LEAST_DECADES = 0.7  # beyond the linear part
+
+
+@dataclass(frozen=True, slots=True)
+class SymLog:
+    """Maps values to -1 ... 1; ``linear`` is where the linear part ends, ``most`` the largest value shown."""
+
+    linear: float
+    most: float
+
+    def place(self, values: Floats) -> Floats:
+        """Return where values stand, from -1 (the least) to 1 (the largest); NaN stays, what lies beyond is cut."""
+        top = math.log10(1.0 + self.most / self.linear)
+        with np.errstate(invalid="ignore"):
+            at = np.sign(values) * np.log10(1.0 + np.abs(values) / self.linear) / top
+            return np.clip(at, -1.0, 1.0)
+
+    def ticks(self) -> list[float]:
+        """Return zero and the decades that have room, both signs."""
+        first = math.ceil(math.log10(self.linear) - 1e-9)
+        last = math.floor(math.log10(self.most) + 1e-9)
+        step = max(1, math.ceil((last - first + 1) / 3))
+        decades = [10.0**power for power in range(last, first - 1, -step)]
+        return [-value for value in decades] + [0.0] + decades[::-1]
+
+
+def scale_of(curves: Sequence[Floats], noise: float) -> SymLog:
+    """Return one scale for all curves: linear as far as the noise reaches."""
+    sizes = [float(np.nanmax(np.abs(curve))) for curve in curves if curve.size and np.isfinite(curve).any()]
+    linear = noise if math.isfinite(noise) and noise > 0.0 else max(sizes, default=1.0) / 100.0 or 1.0
+    return SymLog(linear, max([*sizes, linear * 10.0**LEAST_DECADES]))

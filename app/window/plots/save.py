@@ -15,7 +15,7 @@ from app.window.plots.curve import SampledCurve
 from app.window.plots.legend import Look, legend_height, paint_legend
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
-from instrument.recording_writer import write_text_beside
+from instrument.files.recording_writer import write_text_beside
 
 
 def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:

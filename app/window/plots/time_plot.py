@@ -9,9 +9,8 @@ from PySide6.QtCore import QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QPen
 
 from app.window.pens import straight
-from app.window.plots.caption import Caption
 from app.window.plots.curve import Band, PointCurve, SampledCurve
-from app.window.plots.framed_plot import FramedPlot
+from app.window.plots.framed_plot import Caption, FramedPlot
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import ViewState
 from app.window.theme import Colours

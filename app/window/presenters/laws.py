@@ -5,10 +5,10 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.collision.laws.own import LawError, from_key
-from app.session.own_laws import OwnLaws
+from app.session.model_in_use import OwnLaws
 from app.window.layout import Layout
 from app.window.theme import Tone
-from instrument.recording_error import RecordingError
+from instrument.files.recording_error import RecordingError
 
 
 class LawsPresenter(QObject):

@@ -12,10 +12,16 @@ from app.session.jobs import Asked, Job, Report
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.mapping_sheet import Answer
-from instrument.foreign.contents import ForeignContents
-from instrument.foreign.mapping import read_mapping, write_mapping
-from instrument.foreign.reading import foreign_channels, read_foreign
-from instrument.foreign.remembered import OF_FOLDER, is_foreign, own_mapping, remembered_mapping
+from instrument.files.foreign.contents import ForeignContents
+from instrument.files.foreign.mapping import (
+    OF_FOLDER,
+    is_foreign,
+    own_mapping,
+    read_mapping,
+    remembered_mapping,
+    write_mapping,
+)
+from instrument.files.foreign.reading import foreign_channels, read_foreign
 
 
 @dataclass(frozen=True, slots=True)

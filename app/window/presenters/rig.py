@@ -9,7 +9,6 @@ from PySide6.QtWidgets import QApplication
 from app.session.choices import Choices
 from app.session.rig import Rig
 from app.session.session import Entry
-from app.session.setting_field import Value
 from app.session.settings import FIELDS
 from app.window import state_words
 from app.window.file_question import Want, ask
@@ -17,9 +16,10 @@ from app.window.layout import Layout
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import Tone
 from app.words.wording import duration
-from instrument.acquisition import State
-from instrument.snapshot import Snapshot
-from instrument.sources import is_bench
+from instrument.capture.acquisition import State
+from instrument.devices.sources import is_bench
+from instrument.live.snapshot import Snapshot
+from levimass.setting import Value
 
 RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)"
 

@@ -6,7 +6,7 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves, drive_curves
 from analysis.shot.recording import Recording
 from analysis.shot.shot import Shot
-from app.report.shot_times import time_zero
+from app.report.shot_figures import time_zero
 from app.session.asked_work import AskedWork, raw_of
 from app.session.jobs import Asked, Report
 from app.session.session import Entry
@@ -103,8 +103,7 @@ class SelectionPresenter(QObject):
         entry = self.front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
         holds = entry is None or self._workbench.session.verdict_holds(entry)
-        verdict = entry.verdict if entry is not None else ""
-        self._panels.model.show_verdict(*told(verdict, fit.effects if fit is not None else (), holds))
+        self._panels.model.show_verdict(*told(entry, fit.effects if fit is not None else (), holds))
 
     def _recording(self, entry: Entry) -> Recording | None:
         if self._raw is None or self._raw[0] != entry.number:

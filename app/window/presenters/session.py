@@ -8,17 +8,17 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
 from app.report.pdf import document_of
+from app.session.channel_looks import is_swapped
 from app.session.choices import Choices
 from app.session.event import Event, Kind
-from app.session.swapped import is_swapped
 from app.session.workbench import Workbench
 from app.window.file_question import Want, ask
 from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
 from app.window.theme import Tone
-from instrument.foreign.remembered import FORMATS, format_of, is_foreign
-from instrument.snapshot import FinishedShot, WaitingShot
+from instrument.files.foreign.mapping import FORMATS, format_of, is_foreign
+from instrument.live.snapshot import FinishedShot, WaitingShot
 
 ENDINGS = (".sigmf-meta", ".sigmf-data", ".csv", ".toml", *FORMATS)
 OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for ending in FORMATS)})"

@@ -7,7 +7,7 @@ import pytest
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.signal.record import motion_from_displacement
-from instrument.motion_file import read_motion
+from instrument.files.motion_file import read_motion
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from analysis.drive.table import Table
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError
 from analysis.signal.record import motion_from_displacement
-from instrument.motion_file import read_motion
+from instrument.files.motion_file import read_motion
 from tests.analysis.drive.slider import MASS, OFFSET, RATE_HZ, VISCOUS, Drive, Floats
 
 TRUE_BASE = {"moving_mass_kg": MASS, "viscous_coefficient_n_s_per_m": VISCOUS, "offset_n": OFFSET}

@@ -117,7 +117,7 @@ def test_what_cannot_be_fitted_says_why() -> None:
 
 
 def test_recording_of_the_paper(recordings: Path) -> None:
-    from instrument.recording_file import read_recording
+    from instrument.files.recording_file import read_recording
 
     recording = read_recording(recordings / "paper" / "shot-1.sigmf-meta")
     fit = fit_shots([demodulate(recording, AnalysisSettings())])

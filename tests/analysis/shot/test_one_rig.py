@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from analysis.shot.one_rig import why_not_together
+from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.recording import Plate, Setup
 from tests.app import synthetic
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.shot.weights import weights_words
+from analysis.shot.plates_of_set import weights_words
 
 
 @pytest.mark.parametrize(

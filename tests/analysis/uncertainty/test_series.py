@@ -9,7 +9,8 @@ import pytest
 
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty import series as table
-from analysis.uncertainty.series import Trend, excess_spread, read, series
+from analysis.uncertainty.numbers import read
+from analysis.uncertainty.series import Trend, excess_spread, series
 from tests.analysis.shots import at_speed, shot_of
 
 

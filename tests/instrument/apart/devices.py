@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from instrument.digitizer import Block, CaptureSettings, DigitizerError
+from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer, samples
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from instrument.apart.digitizer import DigitizerApart
-from instrument.digitizer import CaptureSettings
+from instrument.devices.digitizer import CaptureSettings
+from instrument.process.digitizer import DigitizerApart
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 
 

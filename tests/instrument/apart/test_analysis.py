@@ -14,11 +14,11 @@ from analysis.pipeline import analyse, read
 from analysis.shot.motion import ARRAYS
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
-from instrument.apart import work
-from instrument.apart.analysis import AnalysisApart
 from instrument.bench.simulate import simulate
-from instrument.open_recording import open_recording
-from instrument.recording_file import read_recording, write_recording
+from instrument.files.open_recording import open_recording
+from instrument.files.recording_file import read_recording, write_recording
+from instrument.process import work
+from instrument.process.work import AnalysisApart
 
 PLAIN = AnalysisSettings()
 

@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.acquisition import State
-from instrument.apart import digitizer as apart
-from instrument.apart import shared_ring
-from instrument.apart.digitizer import DigitizerApart, open_apart
 from instrument.bench.digitizer import BenchDigitizer
-from instrument.capture import Capture, CaptureOptions
-from instrument.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
-from instrument.open_recording import open_recording
+from instrument.capture.acquisition import State
+from instrument.capture.capture import Capture, CaptureOptions
+from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
+from instrument.files.open_recording import open_recording
+from instrument.process import digitizer as apart
+from instrument.process import shared_ring
+from instrument.process.digitizer import DigitizerApart, open_apart
 from tests.instrument.apart import devices
 from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
 from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer, samples

@@ -9,7 +9,7 @@ import pytest
 from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.optics import Optics
-from instrument.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
 
 RATE = 10e6
 SETTINGS = CaptureSettings(RATE, 600_000, 60_000)

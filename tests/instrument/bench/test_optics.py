@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from instrument.bench.floor import Floor
+from instrument.bench.noise import Floor
 from instrument.bench.optics import DropOut, Optics, Path, fill, node_times_s
 
 RATE = 10e6

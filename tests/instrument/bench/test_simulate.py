@@ -1,5 +1,6 @@
 """Recordings of the simulated rig: readable, reproducible, with the truth kept apart; effects act the right way."""
 
+import base64
 import json
 
 import numpy as np
@@ -9,9 +10,9 @@ from instrument.bench.effects import BEYOND, CATALOGUE, draw, for_shot, parse, s
 from instrument.bench.mechanics import Bodies
 from instrument.bench.optics import Optics
 from instrument.bench.sight import cyclic_m, lit, seen, shoot
-from instrument.bench.simulate import draw_undeclared, read_truth, simulate, speeds_of_set
+from instrument.bench.simulate import draw_undeclared, simulate, speeds_of_set
 from instrument.bench.site import site_named
-from instrument.recording_file import find_recordings, read_recording, verify
+from instrument.files.recording_file import find_recordings, read_recording, verify
 
 SPEED = 0.265
 TIME = np.arange(0.0, 0.06, 1e-5)
@@ -53,7 +54,7 @@ def test_what_is_undeclared_is_told_only_in_the_hidden_file(tmp_path):
     seed = next(s for s in range(100) if len(draw_undeclared(s)) == 1)
     paths = simulate(tmp_path, 2, seed, undeclared=True)
     name = next(iter(draw_undeclared(seed)))
-    truth = read_truth(tmp_path / f".truth-{seed}")
+    truth = json.loads(base64.b64decode((tmp_path / f".truth-{seed}").read_bytes()))["shots"]
     assert [list(shot) for shot in truth] == [[name], [name]]
     assert find_recordings([tmp_path]) == paths
     told = "".join(path.read_text() for path in paths)

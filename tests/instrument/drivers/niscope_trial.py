@@ -8,8 +8,8 @@ import time
 import numpy as np
 
 from analysis.shot.recording import Role
-from instrument.digitizer import CaptureSettings, DigitizerError
-from instrument.drivers.niscope_card import CardTrigger, NiscopeCard
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.niscope_card import CardTrigger, NiscopeCard
 
 
 def shot() -> dict:

@@ -10,10 +10,10 @@ import pytest
 import usb.core
 
 from analysis.shot.recording import Role
-from instrument.digitizer import CaptureSettings, DigitizerError
-from instrument.drivers import hantek6022_firmware
-from instrument.drivers.bulk_stream import Chunk
-from instrument.drivers.hantek6022 import Hantek6022
+from instrument.devices import hantek6022_firmware
+from instrument.devices.bulk_stream import Chunk
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.hantek6022 import Hantek6022
 from tests.instrument.drivers.scripted_usb import In, Out, Plugged, ScriptedUsb
 
 EEPROM = In(0xA2, 8, 80, usb.core.USBError("Pipe error", -9, errno.EPIPE))
@@ -225,7 +225,7 @@ def test_after_an_unplugging_the_next_arm_opens_it_again() -> None:
 
 
 def test_a_device_that_falls_silent_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("instrument.drivers.hantek6022.SILENCE_S", 0.02)
+    monkeypatch.setattr("instrument.devices.hantek6022.SILENCE_S", 0.02)
     bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [EEPROM, *_arming(10), Out(0xE3, 0, b"\x00")])
     scope = Hantek6022(backend=bus, make_stream=GivenStream([]))
     scope.arm(CaptureSettings(10e6, 1000, 0))

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from instrument.drivers.beat_seams import BeatSeams
-from instrument.drivers.bulk_stream import Chunk
-from instrument.drivers.byte_clock import ByteClock
-from instrument.drivers.streamed_codes import StreamedCodes
+from instrument.devices.beat_seams import BeatSeams
+from instrument.devices.bulk_stream import Chunk
+from instrument.devices.streamed_codes import ByteClock, StreamedCodes
 
 RATE_HZ = 10e6
 

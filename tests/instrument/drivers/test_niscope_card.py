@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from analysis.shot.recording import Role
-from instrument.digitizer import CaptureSettings, DigitizerError
-from instrument.drivers.niscope_card import NiscopeCard
-from instrument.sources import open_source
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.niscope_card import NiscopeCard
+from instrument.devices.sources import open_source
 
 HERE = Path(__file__).parent
 HOUSE = HERE.parents[2]

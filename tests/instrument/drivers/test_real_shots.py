@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from instrument.acquire import acquire
-from instrument.acquisition import State
-from instrument.capture import Capture, CaptureOptions
-from instrument.digitizer import CaptureSettings, DigitizerError
-from instrument.drivers.bulk_stream import Chunk
-from instrument.drivers.hantek6022 import Hantek6022
-from instrument.drivers.scpi import ScpiOscilloscope
-from instrument.drivers.scpi_dialects import RIGOL
-from instrument.drivers.scpi_visa import VisaTransport
-from instrument.recording_file import read_recording
-from instrument.sources import open_source
+from instrument.capture.acquire import acquire
+from instrument.capture.acquisition import State
+from instrument.capture.capture import Capture, CaptureOptions
+from instrument.devices.bulk_stream import Chunk
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.hantek6022 import Hantek6022
+from instrument.devices.scpi import ScpiOscilloscope
+from instrument.devices.scpi_dialects import RIGOL
+from instrument.devices.scpi_visa import VisaTransport
+from instrument.devices.sources import open_source
+from instrument.files.recording_file import read_recording
 from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
 from tests.instrument.drivers.scripted_usb import In, Out, Plugged, ScriptedUsb
 from tests.instrument.drivers.test_hantek6022_bytes import GivenStream

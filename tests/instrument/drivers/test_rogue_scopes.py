@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.acquire import AcquireError, acquire
-from instrument.digitizer import CaptureSettings, DigitizerError
-from instrument.drivers.scpi import ScpiOscilloscope
-from instrument.drivers.scpi_dialects import Nonsense, Scaling
-from instrument.drivers.scpi_transport import Deadline
-from instrument.recording_file import read_recording
+from instrument.capture.acquire import AcquireError, acquire
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.scpi import ScpiOscilloscope
+from instrument.devices.scpi_dialects import Nonsense, Scaling
+from instrument.devices.scpi_transport import Deadline
+from instrument.files.recording_file import read_recording
 from tests.attack.scopes import BEFORE, RATE_HZ, SAMPLES, Hasty, Mischief, RogueScope
 from tests.instrument.drivers.scpi_emulator import EmulatedScope
 

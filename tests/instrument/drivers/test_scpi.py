@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.drivers.scpi import HardwareTrigger, ScpiOscilloscope
-from instrument.drivers.scpi_dialects import DIALECTS, dialect_of, numbers
-from instrument.drivers.scpi_socket import SocketTransport
-from instrument.sources import open_source
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.scpi import HardwareTrigger, ScpiOscilloscope
+from instrument.devices.scpi_dialects import DIALECTS, dialect_of, numbers
+from instrument.devices.scpi_socket import SocketTransport
+from instrument.devices.sources import open_source
 from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
 
 MAKERS = ("rigol", "siglent", "keysight")

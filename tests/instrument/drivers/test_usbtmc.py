@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 import usb.core
 
-from instrument.digitizer import CaptureSettings, DigitizerError
-from instrument.drivers.scpi import ScpiOscilloscope
-from instrument.drivers.scpi_transport import Cancelled
-from instrument.drivers.usbtmc import MAX_REQUEST_BYTES, UsbtmcTransport, find_instruments
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.scpi import ScpiOscilloscope
+from instrument.devices.scpi_transport import Cancelled
+from instrument.devices.usbtmc import MAX_REQUEST_BYTES, UsbtmcTransport, find_instruments
 from tests.instrument.drivers.scpi_emulator import EmulatedScope
 from tests.instrument.drivers.scripted_usb import BulkIn, BulkOut, ClearHalt, In, Plugged, ScriptedUsb
 from tests.instrument.drivers.test_scpi import take

@@ -12,12 +12,12 @@ import numpy as np
 
 from analysis.shot.recording import Role
 from app.command_line import acquire
-from instrument.apart import conversation
-from instrument.apart.digitizer import open_apart
-from instrument.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.drivers import byte_clock, hantek6022
-from instrument.drivers.hantek6022 import Hantek6022
-from instrument.found_devices import found_devices
+from instrument.devices import byte_clock, hantek6022
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.found_devices import found_devices
+from instrument.devices.hantek6022 import Hantek6022
+from instrument.process import conversation
+from instrument.process.digitizer import open_apart
 from tests.instrument.drivers.hantek_model import ColdHantek, WarmHantek, packet_numbers
 from tests.instrument.drivers.usbfs_emulator import Testbed
 

@@ -1,0 +1,263 @@
+"""The numbers of a shot, each declared once: files, tables, report, window and trends are made from ``NUMBERS``.
+
+How to add one: docs/add-a-number.md.
+"""
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
+from enum import Enum
+from operator import attrgetter
+
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.quantity import NotSeen, Quantity, Reading
+from analysis.shot.shot import Shot
+from analysis.shot.units import shown_in
+from analysis.uncertainty import measurement_equations as by
+from analysis.uncertainty.measurement_equations import Equation
+
+
+class Group(Enum):
+    """The headings under which numbers are shown, in their order."""
+
+    RESTITUTION = "RESTITUTION"
+    MOTION = "MOTION"
+    PLATE = "PLATE AND CONTACT"
+    DRIVE = "DRIVE"  # of a driven slider, which strikes nothing; the others are a collision's
+    ANALYSIS = "ANALYSIS"
+
+
+class Kind(Enum):
+    """Where a number comes from, and with that in which files it stands under its own name."""
+
+    READ = "read from the motion"  # result file, shots.csv, series
+    FITTED = "a parameter of the fitted model"  # shots.csv, series; the result file has it among the fit's parameters
+    DERIVED = "its measurement equation alone gives it"  # budget
+    STATED = "beside the results"  # screen only
+
+
+@dataclass(frozen=True, slots=True)
+class ResultNumber:
+    """One result: its key in files ("group.name" is nested), name below its group's heading, words in full, SI unit.
+
+    ``computed`` finds it in a shot, where it is no attribute of the impact and no parameter of the fit.  ``equation``
+    is its measurement equation; without one it has no budget.  ``repeats``: other shots of a rig should show the same.
+    """
+
+    key: str
+    name: str
+    words: str
+    unit: str
+    group: Group
+    kind: Kind
+    meaning: str = ""  # one line
+    _: KW_ONLY
+    computed: Callable[[Shot], Reading] | None = None
+    equation: Equation | None = None
+    repeats: bool = False
+    in_series: bool = True  # mean, scatter and trend over impact speed, where several shots show it
+    symbol: str = ""  # shortest name
+    listed: bool = False  # a column of the list of shots unless hidden; the others are hidden unless chosen
+    large: bool = False  # shown in LARGE
+    headline: bool = False
+    folded: str = ""  # a sentence that says what it is, of a number that the window shows on request
+
+    def find(self, shot: Shot) -> Reading:
+        """Return it in SI units with its uncertainty from noise, or why the shot does not show it."""
+        if self.computed is not None:
+            return self.computed(shot)
+        return _of_impact(shot, self.key) if self.kind is Kind.READ else _of_fit(shot, self.key)
+
+    @property
+    def scale(self) -> float:
+        """Get the factor from SI to the unit in which it is shown."""
+        return shown_in(self.unit)[0]
+
+    @property
+    def shown_unit(self) -> str:
+        """Get the unit in which it is shown, "" for a ratio."""
+        return shown_in(self.unit)[1]
+
+    @property
+    def title(self) -> str:
+        """Get the name as it stands without its group's heading: "COR quasi-static"."""
+        return f"COR {self.name}" if self.group is Group.RESTITUTION else self.name
+
+    @property
+    def head(self) -> str:
+        """Get the head of its column in the list of shots, with the unit."""
+        short = self.symbol if self.listed and self.group is not Group.RESTITUTION else ""
+        return with_unit(short or self.title, self.shown_unit)
+
+
+def _of_impact(shot: Shot, key: str) -> Reading:
+    if shot.impact is None:
+        return NotSeen(shot.problem or "no impact")
+    reading: Reading = attrgetter(key)(shot.impact)
+    return reading
+
+
+def _of_fit(shot: Shot, key: str) -> Reading:
+    if shot.fit is None:
+        return NotSeen("the fit is still to come" if awaits_fit(shot) else "no fit")
+    if not shot.fit.converged:
+        return NotSeen("the fit did not converge, so its numbers are guesses")
+    return shot.fit.parameters.get(key, NotSeen(f"not in the model {shot.fit.model}"))
+
+
+def _chi2(shot: Shot) -> Reading:
+    if shot.fit is None or not shot.fit.converged:
+        return NotSeen("no converged fit")
+    return Quantity(shot.fit.reduced_chi2, 0.0, "the fit of this shot alone")
+
+
+def _mass(shot: Shot) -> Reading:
+    if shot.motion is None:
+        return NotSeen(shot.problem or "no motion")
+    return Quantity(shot.motion.moving_mass_kg, shot.motion.moving_mass_u_kg, "as stated for the shot")
+
+
+RESTITUTION, MOTION, PLATE, DRIVE = Group.RESTITUTION, Group.MOTION, Group.PLATE, Group.DRIVE
+READ, FITTED, DERIVED, STATED = Kind.READ, Kind.FITTED, Kind.DERIVED, Kind.STATED
+
+# fmt: off
+NUMBERS = (
+    ResultNumber(
+        "velocity_in_m_per_s", "velocity in", "velocity before touch", "m/s", MOTION, READ,
+        "Free flight just before first touch.",
+        equation=by.velocity("beat noise, flight in"), in_series=False, symbol="v in", listed=True, large=True,
+    ),
+    ResultNumber(
+        "velocity_out_m_per_s", "velocity out", "velocity after release", "m/s", MOTION, READ,
+        "Free flight just after release.",
+        equation=by.velocity("beat noise, flight out"), in_series=False, symbol="v out", listed=True, large=True,
+    ),
+    ResultNumber(
+        "cor_quasi_static", "quasi-static", "quasi-static COR", "1", RESTITUTION, READ,
+        "Speed out over speed in, |v_f / v_i|.",
+        equation=by.ratio_of_velocities, repeats=True, symbol="COR", listed=True, large=True, headline=True,
+    ),
+    ResultNumber(
+        "cor_impulse", "impulse ratio", "impulse ratio", "1", RESTITUTION, READ,
+        "Impulse while unloading over impulse while loading.", equation=by.ratio_of_impulses, repeats=True,
+    ),
+    ResultNumber(
+        "cor_kinetic.force_peaks", "kinetic, peaks", "kinetic COR, force peaks", "1", RESTITUTION, READ,
+        "T2/T1 of the first bounces between force peaks: the paper's kinetic COR.",
+        equation=by.ratio_of_times(by.between_peaks), repeats=True, listed=True,
+    ),
+    ResultNumber(
+        "cor_kinetic.onsets", "kinetic, onsets", "kinetic COR, onsets", "1", RESTITUTION, READ,
+        "T2/T1 between the onsets of contact.", equation=by.ratio_of_times(by.between_onsets), repeats=True,
+        folded="T2/T1 timed between the onsets of contact, where the force leaves zero.",
+    ),
+    ResultNumber(
+        "cor_kinetic.flights", "kinetic, flights", "kinetic COR, flights", "1", RESTITUTION, READ,
+        "Ratio of the first two flight times.", equation=by.ratio_of_times(by.first_flights), repeats=True,
+        folded="Second over first flight time, from release to touch: short flights, so a wide ±.",
+    ),
+    ResultNumber(
+        "cor_kinetic.contact", "fitted contact", "kinetic COR, fitted contact", "1", RESTITUTION, READ,
+        "Relative velocity out over in at the first contact.", equation=by.scaled(by.FIT_NOISE), repeats=True,
+        folded="Relative velocity out over in at the first contact, as the fitted model has it.",
+    ),
+    ResultNumber(
+        "force_peak_n", "peak force", "peak force", "N", MOTION, READ, "Largest force of the plate on the block.",
+        equation=by.peak_force, symbol="F max", listed=True, large=True,
+    ),
+    ResultNumber(
+        "force_fwhm_s", "pulse width", "pulse width (FWHM)", "s", MOTION, READ,
+        "Full width at half maximum of the smooth pulse.",
+        equation=by.scaled("beat noise, pulse width", by.clock, per_time=1),
+    ),
+    ResultNumber(
+        "contact_time_s", "contact time", "contact time", "s", MOTION, READ, "From first touch to last release.",
+        equation=by.scaled("beat noise, contact time", by.clock, per_time=1), symbol="contact", large=True,
+    ),
+    ResultNumber(
+        "deflection_max_m", "deflection", "deflection", "m", MOTION, READ, "Greatest deflection of the plate.",
+        equation=by.scaled("beat noise, deflection", by.length),
+    ),
+    ResultNumber(
+        "plate_stiffness_n_per_m", "k_p", "k_p, fitted", "N/m", PLATE, FITTED, "Stiffness of the plate, fitted.",
+        equation=by.scaled(by.FIT_NOISE, by.stiffness, per_time=2, length_cancels=True), repeats=True, listed=True,
+    ),
+    ResultNumber(
+        "plate_mass_kg", "m_p*", "m_p*, fitted", "kg", PLATE, FITTED, "Effective moving mass of the plate, fitted.",
+        equation=by.scaled(by.FIT_NOISE, by.mass), repeats=True,
+    ),
+    ResultNumber(
+        "contact_stiffness_n_per_m", "k_N", "k_N, fitted", "N/m", PLATE, FITTED, "Stiffness of the contact, fitted.",
+        equation=by.scaled(by.FIT_NOISE, by.stiffness, per_time=2), repeats=True,
+    ),
+    ResultNumber(
+        "contact_damping_n_s_per_m", "γ_N", "γ_N, fitted", "N s/m", PLATE, FITTED, "Damping of the contact, fitted.",
+        equation=by.scaled(by.FIT_NOISE, by.damping, per_time=1), repeats=True,
+    ),
+    ResultNumber(
+        "stiffness_slope_n_per_m", "slope of F", "slope of force vs deflection", "N/m", PLATE, READ,
+        "Slope of force against deflection; lies about 3 % below k_p.",
+        equation=by.scaled(
+            "beat noise and ripple, slope", by.stiffness, per_time=2, without_mass=True, length_cancels=True
+        ),
+        repeats=True,
+    ),
+    ResultNumber(
+        "stiffness_from_slope_n_per_m", "k_p from slope", "k_p, slope corrected", "N/m", PLATE, DERIVED,
+        equation=by.stiffness_from_slope,
+    ),
+    ResultNumber("youngs_modulus_pa", "E", "E of the plate", "Pa", PLATE, DERIVED, equation=by.youngs_modulus),
+    ResultNumber("moving_mass_kg", "mass", "mass", "kg", DRIVE, STATED, "The fitted mass that moves.", large=True),
+    ResultNumber(
+        "viscous_coefficient_n_s_per_m", "viscous drag", "viscous drag", "N s/m", DRIVE, STATED,
+        "Force per unit of speed.", large=True,
+    ),
+    ResultNumber(
+        "offset_n", "offset", "offset", "N", DRIVE, STATED, "A constant force: the drive's, or a tilt's.", large=True,
+    ),
+    ResultNumber(
+        "reduced_chi2", "χ²/ν", "reduced χ²", "1", Group.ANALYSIS, STATED, "Of this shot's own fit.", computed=_chi2,
+    ),
+    ResultNumber(
+        "stated_mass_kg", "moving mass", "moving mass", "kg", Group.ANALYSIS, STATED, "As stated for the shot.",
+        computed=_mass,
+    ),
+)
+# fmt: on
+
+
+def with_unit(words: str, unit: str) -> str:
+    """Return "deflection (mm)"; the words alone where there is no unit."""
+    return f"{words} ({unit})" if unit else words
+
+
+def of_collision(*kinds: Kind) -> list[ResultNumber]:
+    """Return the numbers of these kinds that a collision has, in the order of the result file."""
+    return [number for number in NUMBERS if number.kind in kinds and number.group is not Group.DRIVE]
+
+
+def with_equation() -> list[tuple[ResultNumber, Equation]]:
+    """Return the numbers that have a budget, each with its measurement equation."""
+    return [(number, number.equation) for number in NUMBERS if number.equation is not None]
+
+
+def of_series() -> list[ResultNumber]:
+    """Return the numbers that are followed from shot to shot."""
+    return [number for number in of_collision(Kind.READ, Kind.FITTED) if number.in_series]
+
+
+def shown_numbers(group: Group) -> list[ResultNumber]:
+    """Return the numbers that a group shows for a single shot."""
+    return [number for number in NUMBERS if number.group is group and number.kind is not Kind.DERIVED]
+
+
+def number_of(key: str) -> ResultNumber:
+    """Return a number by its key; KeyError where there is none."""
+    for number in NUMBERS:
+        if number.key == key:
+            return number
+    raise KeyError(key)
+
+
+def read(shot: Shot, key: str) -> Reading:
+    """Return a shot's number by its key, in SI units, with the uncertainty from noise; KeyError for another key."""
+    return number_of(key).find(shot)

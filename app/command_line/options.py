@@ -1,0 +1,267 @@
+"""The commands and options of ``levimass``, each declared once: parsers, help and what goes with what are made of them.
+
+Nothing that computes is imported here: a wrong word is answered at once.
+"""
+
+import argparse
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from levimass.analysis_settings import AnalysisChoices, AnalysisSettings
+from levimass.setting import Setting, settings_of
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.model_file import SavedModel
+
+Parsed = Callable[[str], Any]
+
+
+def _name(text: str) -> str:
+    if not text or "\0" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} names no file or folder")  # a script's variable that was never set
+    return text
+
+
+def _path(text: str) -> Path:
+    return Path(_name(text))
+
+
+def _from(least: float, kind: type[int] | type[float], words: str) -> Parsed:
+    """Return what reads a number that is not below ``least``; ``words`` say what another is."""
+
+    def number(text: str) -> float:
+        value = kind(text)
+        if not least <= value < math.inf:
+            raise argparse.ArgumentTypeError(f"{text} is {words}")
+        return value
+
+    return number
+
+
+_whole = _from(0, int, "below zero")
+_positive = _from(5e-324, float, "not a positive number")
+_positive_int = _from(1, int, "not a positive whole number")
+
+
+def _sources() -> str:
+    from instrument.devices.sources import source_words
+
+    return source_words()
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        found = sorted({float(part) for part in text.split(",")})
+    except ValueError:
+        found = []
+    if not found or not all(math.isfinite(value) and value >= 0.0 for value in found):
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers such as 0.05,0.2")
+    return tuple(found)
+
+
+def _speeds(text: str) -> tuple[float, ...]:
+    found = _numbers(text)
+    if found[0] == 0.0:
+        raise argparse.ArgumentTypeError("a block that stands strikes nothing")
+    return found
+
+
+class Version(argparse.Action):
+    """Print the version; what knows it is imported only then, and nothing that compiles."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from app.command_line.version import version_text
+
+        print(version_text())
+        parser.exit()
+
+
+@dataclass(frozen=True, slots=True)
+class _Later:
+    """Words that argparse puts into a help text when it writes one."""
+
+    words: Callable[[], str] | None
+
+    def __str__(self) -> str:
+        return self.words() if self.words is not None else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option or the argument of a command; ``parse`` None: a switch without a value.  ``more`` is for argparse."""
+
+    flag: str
+    help: str
+    metavar: str = ""
+    parse: Parsed | None = None
+    more: Mapping[str, Any] = field(default_factory=dict)
+    later: Callable[[], str] | None = None  # what stands for "%(later)s" in the help, made when that is asked for
+
+    @property
+    def key(self) -> str:
+        """Get its name among the parsed options."""
+        return self.flag.lstrip("-").replace("-", "_")
+
+    def add(self, to: Any, *names: str) -> None:
+        """Add it to a parser or a group of one, under its flag or these names."""
+        if self.parse is None:
+            to.add_argument(*(names or (self.flag,)), action="store_true", help=self.help)
+        else:
+            named = names or (self.flag,)
+            action = to.add_argument(*named, type=self.parse, metavar=self.metavar, help=self.help, **self.more)
+            action.later = _Later(self.later)
+
+
+_OPTIONAL = {"nargs": "?", "const": ""}
+_EACH = {"action": "append"}
+COMMANDS = (  # each a word of its own and, as before, an option
+    Option("--replay", "analyse recordings (files or folders)", "PATH", _path, {"nargs": "+"}),
+    Option("--acquire", "arm, wait for the light switch, record N shots", "N", _positive_int),
+    Option("--simulate", "write recordings from the simulated bench", "DIR", _path),
+    Option(
+        "--paper",
+        "print the paper's numbers beside this program's (and beside a recording's)",
+        "RECORDING",
+        _path,
+        {"nargs": "?", "const": False},
+    ),
+    Option("--map", "what a TDMS, HDF5, WAV or CSV file holds, and its use", "FILE", _path),
+    Option("--prepare", "compile everything now, for the first start (--jobs N)"),
+    Option("--doctor", "check this machine, with --source its signals too"),
+)
+WINDOW, PLAN = "window", "plan"  # commands that are no option of their own
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Options that stand together in the help, and the commands that they go with."""
+
+    heading: str
+    commands: tuple[str, ...]
+    options: tuple[Option, ...]
+
+
+def _of_setting(setting: Setting) -> Option:
+    usual = getattr(AnalysisSettings(), setting.key)
+
+    def number(text: str) -> float:
+        value = float(text)
+        try:
+            setting.check(value)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+        return value
+
+    said = f"{setting.hover[0].lower()}{setting.hover[1:]} ({usual:g})"
+    return Option(setting.flag, said, setting.metavar, number)
+
+
+MODELS = next(tuple(name for name, _ in s.choices) for s in settings_of(AnalysisChoices) if s.key == "model")
+CHOSEN = tuple(setting for setting in settings_of(AnalysisChoices) if setting.flag)
+GROUPS = (
+    Group("with --doctor", ("doctor",), (
+        Option("--bundle", "write checks, settings and log for support (ZIP)", "FILE", _path),
+    )),
+    Group("with --replay", ("replay",), (
+        Option("--json", "write the result (- for standard output)", "FILE", _name),
+        Option("--export", "write CSV: one motion file a shot, and shots.csv", "DIR", _path),
+        Option("--hdf5", "with --export: a motion file a shot in HDF5 too"),
+        Option("--report", "write a report that prints: one HTML file", "FILE", _path),
+        Option("--no-diagnose", "stop after the base model's fit"),
+        Option("--plan", "which shots to take next: those that decide, or that make a parameter (or all) twice as sure",
+               "PARAMETER", str, _OPTIONAL),
+        Option("--unchecked", "leave out the comparison of data and SHA-512 (faster)"),
+        *map(_of_setting, CHOSEN),
+        Option("--model", f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)", "NAME", str),
+        Option("--foretell", "put the model file to the test: unchanged, on these shots"),
+        Option("--law", "a law of one's own (TOML) that the diagnosis asks, too", "FILE", _path, _EACH),
+        Option("--save-model", "write the model that the diagnosis arrived at", "FILE", _path),
+        Option("--jobs", "a campaign over N processes, resumable", "N", _positive_int),
+        Option("--scheduler", "a campaign over the machines of a dask scheduler", "ADDRESS", str),
+        Option("--insecure", "with --scheduler: one elsewhere, and without TLS"),
+    )),
+    Group("with --paper (and --json)", ("paper",), (
+        Option("--figures", "draw figures 4 to 7, PNG and SVG", "DIR", _path),
+    )),
+    Group("with --acquire", ("acquire",), (
+        Option("--source", "%(later)s", "SOURCE", str, later=_sources),
+        Option("--out", "folder for the recordings", "DIR", _path),
+        Option("--rate", "sample rate", "HZ", _positive),
+        Option("--samples", "samples a channel and shot", "N", _positive_int),
+        Option("--timeout", "longest wait for a shot (60)", "S", _positive, {"default": 60.0}),
+        Option("--resolve", "diagnose, and take up to M shots that decide (--json FILE)", "M", _positive_int),
+    )),
+    Group("what the rig can do: with --plan or --resolve (else 0.05 to 0.6 m/s, 50 g, 12 mm)", ("replay", "acquire"), (
+        Option("--speeds", "speeds that a planned shot may have", "M/S,...", _speeds),
+        Option("--weights", "weights to put on the block, each whole; 0: none", "KG,...", _numbers),
+        Option("--run-up", "free flight before the plate", "M", _positive),
+    )),
+    Group("with --map (and --rate)", ("map",), (
+        Option("--channel", "measurement, reference or switch", "ROLE=NAME", str, _EACH),
+        Option("--volts", "volts of one stored unit", "ROLE=VOLTS", str, _EACH),
+        Option("--mass", "mass of the moving part", "KG", _positive),
+        Option("--rest", "rest frequency, where no channel is the reference", "HZ", _positive),
+        Option("--wavelength", "wavelength in air (632.8e-9)", "M", _positive),
+        Option("--bits", "bits of the digitizer, where counts are stored", "N", _positive_int),
+        Option("--for-folder", "for every file of this format in the folder"),
+    )),
+    Group("with --simulate", ("simulate",), (
+        Option("--shots", "shots to simulate (3)", "N", _positive_int, {"default": 3}),
+        Option("--seed", "seed of the draw (1)", "S", _whole, {"default": 1}),
+        Option("--effect", "an effect the base model lacks", "NAME:PARAMETER=VALUE,...", str),
+        Option("--undeclared", "draw an effect, or none, that is not told"),
+    )),
+    Group("the simulated bench: with --simulate, --acquire --source bench, or the window",
+          ("simulate", "acquire", WINDOW), (
+        Option("--site",
+               "where it stands: quiet, ISO-office, VC-A to VC-G, or a TOML file (quiet; in the window as set)",
+               "SITE", _name),
+    )),
+)  # fmt: skip
+_ALSO = {  # commands that take single options of another's group
+    "json": ("paper", "acquire"),
+    "source": ("doctor",),
+    "jobs": ("prepare",),
+    "rate": ("map",),
+}
+_ONE_CALL = "are of one call's shots: leave --jobs and --scheduler out"
+EXCLUDED = (  # an option, those it does not go with, and why
+    ("save_model", ("no_diagnose",), "--save-model writes what a diagnosis arrived at: leave --no-diagnose out"),
+    ("jobs", ("scheduler",), "--jobs and --scheduler: one of them"),
+    ("diagnosis_seconds", ("no_diagnose", "jobs"),
+     "--diagnosis-seconds is for a diagnosis: leave --no-diagnose and --jobs out"),
+    ("law", ("no_diagnose",), "--law is asked by the diagnosis: leave --no-diagnose out"),
+    ("plan", ("no_diagnose",), "--plan begins with what a diagnosis left open: leave --no-diagnose out"),
+    ("effect", ("undeclared",), "--undeclared draws the effect itself: leave --effect out"),
+    *((name, ("jobs", "scheduler"), f"--report, --hdf5, --foretell, --law, --plan and --save-model {_ONE_CALL}")
+      for name in ("report", "hdf5", "save_model", "foretell", "law", "plan")),
+)  # fmt: skip
+NEEDED = (  # an option, and those of which it needs one
+    ("hdf5", ("export",)),
+    ("insecure", ("scheduler",)),
+    ("acquire", ("source",)),
+    ("acquire", ("out",)),
+    *((name, ("plan", "resolve")) for name in ("speeds", "weights", "run_up")),
+)
+
+
+def commands_of(group: Group, option: Option) -> tuple[str, ...]:
+    """Return the commands that an option goes with."""
+    return (*group.commands, *_ALSO.get(option.key, ()))
+
+
+def is_model_file(model: str) -> bool:
+    """Return whether ``--model`` names a file rather than a base model."""
+    return model.endswith(".toml") or "/" in model
+
+
+def known_model(model: str | None) -> "SavedModel | None":
+    """Return the model of a model file, or None where ``model`` is a name.  Raises RecordingError."""
+    if model is None or not is_model_file(model):
+        return None
+    from app.session.model_in_use import load_model  # not for the sake of a usage error
+
+    return load_model(Path(model))

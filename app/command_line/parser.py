@@ -1,0 +1,120 @@
+"""The command line read: as a command with its options, or as options alone; what does not go together is refused."""
+
+import argparse
+from dataclasses import replace
+
+from app.command_line import options as declared
+from app.command_line.options import COMMANDS, MODELS, PLAN, WINDOW, Option, Version, commands_of, is_model_file
+from levimass.analysis_settings import AnalysisSettings
+
+
+def flat_parser() -> argparse.ArgumentParser:
+    """Return the parser of all options, the commands among them."""
+    parser = argparse.ArgumentParser(
+        prog="levimass",
+        description="Levitation Mass Method: from the beat of two light frequencies to force and restitution. "
+        "Without an option the desktop window opens.",
+        epilog="Each of the first options is a command too: levimass replay PATH, levimass acquire N, "
+        "levimass plan PATH; levimass replay --help names what goes with it.",
+    )
+    parser.add_argument("--version", action=Version, nargs=0, help="print version, licence and what it works with")
+    one_of = parser.add_mutually_exclusive_group()
+    for command in COMMANDS:
+        command.add(one_of)
+    for group in declared.GROUPS:
+        place = parser.add_argument_group(group.heading)
+        for option in group.options:
+            option.add(place)
+    return parser
+
+
+def command_parser(name: str) -> argparse.ArgumentParser:
+    """Return the parser of one command, with the options that go with it."""
+    command = next((c for c in COMMANDS if c.key == ("replay" if name == PLAN else name)), None)
+    about = "which shots to take next" if name == PLAN else command.help if command else "open the window"
+    parser = argparse.ArgumentParser(prog=f"levimass {name}", description=f"{about[0].upper()}{about[1:]}.")
+    if command is not None and command.parse is not None:
+        more = {key: value for key, value in command.more.items() if key != "const"}
+        replace(command, help="", more=more).add(parser, command.key)
+    excluded = {other for one, others, _ in declared.EXCLUDED for other in others if one == name}
+    for group in declared.GROUPS:
+        for option in group.options:
+            if (command.key if command else name) in commands_of(group, option) and option.key not in excluded:
+                option.add(parser)
+    return parser
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    """Return what the arguments say, whether they begin with a command or are all options, checked as a whole."""
+    parser, names = flat_parser(), [*(command.key for command in COMMANDS), PLAN, WINDOW]
+    if not arguments or arguments[0] not in names:
+        options = parser.parse_args(arguments)
+    else:
+        options, name = parser.parse_args([]), arguments[0]
+        parser = command_parser(name)
+        parser.parse_args(arguments[1:], options)
+        if name in ("prepare", "doctor"):
+            setattr(options, name, True)
+        if name == "paper" and options.paper is None:
+            options.paper = False
+        if name == PLAN and options.plan is None:
+            options.plan = ""
+    _check(parser, options)
+    return options
+
+
+def command_of(options: argparse.Namespace) -> str:
+    """Return the name of the command that is asked for."""
+    given = (command.key for command in COMMANDS if getattr(options, command.key) not in (None, *_off(command)))
+    return next(given, WINDOW)
+
+
+def _off(command: Option) -> tuple[bool, ...]:
+    return (False,) if command.parse is None else ()
+
+
+def settings_from(options: argparse.Namespace) -> AnalysisSettings:
+    """Return how shots are analysed, as the options say."""
+    given = {setting.key: getattr(options, setting.key) for setting in declared.CHOSEN}
+    return AnalysisSettings(**{key: value for key, value in given.items() if value is not None})
+
+
+def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Refuse options that would otherwise be passed over in silence."""
+    command, usual = command_of(options), flat_parser().parse_args([])
+    given = {name for name, value in vars(options).items() if value != getattr(usual, name)}
+    for group in declared.GROUPS:
+        for option in group.options:
+            known = commands_of(group, option)
+            if option.key in given and command not in known:
+                parser.error(f"{option.flag} goes with {', '.join(f'--{name}' for name in known if name != WINDOW)}")
+    for name, others, why in declared.EXCLUDED:
+        if name in given and given & set(others):
+            parser.error(why)
+    for name, others in declared.NEEDED:
+        if name in given and not given & set(others):
+            parser.error(f"{_flag(name)} goes with {' or '.join(map(_flag, others))}")
+    if command == "acquire" and options.json is not None and options.resolve is None:
+        parser.error("--json goes with --acquire where --resolve does")
+    if options.model is not None and options.model not in MODELS and not is_model_file(options.model):
+        parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
+    if options.foretell and (options.model is None or not is_model_file(options.model)):
+        parser.error("--foretell goes with --model FILE: it puts that file's model to the test")
+    if options.site is not None:
+        _check_site(parser, options, command)
+
+
+def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace, command: str) -> None:
+    from instrument.bench.site import site_named
+    from instrument.devices.sources import is_bench
+
+    if command == "acquire" and not is_bench(options.source):
+        parser.error("--site is where the simulated bench stands: with --simulate, --acquire --source bench or alone")
+    try:
+        site_named(options.site)
+    except ValueError as error:
+        parser.error(f"--site: {error}")
+
+
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")

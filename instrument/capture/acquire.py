@@ -1,0 +1,97 @@
+"""Recording shots without a screen: arm, wait for the light switch, save, N times."""
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from analysis.shot.recording import Setup
+from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.capture import Capture, CaptureOptions
+from instrument.capture.trigger import Edge
+from instrument.devices.digitizer import CaptureSettings, Digitizer
+from instrument.files.recording_error import RecordingError
+from instrument.live.snapshot import FinishedShot
+
+_LOOK_S = 0.01
+RESCUED = "levimass-rescued"  # a folder in the user's home, or with the temporary files
+
+
+class AcquireError(Exception):
+    """Why the recording of shots ended, in one line; ``saved`` are the recordings that were made before."""
+
+    def __init__(self, what: str, saved: list[Path]) -> None:
+        super().__init__(what)
+        self.saved = saved
+
+
+def acquire(
+    digitizer: Digitizer,
+    out: Path,
+    shots: int,
+    settings: CaptureSettings | None = None,
+    timeout_s: float = 60.0,
+    report: Callable[[str], None] = lambda line: None,
+    *,
+    setup: Setup | None = None,
+    edge: Edge = Edge.EITHER,
+) -> list[Path]:
+    """Record ``shots`` shots into ``out`` and return the paths of their metadata.
+
+    ``settings`` None are ``usual_settings`` before each shot, ``setup`` None the digitizer's own; ``timeout_s`` is the
+    longest wait for each trigger.
+    ``report`` gets one line a shot.  AcquireError in one line.  Closes the digitizer.
+    """
+    saved: list[Path] = []
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        digitizer.close()
+        raise AcquireError(f"{out}: {error.strerror}", saved) from None
+    faults: list[str] = []
+    capture = Capture(
+        digitizer,
+        CaptureOptions(out, settings, setup, edge),
+        live=False,
+        deadlines=Deadlines(armed_s=timeout_s),
+        say=faults.append,
+    )
+    with capture:
+        for number in range(shots):
+            capture.arm()
+            shot = _wait(capture, number + 1, timeout_s, faults, saved)
+            assert shot.path is not None
+            saved.append(shot.path)
+            cut = f" ({shot.problem})" if shot.problem else ""
+            report(f"shot {number + 1} of {shots}: {shot.path}{cut}")
+    return saved
+
+
+def _rescued(capture: Capture) -> str:
+    """Save what is only in memory, which ends with this process, where there is room; return in words what became."""
+    left = list(capture.latest().unsaved)
+    for place in (Path.home(), Path(tempfile.gettempdir())):
+        folder = place / RESCUED
+        try:
+            folder.mkdir(mode=0o700, exist_ok=True)
+            paths = capture.save_pending(folder)
+        except (OSError, RecordingError):
+            continue
+        return f"the shot was saved to {', '.join(map(str, paths))} instead; make room, then go on"
+    return f"{', '.join(left)} is lost: there is no room in the home folder or the temporary one either"
+
+
+def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str], saved: list[Path]) -> FinishedShot:
+    armed = False
+    while True:
+        now = capture.latest()
+        for shot in now.finished:
+            if shot.index >= index and shot.path is not None and now.state is State.IDLE:
+                return shot
+        if now.state is State.FAULT:
+            told = f"{now.message}: {_rescued(capture)}" if now.unsaved else faults[-1] if faults else now.message
+            raise AcquireError(told, saved)
+        armed |= now.state is not State.IDLE
+        if armed and now.state is State.IDLE and now.message:
+            raise AcquireError(f"{now.message} ({timeout_s:g} s): {now.remedy}", saved)
+        time.sleep(_LOOK_S)

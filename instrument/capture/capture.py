@@ -1,0 +1,182 @@
+"""Taking shots: digitizer -> ring -> light switch -> disk in one thread, the rest beside it, and nothing waits.
+
+Four threads: ``CaptureThread`` reads the digitizer and owns the state machine; ``Recorder`` brings a shot to disk
+while it still comes in; ``Analyst`` analyses behind a bounded queue; ``LiveWatch`` demodulates for the screen.  The
+screen calls ``latest()`` and gets an immutable Snapshot; nothing ever calls into the screen.
+"""
+
+import queue
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.analyst import Analyse, Fit, fit_here
+from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.capture_thread import CaptureThread, Surroundings
+from instrument.capture.finished_shots import FinishedShots
+from instrument.capture.recorder import Recorder
+from instrument.devices.digitizer import Digitizer
+from instrument.files.folder_lock import disk_free_bytes
+from instrument.live.live import LiveWatch, warm
+from instrument.live.snapshot import SignalLine, Snapshot, empty_view
+
+__all__ = ["Analyse", "Capture", "CaptureOptions"]
+
+_ANSWERS_S = 5.0  # a driver that keeps the thread longer than this does not answer
+_BEGINS_S = 60.0  # and before its first sample, when firmware may be loaded or kernels compiled
+
+
+def _to_standard_error(line: str) -> None:
+    print(f"levimass: {line}", file=sys.stderr, flush=True)
+
+
+class Capture:
+    """The running instrument.  ``start`` it, tell it what to do, look at ``latest()``, ``close`` it.
+
+    All methods may be called from any thread and return at once, except ``close`` and ``save_pending``.  ``analyse``
+    is called as ``analyse(recording, progress, cancelled)`` in the analysis thread; without it shots are only saved.
+    A shot that awaits its fit is told at once, and again with what ``fit(shot, progress, cancelled)`` makes of it.
+    ``warm(given up?)`` returns when the kernels that a stream needs are there.
+    ``say`` gets one line for every fault (default: standard error).
+    """
+
+    def __init__(
+        self,
+        digitizer: Digitizer,
+        options: CaptureOptions,
+        *,
+        analyse: Analyse | None = None,
+        fit: Fit = fit_here,
+        warm: Callable[[Callable[[], bool]], None] = lambda given_up: warm(),
+        live: bool = True,
+        deadlines: Deadlines | None = None,
+        queue_length: int = 32,
+        clock: Callable[[], float] = time.monotonic,
+        say: Callable[[str], None] = _to_standard_error,
+    ) -> None:
+        self._digitizer = digitizer
+        self._clock = clock
+        orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self._orders = orders  # what is told of a shot holds these, not self: a circle would keep the ring for long
+        self._recorder = Recorder(lambda recorded: orders.put(("recorded", recorded)))
+        self._finished = FinishedShots(analyse, lambda *made: orders.put(("analysed", made)), queue_length, fit)
+        around = Surroundings(deadlines or Deadlines(), clock, say, warm)
+        self._capture = CaptureThread(digitizer, options, self._recorder, self._finished, self._orders, around)
+        self.digitizer_held = False  # after ``close``: a call of the digitizer has not returned
+        capture = self._capture
+        self._live = LiveWatch(lambda: capture.run.stream, lambda: capture.options.folder) if live else None
+
+    def start(self) -> None:
+        """Start all threads; the digitizer is first touched in the capture thread."""
+        self._recorder.start()
+        for part in (self._finished.analyst, self._live):
+            if part is not None:
+                part.start()
+        self._capture.thread.start()
+
+    def arm(self, *, automatic: bool = False) -> None:
+        """Wait for the light switch; ``automatic``: again after every shot, until aborted."""
+        self._orders.put(("arm", automatic))
+
+    def set_automatic(self, on: bool) -> None:
+        """Let the arming under way go on after its shot, or end with it."""
+        self._orders.put(("automatic", on))
+
+    def abort(self) -> None:
+        """Go back to idle from whatever is going on; samples that came after a trigger are kept."""
+        self._orders.put(("abort", None))
+
+    def trigger_now(self) -> None:
+        """Let the operator stand in for the light switch."""
+        self._orders.put(("fire", None))
+
+    def set_options(self, options: CaptureOptions) -> None:
+        """Take other options; they hold from the next arming on."""
+        self._orders.put(("options", options))
+
+    def save_pending(self, folder: Path) -> list[Path]:
+        """Save the shots that are only in memory to ``folder`` and return their paths.
+
+        Raises RecordingError at the first that cannot be saved; it stays in memory.  Waits for the disk.
+        """
+        return self._finished.save_pending(folder)
+
+    def latest(self) -> Snapshot:
+        """Return the instrument at this moment."""
+        capture, live = self._capture, self._live
+        status, stream, folder = capture.machine.status, capture.run.stream, capture.options.folder
+        state, message, remedy = status.state, status.message, status.remedy
+        streaming = stream is not None and stream.ring.total > stream.start and not capture.run.starting
+        limit_s = _ANSWERS_S if streaming and not capture.run.simulated else _BEGINS_S
+        if capture.thread.is_alive() and self._clock() - (capture.alive_s or self._clock()) > limit_s:
+            state, message, remedy = State.FAULT, "the digitizer does not answer", "re-plug it, then choose it again"
+        doing, progress = self._progress(state)
+        return Snapshot(
+            state=state,
+            since_s=status.since_s,
+            deadline_s=status.deadline_s,
+            automatic=status.automatic,
+            message=message,
+            remedy=remedy,
+            source=stream.source if stream is not None else "",
+            signal=SignalLine(
+                channels=live.channels if live is not None else (),
+                switch_level=capture.run.switch_level,
+                switch_toggles=capture.run.toggles,
+                disk_free_bytes=live.disk_free_bytes if live is not None else disk_free_bytes(folder),
+                folder=folder,
+                folder_problem=capture.folder_problem,
+                samples_lost=stream.lost if stream is not None else 0,
+                losses=stream.losses if stream is not None else 0,
+                samples_read=stream.ring.total - stream.start if stream is not None else 0,
+            ),
+            live=live.view if live is not None else empty_view(),
+            doing=doing,
+            progress=progress,
+            analysing=self._finished.analysing,
+            waiting=self._finished.waiting,
+            shots=self._finished.taken,
+            finished=self._finished.newest,
+            unsaved=self._finished.unsaved,
+        )
+
+    def close(self, timeout_s: float = 30.0) -> bool:
+        """Stop, save what came, end all threads, close the digitizer.  Returns whether all threads ended."""
+        capture = self._capture
+        capture.closing = True
+        self._digitizer.stop()  # lets a read under way return
+        if capture.thread.is_alive():
+            capture.thread.join(timeout_s)
+        ended = not capture.thread.is_alive()
+        self.digitizer_held = capture.prepared and not ended
+        if not ended and capture.shot is not None and not capture.shot.complete:
+            capture.shot.finish("the digitizer did not answer")
+        ended &= self._recorder.close(timeout_s)
+        for part in (self._finished.analyst, self._live):
+            ended &= part is None or part.close(timeout_s)
+        if not capture.thread.is_alive():
+            capture.take_orders()  # what the recorder reported last
+            capture.release_folder()
+        if not (capture.thread.is_alive() and capture.touched):
+            self._digitizer.close()
+        return ended
+
+    def __enter__(self) -> "Capture":
+        self.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _progress(self, state: State) -> tuple[str | None, float | None]:
+        shot = self._capture.shot
+        if shot is not None and state is State.TRIGGERED:
+            return "recording", shot.filled / max(1, shot.counts.shape[0])
+        if shot is not None and state is State.TRANSFERRING:
+            return "saving", shot.written / max(1, shot.filled)
+        analyst = self._finished.analyst
+        doing = analyst.doing if analyst is not None else None
+        return doing if doing is not None else (None, None)

@@ -1,0 +1,332 @@
+"""The thread that reads the digitizer and owns the state machine; it waits for samples and for nothing else."""
+
+import queue
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+
+from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.recording import Gap
+from instrument.capture.acquisition import Acquisition, Action, Deadlines, Event, State, Transition
+from instrument.capture.capture_options import CaptureOptions, usual_settings
+from instrument.capture.finished_shots import ABORTED, FinishedShots
+from instrument.capture.growing_shot import GrowingShot
+from instrument.capture.recorder import Recorded, Recorder
+from instrument.capture.ring import Overwritten
+from instrument.capture.source_run import Piece, SourceRun, check_settings
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.files.folder_lock import FolderLock, disk_free_bytes
+from instrument.files.recording_error import RecordingError, one_line
+from instrument.live.snapshot import KEPT_IN_MEMORY
+
+MOST_UNSAVED = 4  # shots only in memory; more are not taken before these are saved
+_DISK_MARGIN_BYTES = 64 * 2**20
+_ORDERS_S = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a capture waits for and speaks to; ``warm(given up?)`` returns when the kernels of a stream are there."""
+
+    deadlines: Deadlines
+    clock: Callable[[], float]
+    say: Callable[[str], None]
+    warm: Callable[[Callable[[], bool]], None]
+
+
+class CaptureThread:
+    """Reads, looks for the light switch, cuts shots out of the stream, and takes orders between two blocks."""
+
+    def __init__(
+        self,
+        digitizer: Digitizer,
+        options: CaptureOptions,
+        recorder: Recorder,
+        finished: FinishedShots,
+        orders: "queue.SimpleQueue[tuple[str, Any]]",
+        around: Surroundings,
+    ) -> None:
+        self.machine = Acquisition(around.clock, around.deadlines)
+        self.run = SourceRun(digitizer, around.clock)
+        self.options = options
+        self.shot: GrowingShot | None = None  # coming in, or being brought to disk
+        self.folder_problem: str | None = None
+        self.alive_s: float | None = None
+        self.closing = False
+        self.touched = False  # the digitizer is this thread's alone while it is
+        self.prepared = False  # and every call of it returns soon
+        self._digitizer = digitizer
+        self._recorder = recorder
+        self._finished = finished
+        self._orders = orders
+        self._clock, self._say, self._warm = around.clock, around.say, around.warm
+        self._look_from = 0  # ring number before which a step of the light switch does not count
+        self._fire = False
+        self._lock: FolderLock | None = None
+        self._progress = (0, 0, 0)  # samples of the shot taken and written, steps of the analysis
+        self._awaited: int | None = None  # number of the shot whose analysis ends ANALYSING
+        self.thread = threading.Thread(target=self._main, name="levimass capture", daemon=True)
+
+    def take_orders(self) -> None:
+        """Carry out what was ordered; called by the thread itself, and once more after its end."""
+        while True:
+            try:
+                order = self._orders.get_nowait()
+            except queue.Empty:
+                return
+            self._take(order)
+
+    def release_folder(self) -> None:
+        """Give the folder free; after the thread's end."""
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    def _main(self) -> None:
+        self.touched = True  # before closing is looked at: whoever closes looks the other way round
+        if self.closing:
+            return
+        self._guarded(self._digitizer.prepare)
+        self.touched = False
+        self._guarded(lambda: self._warm(lambda: self.closing))
+        self.touched = True
+        if self.closing:
+            return
+        self.prepared = True
+        if not self.closing and self._orders.empty():  # an order that waits starts the stream, or says why not, itself
+            self._guarded(self._watch)
+        while not self.closing:
+            self.alive_s = self._clock()
+            self._guarded(self._turn)
+        self._keep("the program was closed")
+        self._quietly_stop()
+
+    def _guarded(self, part: Callable[[], None]) -> None:
+        try:
+            part()
+        except DigitizerError as error:
+            self._fail(error.what, error.remedy)
+        except RecordingError as error:
+            self.folder_problem = str(error)
+            self._fail(str(error), "choose another folder, then arm again")
+        except Exception as error:  # a bug in a driver ends a shot, never silently the session
+            self._fail(f"unexpected: {one_line(repr(error))}", "arm again; report this if it happens again")
+
+    def _turn(self) -> None:
+        self.take_orders()
+        self._look_for_progress()
+        self._do(self.machine.tick())
+        if self.run.running:
+            self._read()
+        else:
+            try:
+                self._take(self._orders.get(timeout=_ORDERS_S))
+            except queue.Empty:
+                return
+
+    def _look_for_progress(self) -> None:
+        """Let nothing that goes on be taken for something that hangs: a long shot, a slow disk, kernels compiling."""
+        shot, analyst = self.shot, self._finished.analyst
+        grown = (shot.filled, shot.written) if shot is not None else (0, 0)
+        now = (*grown, analyst.steps if analyst is not None else 0)
+        if now != self._progress:
+            self._progress = now
+            if self.machine.status.state is not State.ARMED:
+                self.machine.progressed()
+
+    # orders and what they lead to ---------------------------------------------------------------------------------
+
+    def _take(self, order: tuple[str, Any]) -> None:
+        kind, what = order
+        if self.closing and kind in ("arm", "options", "fire"):
+            return
+        if kind == "arm":
+            self._do(self.machine.handle(Event.ARM, automatic=what))
+        elif kind == "automatic":
+            self.machine.set_automatic(what)
+        elif kind == "abort":
+            self._do(self.machine.handle(Event.ABORT))
+            if self.machine.status.state is State.IDLE and not self.run.running:
+                self._watch()
+        elif kind == "fire":
+            self._fire = self.machine.status.state is State.ARMED
+        elif kind == "options":
+            self.options = what
+            if self.machine.status.state is State.IDLE and not self.closing:
+                self._watch()
+        elif kind == "recorded":
+            self._recorded(what)
+        elif kind == "analysed":
+            number, shot, problem = what
+            self._finished.analysed(number, shot, problem)
+            if number == self._awaited and not (shot is not None and awaits_fit(shot)):
+                self._do(self.machine.handle(Event.ANALYSED))
+
+    def _do(self, transition: Transition | None) -> None:
+        if transition is None or not transition.accepted:
+            return
+        action = transition.action
+        if action is Action.START:
+            if not self.closing:
+                self._guarded(self._start)
+        elif action is Action.FINISH:
+            assert self.shot is not None
+            self.shot.finish(None if self.shot.room == 0 else "the stream ended")
+            self._rest()
+        elif action is Action.KEEP:
+            self._keep(self.machine.status.message or ABORTED)
+            self._rest()
+        elif action is Action.STOP:
+            self._rest()
+        elif action is Action.CANCEL and self._finished.analyst is not None:
+            self._finished.analyst.cancel()
+
+    def _start(self) -> None:
+        self._fire = False
+        if len(self._finished.unsaved) >= MOST_UNSAVED:
+            raise DigitizerError(f"{len(self._finished.unsaved)} shots are only in memory", "save them first")
+        settings = self._settings()
+        check_settings(settings, len(self._digitizer.capabilities.channels))
+        if not self.run.continues(settings, self.options):
+            self.run.start(settings, self.options)
+        stream = self.run.stream
+        assert stream is not None
+        self._check_folder(2 * len(stream.channels) * settings.samples)
+        stream.settings = settings
+        self._look_from = stream.ring.total
+
+    def _settings(self) -> CaptureSettings:
+        return self.options.settings or usual_settings(self._digitizer)
+
+    def _check_folder(self, shot_bytes: int) -> None:
+        folder = self.options.folder
+        if self._lock is None or self._lock.folder != folder or not self._lock.valid():
+            self.release_folder()
+            self._lock = FolderLock(folder)
+        free = disk_free_bytes(folder)
+        if free is not None and free < shot_bytes + _DISK_MARGIN_BYTES:
+            raise RecordingError(
+                folder, f"only {free / 1e6:.0f} MB free, a shot takes {shot_bytes / 1e6:.0f} MB and some are kept clear"
+            )
+        self.folder_problem = None
+
+    def _watch(self) -> None:
+        """Let the signals be seen before arming, where the digitizer streams without end."""
+        able = self._digitizer.capabilities
+        if not self.options.watch or able.max_samples is not None or able.hardware_trigger:
+            return
+        settings = self._settings()
+        if not self.run.continues(settings, self.options):
+            self.run.start(settings, self.options)
+
+    def _rest(self) -> None:
+        """Go on reading where signals are watched or the next shot follows, else stop the digitizer."""
+        self._fire = False
+        status = self.machine.status
+        wanted = status.automatic or self.options.watch
+        if status.state is State.FAULT or not (self.run.endless and wanted):
+            self._quietly_stop()
+
+    def _quietly_stop(self) -> None:
+        try:
+            self.run.stop()
+        except Exception as error:  # an unplugged device cannot even be stopped
+            self.run.running = False
+            if self.machine.status.state is not State.FAULT and not self.closing:
+                self.machine.handle(Event.FAIL, one_line(str(error)), "re-plug the digitizer")
+
+    def _fail(self, what: str, remedy: str) -> None:
+        self._say(f"{what}: {remedy}" if remedy else what)
+        self._do(self.machine.handle(Event.FAIL, what, remedy))
+
+    # samples and shots --------------------------------------------------------------------------------------------
+
+    def _read(self) -> None:
+        piece = self.run.read()
+        if piece is None:
+            return
+        state = self.machine.status.state
+        if piece.fired and state is State.ARMED:
+            self._do(self.machine.handle(Event.TRIGGER))
+        elif state is State.ARMED or (state is State.TRIGGERED and self.shot is None):
+            self._look(piece)
+        elif state is State.TRIGGERED and self.shot is not None:
+            if piece.lost_before != 0:
+                self.shot.lost(piece.lost_before)
+            if piece.step is not None and self.run.hardware_trigger:
+                self.shot.trigger_sample = self.shot.filled + piece.step
+            self.shot.append(piece.counts)
+        state = self.machine.status.state
+        if state is State.TRIGGERED and self.shot is not None and (self.shot.room == 0 or piece.ended):
+            self._do(self.machine.handle(Event.COMPLETE))
+        elif piece.ended and self.shot is None and state in (State.ARMED, State.TRIGGERED) and not self.closing:
+            if state is State.TRIGGERED:
+                raise DigitizerError("the light switch fired, but no sample of the shot came", "arm again")
+            never = self.run.switch_words()
+            what = "the stream ended before the light switch fired" + (f": {never}" if never else "")
+            raise DigitizerError(what, "check it and its thresholds")
+
+    def _look(self, piece: Piece) -> None:
+        stream = self.run.stream
+        assert stream is not None
+        step = piece.step
+        if len(piece.counts) == 0:
+            return
+        if step is not None and piece.first + step >= self._look_from:
+            self._trigger(piece, piece.first + step)
+        elif self.run.hardware_trigger:
+            # triggered by the device itself: its first sample is the shot's; where it fired may still be said
+            self._trigger(piece, stream.start + stream.settings.pre_trigger_samples)
+        elif self._fire:
+            self._trigger(piece, piece.first + len(piece.counts) - 1)
+
+    def _trigger(self, piece: Piece, at: int) -> None:
+        stream = self.run.stream
+        assert stream is not None
+        settings, ring = stream.settings, stream.ring
+        end = piece.first + len(piece.counts)
+        first = max(stream.start, ring.oldest, at - settings.pre_trigger_samples)
+        age = timedelta(seconds=(end - first) / settings.sample_rate_hz)
+        shot = GrowingShot(
+            settings=settings,
+            channels=stream.channels,
+            setup=stream.setup,
+            source=stream.source,
+            started_at=(datetime.now(UTC) - age).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+            trigger_sample=at - first,
+            counts=np.empty((settings.samples, ring.channels), np.int16),
+            unseen_loss_s=stream.unseen_loss_s,
+            doubtful_rate_hz=stream.doubtful_rate_hz,
+        )
+        length = min(end - first, shot.room)
+        try:
+            ring.copy_into(first, shot.counts[:length])
+        except Overwritten as error:
+            raise DigitizerError("the part before the trigger is gone", "ask for a shorter one") from error
+        shot.filled = length
+        shot.gaps += [Gap(n - first, lost) for n, lost in stream.gaps if first < n < first + length]
+        self.shot = shot
+        self._fire = False
+        self._do(self.machine.handle(Event.TRIGGER))
+        self._recorder.begin(shot, self.options.folder, self.options.prefix)
+
+    def _keep(self, reason: str) -> None:
+        if self.shot is not None and not self.shot.complete:
+            self.shot.finish(reason)
+
+    def _recorded(self, recorded: Recorded) -> None:
+        number = self._finished.recorded(recorded)
+        awaited = recorded.shot is self.shot
+        if awaited:
+            self.shot = None
+            self._awaited = number
+        if recorded.problem is not None:
+            self._fail(recorded.problem, KEPT_IN_MEMORY)
+        elif awaited:
+            self._do(self.machine.handle(Event.SAVED))
+            if number is None:
+                self._do(self.machine.handle(Event.ANALYSED))

@@ -1,0 +1,145 @@
+"""The thread that brings shots to disk while their samples still come in."""
+
+import queue
+import re
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.shot.recording import Recording
+from instrument.capture.growing_shot import GrowingShot
+from instrument.files.recording_error import RecordingError, RecordingExists, one_line
+from instrument.files.recording_file import read_recording
+from instrument.files.recording_writer import RecordingWriter, write_recording
+
+_LOOK_S = 0.02  # for new samples
+_MOST_NAMES = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """How the saving ended: ``recording`` is on disk, or only in memory where ``problem`` says why."""
+
+    shot: GrowingShot
+    recording: Recording
+    problem: str | None
+    partial: RecordingWriter | None = None  # what is on disk of a shot that could not be saved
+
+
+class Recorder:
+    """Saves one shot after another; ``done`` is called in this thread."""
+
+    def __init__(self, done: Callable[[Recorded], None]) -> None:
+        self._done = done
+        self._waiting: queue.SimpleQueue[tuple[GrowingShot, Path, str] | None] = queue.SimpleQueue()
+        self._numbers: dict[tuple[Path, str], int] = {}
+        self._thread = threading.Thread(target=self._run, name="levimass recorder", daemon=True)
+        self._begun = 0
+        self._ended = 0
+
+    @property
+    def pending(self) -> int:
+        """Get the number of shots begun and not saved yet."""
+        return self._begun - self._ended
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def begin(self, shot: GrowingShot, folder: Path, prefix: str) -> None:
+        """Save ``shot`` under the next free name in ``folder`` as it grows."""
+        self._begun += 1
+        self._waiting.put((shot, folder, prefix))
+
+    def close(self, timeout_s: float = 30.0) -> bool:
+        """Finish what is under way and end the thread; every shot must be complete.  Returns whether it ended."""
+        self._waiting.put(None)
+        if self._thread.is_alive():
+            self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while (item := self._waiting.get()) is not None:
+            shot, folder, prefix = item
+            recorded = self._save(shot, folder, prefix)
+            self._ended += 1
+            self._done(recorded)
+
+    def _save(self, shot: GrowingShot, folder: Path, prefix: str) -> Recorded:
+        writer: RecordingWriter | None = None
+        name = ""
+        try:
+            writer = self._open(shot, folder, prefix)
+            name = writer.stem.name
+            writer.trigger(shot.trigger_sample)
+            gaps = 0
+            while True:
+                complete = shot.complete  # asked before the samples, so that none is left over
+                if shot.filled > shot.written:
+                    writer.append(shot.counts[shot.written : shot.filled])
+                    shot.written = writer.samples
+                for gap in shot.gaps[gaps:]:
+                    writer.gap(gap.sample_start, gap.samples_lost)
+                    gaps += 1
+                if complete and shot.written == shot.filled:
+                    break
+                shot.grown.wait(_LOOK_S)
+                shot.grown.clear()
+            writer.trigger(shot.trigger_sample)
+            if shot.ended_early is not None:
+                writer.more(shot.extra)
+            return Recorded(shot, read_recording(writer.close()), None)
+        except Exception as error:  # whatever it is, the shot itself must not be lost
+            problem = str(error) if isinstance(error, RecordingError) else f"unexpected: {one_line(repr(error))}"
+            if writer is not None:
+                writer.release()
+            while not shot.complete:
+                shot.grown.wait(_LOOK_S)
+                shot.grown.clear()
+            return Recorded(shot, shot.recording(name or self._name_without_file(folder, prefix)), problem, writer)
+
+    def _name_without_file(self, folder: Path, prefix: str) -> str:
+        """Return a name of its own for a shot that no file could be opened for, lest two in memory share one."""
+        number = self._numbers.get((folder, prefix))
+        return f"{prefix}-unsaved-{self._ended + 1}" if number is None else f"{prefix}-{number:04d}"
+
+    def _open(self, shot: GrowingShot, folder: Path, prefix: str) -> RecordingWriter:
+        key = folder, prefix
+        number = self._numbers.get(key) or highest_number(folder, prefix)
+        for _ in range(_MOST_NAMES):
+            number += 1
+            self._numbers[key] = number
+            try:
+                return RecordingWriter(
+                    folder / f"{prefix}-{number:04d}",
+                    shot.settings.sample_rate_hz,
+                    shot.channels,
+                    shot.setup,
+                    started_at=shot.started_at,
+                    extra=shot.extra,
+                )
+            except RecordingExists:
+                continue
+        raise RecordingError(folder, f"no free name {prefix}-N")
+
+
+def highest_number(folder: Path, prefix: str) -> int:
+    """Return the highest N of the files ``prefix``-N.* in ``folder``, 0 where there are none."""
+    pattern = re.compile(re.escape(prefix) + r"-(\d{1,9})\.")
+    try:
+        found = [match for entry in folder.iterdir() if (match := pattern.match(entry.name))]
+    except OSError:
+        return 0
+    return max((int(match[1]) for match in found), default=0)
+
+
+def save_elsewhere(recording: Recording, folder: Path) -> Path:
+    """Write a recording that is only in memory to ``folder``, beside what is there.  Raises RecordingError."""
+    for number in range(1, _MOST_NAMES):
+        name = recording.name if number == 1 else f"{recording.name}-{number}"
+        try:
+            return write_recording(recording, folder / name)
+        except RecordingExists:
+            continue
+    raise RecordingError(folder, f"no free name {recording.name}-N")

@@ -1,0 +1,1 @@
+"""Digitizers: the contract, one driver each, how they are named, opened and found."""

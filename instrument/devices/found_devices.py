@@ -1,0 +1,136 @@
+"""What is plugged into this computer, whether this user may use it, and what to do where not."""
+
+import contextlib
+import os
+import sys
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from instrument.devices import sources
+from instrument.devices.digitizer import DigitizerError
+
+_NI_VENDOR = "0x1093"
+_PCI = Path("/sys/bus/pci/devices")
+_WINDOWS_PCI = r"SYSTEM\CurrentControlSet\Enum\PCI"
+_USB_NODES = Path("/dev/bus/usb")
+
+
+@dataclass(frozen=True, slots=True)
+class FoundDevice:
+    """A device on a bus; ``source`` opens it, ``problem`` is empty where nothing stands in the way."""
+
+    source: str
+    name: str
+    where: str
+    problem: str = ""
+    remedy: str = ""
+
+
+def udev_rule_path() -> Path:
+    """Return where the udev rule shipped with Levimass lies."""
+    return Path(str(resources.files("resources") / "udev" / "70-levimass.rules"))
+
+
+def udev_instructions() -> str:
+    """Return the lines that install the udev rule, to be shown and copied."""
+    return (
+        f"sudo cp '{udev_rule_path()}' /etc/udev/rules.d/\n"
+        "sudo udevadm control --reload\n"
+        "sudo udevadm trigger\n"
+        "then unplug the device and plug it in again"
+    )
+
+
+def found_devices(backend: Any = None) -> tuple[FoundDevice, ...]:
+    """Return the digitizers plugged in, opening none.  Raises DigitizerError where the USB library is missing."""
+    finders = [sources.imported(source.found) for source in sources.SOURCES if source.found]
+    return tuple(device for find in finders for device in find(backend))
+
+
+def hantek6022(backend: Any) -> list[FoundDevice]:
+    """Return the Hantek 6022 on USB, with or without their firmware."""
+    from instrument.devices import hantek6022_firmware as firmware
+    from instrument.devices import usb_bus
+
+    found = []
+    for device in usb_bus.find_devices((*firmware.COLD_IDS, *firmware.WARM_IDS), backend):
+        problem, remedy = _permission(device)
+        if not problem and (device.idVendor, device.idProduct) in firmware.COLD_IDS:
+            try:
+                firmware.find_firmware(device.idProduct)
+            except DigitizerError as error:
+                problem, remedy = error.what, error.remedy
+        found.append(FoundDevice("hantek6022", "Hantek 6022", _where(device), problem, remedy))
+    return found
+
+
+def oscilloscopes(backend: Any) -> list[FoundDevice]:
+    """Return the oscilloscopes on USB that speak SCPI."""
+    from instrument.devices import usb_bus, usbtmc
+
+    found = []
+    for device in usbtmc.find_instruments(backend):
+        name = f"{usbtmc.VENDORS[device.idVendor]} oscilloscope"
+        source = f"scpi:usb:{usb_bus.identify(device)}"
+        found.append(FoundDevice(source, name, _where(device), *_permission(device)))
+    return found
+
+
+def _where(device: Any) -> str:
+    return f"USB bus {device.bus}, device {device.address}, {device.idVendor:04x}:{device.idProduct:04x}"
+
+
+def _permission(device: Any) -> tuple[str, str]:
+    """Return problem and remedy of opening ``device``; both empty where it may be opened or the bus does not tell."""
+    from instrument.devices.usb_bus import PERMISSION_REMEDY, is_permitted
+
+    node = _USB_NODES / f"{device.bus or 0:03d}" / f"{device.address or 0:03d}"
+    if sys.platform.startswith("linux") and node.exists():
+        permitted = os.access(node, os.R_OK | os.W_OK)
+    else:
+        permitted = is_permitted(device) is not False
+    return ("", "") if permitted else ("no permission to open it", PERMISSION_REMEDY)
+
+
+def ni_cards(_: Any) -> list[FoundDevice]:
+    """Return National Instruments' PCI cards; which of them digitize only the runtime knows."""
+    from instrument.devices.niscope_card import load_package
+
+    places, problem, remedy = _ni_places(), "", ""
+    if places:
+        try:
+            load_package()
+        except DigitizerError as error:
+            problem, remedy = error.what, error.remedy
+    name = "National Instruments card (its name is in NI MAX or nilsdev)"
+    return [FoundDevice("niscope:Dev1", name, f"PCI {place}", problem, remedy) for place in places]
+
+
+def _ni_places() -> list[str]:
+    """Return where this system says that a PCI card of National Instruments is."""
+    if sys.platform == "win32":
+        import winreg
+
+        return _ni_in_registry(winreg)
+    return _ni_in_sys(_PCI)
+
+
+def _ni_in_sys(pci: Path) -> list[str]:
+    found = []
+    for entry in sorted(pci.glob("*/vendor")):
+        with contextlib.suppress(OSError):
+            if entry.read_text().strip().lower() == _NI_VENDOR:
+                found.append(entry.parent.name)
+    return found
+
+
+def _ni_in_registry(registry: Any) -> list[str]:
+    """Return them as Windows noted them; a card that was taken out stays noted."""
+    try:
+        with registry.OpenKey(registry.HKEY_LOCAL_MACHINE, _WINDOWS_PCI) as key:
+            names = [registry.EnumKey(key, n) for n in range(registry.QueryInfoKey(key)[0])]
+    except OSError:
+        return []
+    return sorted(name for name in names if name.upper().startswith("VEN_1093"))

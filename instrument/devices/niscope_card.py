@@ -1,0 +1,238 @@
+"""NI-SCOPE cards (the paper's PCI-5105) through NI's ``niscope`` package, an optional extra, imported when asked."""
+
+import contextlib
+import importlib
+import math
+import queue
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.shot.recording import Channel, Role, Setup
+from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.source_options import SourceOptions, assumed_rig
+
+PACKAGE_REMEDY = "pip install 'levimass[niscope]'"
+RUNTIME_REMEDY = "install the NI-SCOPE runtime from ni.com/downloads (Windows and Linux), then restart"
+RATES_HZ = (30e6, 60e6, 20e6, 15e6, 10e6, 6e6, 4e6, 2e6, 1e6)  # the paper's first
+EXTERNAL = "VAL_EXTERNAL"
+
+_ROLES: Mapping[str, Role] = {"0": Role.REFERENCE, "1": Role.MEASUREMENT}
+_POLL_S = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class CardTrigger:
+    """What starts a shot: a channel ("2") with a level and slope, or a digital line ("VAL_RTSI_0", "PFI_1")."""
+
+    source: str = "2"
+    level_v: float = 1.0
+    slope: str = "rising"
+
+    @property
+    def is_digital(self) -> bool:
+        """Get whether the source is a digital line."""
+        return not self.source.isdigit() and self.source != EXTERNAL
+
+
+def load_package() -> Any:
+    """Return the ``niscope`` package.  Raises DigitizerError with the remedy where it is absent."""
+    try:
+        return importlib.import_module("niscope")
+    except ImportError as error:
+        raise DigitizerError("NI-SCOPE needs the niscope package, which is not installed", PACKAGE_REMEDY) from error
+
+
+class NiscopeCard(Digitizer):
+    """An NI digitizer card; one ``arm`` is one triggered record.
+
+    ``roles`` says what its channels carry, ``range_v`` the full vertical range of each.  A record that does not fit
+    the card's memory is refused by NI-SCOPE, and that is told as it says it.
+    """
+
+    def __init__(
+        self,
+        resource: str,
+        roles: Mapping[str, Role] = _ROLES,
+        trigger: CardTrigger | None = None,
+        *,
+        range_v: float = 2.0,
+        setup: Setup | None = None,
+        package: Any = None,
+    ) -> None:
+        if Role.MEASUREMENT not in roles.values() or len(set(roles.values())) != len(roles):
+            raise DigitizerError("one channel of the card, and only one, must carry the measuring beat")
+        self._niscope = package if package is not None else load_package()
+        self._resource = resource
+        self._roles = dict(roles)
+        self._trigger = trigger or CardTrigger()
+        self._range_v = range_v
+        self._setup = setup or assumed_rig(16)
+        self._scales = [(range_v / 65536, 0.0)] * len(roles)
+        self._cancel = threading.Event()
+        self._lock = threading.Lock()
+        self._worker: threading.Thread | None = None
+        self._shots: queue.SimpleQueue[tuple[NDArray[np.int16], int] | DigitizerError | None] = queue.SimpleQueue()
+        self._counts: NDArray[np.int16] | None = None
+        self._at = self._trigger_at = 0
+        self._armed = False
+        self._session: Any = self._open()
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Get what the card can do; scales are those of the last shot."""
+        return Capabilities(
+            name=f"NI-SCOPE {self._resource}",
+            channels=tuple(
+                Channel(role, *scale) for role, scale in zip(self._roles.values(), self._scales, strict=True)
+            ),
+            bits=16,
+            rates_hz=RATES_HZ,
+            max_samples=1 << 28,
+            hardware_trigger=True,
+            real_time=False,
+        )
+
+    @property
+    def setup(self) -> Setup:
+        """Get the setup given; where none was, the paper's block is assumed and the setup says so."""
+        return self._setup
+
+    def default_settings(self) -> CaptureSettings:
+        """Return the paper's 5 M samples at 30 MS/s."""
+        return CaptureSettings(30e6, 5_000_000, 750_000)
+
+    def arm(self, settings: CaptureSettings) -> None:
+        """Configure the card and wait for its trigger.  Raises DigitizerError, also when it rounds the rate."""
+        self.stop()
+        if not 0 <= settings.pre_trigger_samples < settings.samples:
+            raise DigitizerError(f"{self._resource}: the pre-trigger part must be shorter than the record")
+        if self._session is None:
+            self._session = self._open()
+        try:
+            self._configure(settings)
+            rate = float(self._session.horz_sample_rate)
+        except Exception as error:  # niscope's errors derive from Exception alone
+            raise self._described(error) from error
+        if abs(rate / settings.sample_rate_hz - 1) > 1e-6:
+            raise DigitizerError(
+                f"{self._resource} samples at {rate:g}/s, not at {settings.sample_rate_hz:g}", f"ask for {rate:g}"
+            )
+        self._cancel.clear()
+        self._shots = queue.SimpleQueue()
+        self._counts = None
+        self._armed = True
+        self._worker = threading.Thread(target=self._work, args=(settings, self._shots), name="niscope", daemon=True)
+        self._worker.start()
+
+    def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
+        """Fill ``buffer`` from the record; nothing comes before the trigger."""
+        if self._counts is None:
+            if not self._armed:
+                return Block(0, ended=True)
+            try:
+                item = self._shots.get(timeout=max(timeout_s, 1e-3))
+            except queue.Empty:
+                return Block(0)
+            if not isinstance(item, tuple):
+                self._armed = False
+                if item is not None:
+                    raise item
+                return Block(0, ended=True)
+            self._counts, self._trigger_at = item
+            self._at = 0
+        counts = self._counts
+        count = min(buffer.shape[0], counts.shape[1] - self._at)
+        buffer[:count] = counts[:, self._at : self._at + count].T
+        at = self._trigger_at - self._at
+        self._at += count
+        ended = self._at == counts.shape[1]
+        if ended:
+            self._counts = None
+            self._armed = False
+        rails = (buffer[:count] == -32768) | (buffer[:count] == 32767)
+        clipped = tuple(int(n) for n in np.count_nonzero(rails, axis=0))
+        return Block(count, clipped=clipped, ended=ended, trigger_sample=at if 0 <= at < count else None)
+
+    def stop(self) -> None:
+        """Give up waiting; from any thread."""
+        self._cancel.set()
+        with self._lock:
+            worker, self._worker = self._worker, None
+            if worker is not None:
+                worker.join(timeout=10.0)
+
+    def close(self) -> None:
+        """Stop and close the session."""
+        self.stop()
+        session, self._session = self._session, None
+        if session is not None:
+            with contextlib.suppress(Exception):  # what cannot even close must not cost the shot that was taken
+                session.close()
+
+    def _open(self) -> Any:
+        try:
+            return self._niscope.Session(self._resource)
+        except Exception as error:  # as above
+            raise self._described(error) from error
+
+    def _configure(self, settings: CaptureSettings) -> None:
+        niscope, session, trigger = self._niscope, self._session, self._trigger
+        session.channels[",".join(self._roles)].configure_vertical(self._range_v, niscope.VerticalCoupling.DC)
+        session.configure_horizontal_timing(
+            min_sample_rate=settings.sample_rate_hz,
+            min_num_pts=settings.samples,
+            ref_position=100.0 * settings.pre_trigger_samples / settings.samples,
+            num_records=1,
+            enforce_realtime=True,
+        )
+        slope = niscope.TriggerSlope.POSITIVE if trigger.slope == "rising" else niscope.TriggerSlope.NEGATIVE
+        if trigger.is_digital:
+            session.configure_trigger_digital(trigger.source, slope)
+        else:
+            session.configure_trigger_edge(trigger.source, trigger.level_v, niscope.TriggerCoupling.DC, slope)
+
+    def _work(
+        self, settings: CaptureSettings, out: "queue.SimpleQueue[tuple[NDArray[np.int16], int] | DigitizerError | None]"
+    ) -> None:
+        """Wait for the record and fetch it, in a thread of its own so that ``read_into`` keeps its time."""
+        try:
+            with self._session.initiate():
+                while self._session.acquisition_status() != self._niscope.AcquisitionStatus.COMPLETE:
+                    if self._cancel.wait(_POLL_S):
+                        out.put(None)
+                        return
+                counts = np.empty((len(self._roles), settings.samples), np.int16)
+                infos = self._session.channels[",".join(self._roles)].fetch_into(
+                    counts.reshape(-1), timeout=max(5.0, settings.samples * 2e-6)
+                )
+            self._scales = [(float(info.gain), float(info.offset)) for info in infos]
+            step_s = float(infos[0].x_increment)
+            if not math.isfinite(step_s) or step_s <= 0:
+                raise DigitizerError(f"{self._resource} tells a sample every {step_s:g} s", "re-arm")
+            scales = [*self._scales, (float(infos[0].relative_initial_x), 0.0)]
+            if not all(math.isfinite(value) for scale in scales for value in scale):
+                raise DigitizerError(f"{self._resource} tells no scale for its counts", "re-arm")
+            out.put((counts, round(-float(infos[0].relative_initial_x) / step_s)))
+        except DigitizerError as error:
+            out.put(error)
+        except Exception as error:  # as above
+            out.put(self._described(error))
+
+    def _described(self, error: Exception) -> DigitizerError:
+        line = " ".join(str(error).split()) or type(error).__name__
+        if type(error).__name__ in ("DriverNotInstalledError", "DriverTooOldError"):
+            return DigitizerError("the NI-SCOPE runtime is not installed", RUNTIME_REMEDY)
+        return DigitizerError(f"{self._resource}: {line}", "check the name in NI MAX, or levimass --doctor")
+
+
+def opened(resource: str, options: SourceOptions) -> NiscopeCard:
+    """Return the card of this name in NI MAX."""
+    channels = [str(number) for number in options.wholes("channels", "0,1", "channel")]
+    trigger = CardTrigger(options.text("trigger", "2"), options.number("level", "1"), options.slope())
+    range_v = options.number("range", "2")
+    return NiscopeCard(resource, options.assigned(channels), trigger, range_v=range_v, setup=options.rig(16))

@@ -1,0 +1,78 @@
+"""From an address, typed or found, to an oscilloscope: ``usb[:VVVV:PPPP]``, ``HOST[:PORT]`` or a VISA resource name."""
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from instrument.devices.digitizer import DigitizerError
+
+if TYPE_CHECKING:
+    from instrument.devices.scpi import ScpiOscilloscope
+    from instrument.devices.source_options import SourceOptions
+
+_USB_ADDRESS = re.compile(r"usb(?::([0-9a-f]{4}):([0-9a-f]{4}))?", re.IGNORECASE)
+_HOST_ADDRESS = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9][A-Za-z0-9._-]*)(?::(\d{1,5}))?")
+_HOST = re.compile(r"(\[[0-9a-fA-F:.]{2,45}\]|[A-Za-z0-9](?:[A-Za-z0-9._-]{0,251}[A-Za-z0-9])?)(?::(\d{1,5}))?")
+_VISA = re.compile(r"[A-Za-z0-9]+(?:::[A-Za-z0-9._,\[\]:-]+)+")
+_OPTIONS = re.compile(r"[A-Za-z]+=[^\s&?]+(?:&[A-Za-z]+=[^\s&?]+)*")
+_REMEDY = "type HOST or HOST:PORT, as 192.168.1.5 or scope.lab:5025, or a VISA name; options as ?trigger=3 may follow"
+
+
+def network_source(typed: str) -> str:
+    """Return the source that a typed address means, for ``open_source``; connects to nothing.
+
+    Raises DigitizerError, in one line, for what can be no address.
+    """
+    text = typed.strip()
+    text = text[5:] if text.lower().startswith("scpi:") else text
+    address, asked, options = text.partition("?")
+    host = _HOST.fullmatch(address)
+    port = int(host[2]) if host is not None and host[2] else 1
+    if not ((host is not None and 0 < port < 65536) or _VISA.fullmatch(address)):
+        raise DigitizerError(f"{text[:60]!r} is no address" if text else "no address was given", _REMEDY)
+    if address.lower() == "usb":
+        raise DigitizerError("an oscilloscope on USB is found by itself", "plug it in and look again")
+    if asked and not _OPTIONS.fullmatch(options):
+        raise DigitizerError(f"{options[:60]!r} are no options", _REMEDY)
+    return f"scpi:{text}"
+
+
+def network_name(source: str) -> str:
+    """Return the words for such a source."""
+    return f"Oscilloscope at {source.removeprefix('scpi:').partition('?')[0]}"
+
+
+def opened(address: str, options: "SourceOptions") -> "ScpiOscilloscope":
+    """Return the oscilloscope at an address."""
+    from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
+
+    roles = options.assigned(options.wholes("channels", "1,2", "channel"))
+    source: int | str | None = None
+    if "trigger" in options:
+        source = EXTERNAL if options.text("trigger", "") == EXTERNAL else options.whole("trigger", "")
+    trigger = HardwareTrigger(source, options.slope(), options.number("level", "") if "level" in options else None)
+    return ScpiOscilloscope(_link(address), roles, trigger, setup=options.rig(None))
+
+
+def _link(address: str) -> Any:
+    """Open the SCPI link that ``address`` names: ``usb[:VVVV:PPPP]``, ``HOST[:PORT]`` or a VISA resource name."""
+    if usb_address := _USB_ADDRESS.fullmatch(address):
+        from instrument.devices.usbtmc import UsbtmcTransport, find_instruments
+
+        wanted = tuple(int(part, 16) for part in usb_address.groups() if part)
+        devices = [d for d in find_instruments() if not wanted or (d.idVendor, d.idProduct) == wanted]
+        if not devices:
+            raise DigitizerError(f"no oscilloscope at {address}", "plug it in, and set its USB device port to USBTMC")
+        return UsbtmcTransport(devices[0])
+    if "::" in address and not address.startswith("["):
+        from instrument.devices.scpi_visa import VisaTransport
+
+        return VisaTransport(address)
+    if host := _HOST_ADDRESS.fullmatch(address):
+        from instrument.devices.scpi_socket import SocketTransport
+
+        port = int(host[2]) if host[2] else None
+        if port is None or 0 < port < 65536:
+            return SocketTransport(host[1].strip("[]"), port)
+    raise DigitizerError(
+        f"{address[:80]!r} is no address of an oscilloscope", "give HOST, HOST:PORT, usb or a VISA resource name"
+    )

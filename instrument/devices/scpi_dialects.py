@@ -1,0 +1,270 @@
+"""How each maker's oscilloscopes say the same things; the table that the one SCPI driver reads.
+
+Sources: the programming guides of Rigol MSO1000Z/DS1000Z, Siglent SDS1000X-E and Keysight InfiniiVision.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.devices.digitizer import DigitizerError
+
+Ask = Callable[[str], str]
+
+
+class Nonsense(DigitizerError):
+    """What an instrument told in numbers, and cannot be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """When the samples of a shot were taken."""
+
+    sample_rate_hz: float
+    samples: int
+    trigger_sample: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Scaling:
+    """volts = count * volts_per_count + offset_v, for counts as ``Dialect.decode`` returns them.
+
+    Raises Nonsense where no instrument could have them.
+    """
+
+    volts_per_count: float
+    offset_v: float
+
+    def __post_init__(self) -> None:
+        if not (1e-12 < abs(self.volts_per_count) < 1e4 and abs(self.offset_v) < 1e6):
+            raise Nonsense(
+                f"the oscilloscope tells {self.volts_per_count:g} V a count and an offset of {self.offset_v:g} V",
+                "set the vertical scale anew, then re-arm",
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """One maker's words.
+
+    ``{n}`` stands for a channel, ``{a}`` and ``{b}`` for the first and last point (from 1), ``{count}`` and ``{skip}``
+    for a number of points and of those before them, ``{source}`` for the trigger's channel.
+    """
+
+    name: str
+    makers: tuple[str, ...]  # how *IDN? begins, in capitals
+    bits: int
+    bytes_per_sample: int
+    points_a_read: int | None  # None: the whole memory in one block
+    begin: tuple[str, ...]  # once, after opening
+    trigger_channel: tuple[str, ...]
+    trigger_external: tuple[str, ...]
+    slope: dict[str, str]
+    level: str
+    single: tuple[str, ...]
+    status: str
+    is_done: Callable[[str], bool]
+    stop: str
+    depths: tuple[int, ...]  # memory depths a channel with two channels on; empty: set by the instrument
+    set_depth: str
+    divisions: int
+    set_time_per_division: str
+    set_trigger_delay: str  # s from the trigger to the middle of the record
+    max_samples: int
+    set_now: Callable[[Ask, int], Timing]  # what the next shot will be, as set on the instrument; channel number
+    timing: Callable[[Ask, int], Timing]  # of the shot in memory
+    select: tuple[str, ...]  # before reading a channel's points
+    scaling: Callable[[Ask, int], Scaling]
+    fetch: tuple[str, ...]  # the last one answers the block
+    decode: Callable[[bytes], NDArray[np.int16]]
+
+
+def numbers(answer: str, count: int, what: str) -> list[float]:
+    """Return the numbers of an answer.  Raises DigitizerError where they are not ``count`` finite numbers."""
+    try:
+        found = [_number(part) for part in answer.split(",")]
+    except ValueError:
+        found = []
+    if len(found) < count or not all(math.isfinite(value) for value in found[:count]):
+        raise DigitizerError(f"the oscilloscope answered {answer[:60]!r} where {what} is due", "re-arm")
+    return found[:count]
+
+
+def _number(text: str) -> float:
+    """Read a number that may carry its SI prefix and unit: ``1.00E+09``, ``500MSa/s``, ``2.00mV``."""
+    text = text.strip()
+    end = len(text)
+    while end and not text[end - 1].isdigit() and text[end - 1] != ".":
+        end -= 1
+    factor = {"M": 1e6, "G": 1e9, "k": 1e3, "K": 1e3, "m": 1e-3, "u": 1e-6, "n": 1e-9}.get(text[end : end + 1], 1.0)
+    return float(text[:end]) * factor
+
+
+def _timing(rate_hz: float, samples: float, trigger_sample: float) -> Timing:
+    if not (1e-3 <= rate_hz <= 1e12 and 1 <= samples <= 1 << 31):
+        raise Nonsense(f"the oscilloscope tells {samples:g} samples at {rate_hz:g} a second", "set its time base anew")
+    return Timing(rate_hz, int(samples), round(trigger_sample) if 0 <= trigger_sample < samples - 0.5 else None)
+
+
+def _preamble_timing(ask: Ask, channel: int) -> Timing:
+    _, _, points, _, step_s, origin_s, reference, *_ = numbers(ask(":WAV:PRE?"), 10, "the waveform's preamble")
+    if not 1e-12 <= step_s <= 1e3:
+        raise Nonsense(f"the oscilloscope tells a sample every {step_s:g} s", "set its time base anew")
+    return _timing(1 / step_s, points, reference - origin_s / step_s)
+
+
+def _rigol_set_now(ask: Ask, channel: int) -> Timing:
+    (rate,) = numbers(ask(":ACQ:SRAT?"), 1, "the sample rate")
+    (delay,) = numbers(ask(":TIM:MAIN:OFFS?"), 1, "the trigger delay")
+    depth = ask(":ACQ:MDEP?")
+    if depth.upper() == "AUTO":
+        samples = 12 * rate * numbers(ask(":TIM:MAIN:SCAL?"), 1, "the time base")[0]
+    else:
+        (samples,) = numbers(depth, 1, "the memory depth")
+    return _timing(rate, samples, samples / 2 - delay * rate)
+
+
+def _keysight_set_now(ask: Ask, channel: int) -> Timing:
+    (rate,) = numbers(ask(":ACQ:SRAT?"), 1, "the sample rate")
+    (length_s,) = numbers(ask(":TIM:RANG?"), 1, "the time range")
+    (delay,) = numbers(ask(":TIM:POS?"), 1, "the trigger delay")
+    samples = rate * length_s
+    return _timing(rate, samples, samples / 2 - delay * rate)
+
+
+def _rigol_scaling(ask: Ask, channel: int) -> Scaling:
+    volts, origin, reference = numbers(ask(":WAV:PRE?"), 10, "the waveform's preamble")[7:10]
+    return Scaling(volts, (128 - origin - reference) * volts)
+
+
+def _keysight_scaling(ask: Ask, channel: int) -> Scaling:
+    volts, origin_v, reference = numbers(ask(":WAV:PRE?"), 10, "the waveform's preamble")[7:10]
+    return Scaling(volts, origin_v - reference * volts)
+
+
+def _siglent_scaling(ask: Ask, channel: int) -> Scaling:
+    (per_division,) = numbers(ask(f"C{channel}:VDIV?"), 1, "the volts a division")
+    (offset,) = numbers(ask(f"C{channel}:OFST?"), 1, "the offset")
+    return Scaling(per_division / 25, -offset)
+
+
+def _siglent_timing(ask: Ask, channel: int) -> Timing:
+    (rate,) = numbers(ask("SARA?"), 1, "the sample rate")
+    (samples,) = numbers(ask(f"SANU? C{channel}"), 1, "the number of samples")
+    (delay,) = numbers(ask("TRDL?"), 1, "the trigger delay")
+    return _timing(rate, samples, samples / 2 - delay * rate)
+
+
+def _from_unsigned(block: bytes) -> NDArray[np.int16]:
+    return np.frombuffer(block, np.uint8).astype(np.int16) - np.int16(128)
+
+
+def _from_signed(block: bytes) -> NDArray[np.int16]:
+    return np.frombuffer(block, np.int8).astype(np.int16)
+
+
+def _from_words(block: bytes) -> NDArray[np.int16]:
+    return np.frombuffer(block[: len(block) // 2 * 2], "<i2").astype(np.int16)
+
+
+RIGOL = Dialect(
+    name="Rigol DS1000Z",
+    makers=("RIGOL",),
+    bits=8,
+    bytes_per_sample=1,
+    points_a_read=250_000,
+    begin=(":WAV:MODE RAW", ":WAV:FORM BYTE"),
+    trigger_channel=(":TRIG:MODE EDGE", ":TRIG:EDG:SOUR CHAN{n}"),
+    trigger_external=(":TRIG:MODE EDGE", ":TRIG:EDG:SOUR EXT"),
+    slope={"rising": ":TRIG:EDG:SLOP POS", "falling": ":TRIG:EDG:SLOP NEG"},
+    level=":TRIG:EDG:LEV {volts:g}",
+    single=(":SING",),
+    status=":TRIG:STAT?",
+    is_done=lambda answer: answer.upper() == "STOP",
+    stop=":STOP",
+    depths=(6_000, 60_000, 600_000, 6_000_000, 12_000_000),
+    set_depth=":ACQ:MDEP {samples}",
+    divisions=12,
+    set_time_per_division=":TIM:MAIN:SCAL {seconds:.9g}",
+    set_trigger_delay=":TIM:MAIN:OFFS {seconds:.9g}",
+    max_samples=12_000_000,
+    set_now=_rigol_set_now,
+    timing=_rigol_set_now,  # the preamble's points and origin follow the last part that was read
+    select=(":WAV:SOUR CHAN{n}",),
+    scaling=_rigol_scaling,
+    fetch=(":WAV:STAR {a}", ":WAV:STOP {b}", ":WAV:DATA?"),
+    decode=_from_unsigned,
+)
+
+SIGLENT = Dialect(
+    name="Siglent SDS1000X-E",
+    makers=("SIGLENT",),
+    bits=8,
+    bytes_per_sample=1,
+    points_a_read=500_000,
+    begin=("CHDR OFF",),
+    trigger_channel=("TRSE EDGE,SR,C{n},HT,OFF",),
+    trigger_external=("TRSE EDGE,SR,EX,HT,OFF",),
+    slope={"rising": "{source}:TRSL POS", "falling": "{source}:TRSL NEG"},
+    level="{source}:TRLV {volts:g}V",
+    single=("TRMD SINGLE", "ARM"),
+    status="SAST?",
+    is_done=lambda answer: answer.upper() == "STOP",
+    stop="STOP",
+    depths=(7_000, 70_000, 700_000, 7_000_000),
+    set_depth="MSIZ {short}",
+    divisions=14,
+    set_time_per_division="TDIV {seconds:.9g}S",
+    set_trigger_delay="TRDL {seconds:.9g}S",
+    max_samples=7_000_000,
+    set_now=_siglent_timing,
+    timing=_siglent_timing,
+    select=(),
+    scaling=_siglent_scaling,
+    fetch=("WFSU SP,1,NP,{count},FP,{skip}", "C{n}:WF? DAT2"),
+    decode=_from_signed,
+)
+
+KEYSIGHT = Dialect(
+    name="Keysight InfiniiVision",
+    makers=("KEYSIGHT", "AGILENT"),
+    bits=16,
+    bytes_per_sample=2,
+    points_a_read=None,
+    begin=(":WAV:FORM WORD", ":WAV:BYT LSBF", ":WAV:UNS OFF", ":WAV:POIN:MODE RAW", ":WAV:POIN MAX"),
+    trigger_channel=(":TRIG:MODE EDGE", ":TRIG:EDGE:SOUR CHAN{n}"),
+    trigger_external=(":TRIG:MODE EDGE", ":TRIG:EDGE:SOUR EXT"),
+    slope={"rising": ":TRIG:EDGE:SLOP POS", "falling": ":TRIG:EDGE:SLOP NEG"},
+    level=":TRIG:EDGE:LEV {volts:g}",
+    single=(":SING",),
+    status=":OPER:COND?",
+    is_done=lambda answer: not int(numbers(answer, 1, "the operation condition")[0]) & 8,
+    stop=":STOP",
+    depths=(),
+    set_depth="",
+    divisions=10,
+    set_time_per_division=":TIM:SCAL {seconds:.9g}",
+    set_trigger_delay=":TIM:POS {seconds:.9g}",
+    max_samples=8_000_000,
+    set_now=_keysight_set_now,
+    timing=_preamble_timing,
+    select=(":WAV:SOUR CHAN{n}", ":WAV:POIN MAX"),
+    scaling=_keysight_scaling,
+    fetch=(":WAV:DATA?",),
+    decode=_from_words,
+)
+
+DIALECTS = (SIGLENT, RIGOL, KEYSIGHT)
+
+
+def dialect_of(identity: str) -> Dialect:
+    """Return the dialect for an answer to ``*IDN?``.  Raises DigitizerError for an instrument not in the table."""
+    maker = identity.strip().upper()
+    for dialect in DIALECTS:
+        if maker.startswith(dialect.makers):
+            return dialect
+    known = ", ".join(dialect.name for dialect in DIALECTS)
+    raise DigitizerError(f"no dialect for the instrument {identity[:60]!r}", f"known are {known}")

@@ -1,0 +1,113 @@
+"""What stands behind the question mark of a source: ``roles=switch,measurement&mass=0.0213``, read without trust."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+from urllib.parse import unquote
+
+from analysis.shot.recording import Role, Setup
+from instrument.devices.digitizer import DigitizerError
+
+RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wavelength_air_m"}
+
+
+@dataclass(frozen=True, slots=True)
+class SourceOptions:
+    """The options of one source by name; ``setup`` is the rig as the operator gave it.
+
+    Every method raises DigitizerError, in one line, for what it cannot read.
+    """
+
+    given: Mapping[str, str] = field(default_factory=dict)
+    setup: Setup | None = None
+
+    @classmethod
+    def read(cls, text: str, source: str, known: Sequence[str], setup: Setup | None) -> "SourceOptions":
+        """Return the options that ``text`` gives ("a=1&b=2")."""
+        given = {}
+        for item in filter(None, text.split("&")):
+            name, equals, value = item.partition("=")
+            if name not in known or not equals or not value:
+                raise DigitizerError(f"source {source}: {item[:60]!r} is no option", f"known are {', '.join(known)}")
+            given[name] = unquote(value)
+        return cls(given, setup)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.given
+
+    def text(self, name: str, default: str) -> str:
+        """Return an option as it is given."""
+        return self.given.get(name, default)
+
+    def number(self, name: str, default: str, what: str = "") -> float:
+        """Return a number; ``what`` says what it is where its name does not."""
+        text = self.text(name, default)
+        if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?", text.strip()):
+            raise DigitizerError(f"{text[:40]!r} is no {what or name}")
+        return float(text)
+
+    def whole(self, name: str, default: str, what: str = "") -> int:
+        """Return a whole number of at most four digits."""
+        (found,) = self.wholes(name, default, what, parted=False)
+        return found
+
+    def wholes(self, name: str, default: str, what: str = "", *, parted: bool = True) -> tuple[int, ...]:
+        """Return whole numbers, parted by commas."""
+        text = self.text(name, default)
+        parts = text.split(",") if parted else [text]
+        for part in parts:
+            if not re.fullmatch(r"\d{1,4}", part.strip()):
+                raise DigitizerError(f"{part[:40]!r} is no {what or name} number")
+        return tuple(map(int, parts))
+
+    def roles(self, default: str) -> tuple[Role, ...]:
+        """Return the roles that the channels have, in order."""
+        text = self.text("roles", default)
+        try:
+            return tuple(Role(name.strip()) for name in text.split(","))
+        except ValueError as error:
+            raise DigitizerError(f"roles={text[:60]} names an unknown role", f"known are {', '.join(Role)}") from error
+
+    def assigned(self, channels: Sequence[Any]) -> dict[Any, Role]:
+        """Return the role of each channel."""
+        usual = (
+            ",".join(("reference", "measurement", "switch")[: len(channels)]) if len(channels) > 1 else "measurement"
+        )
+        roles = self.roles(usual)
+        if len(roles) != len(channels) or len(set(channels)) != len(channels):
+            raise DigitizerError("channels and roles must name each channel once and be equally many")
+        return dict(zip(channels, roles, strict=True))
+
+    def slope(self) -> str:
+        """Return which step of the trigger starts a shot."""
+        slope = self.text("slope", "rising")
+        if slope not in ("rising", "falling"):
+            raise DigitizerError(f"slope={slope[:40]} is neither rising nor falling")
+        return slope
+
+    def rig(self, bits: int | None) -> Setup | None:
+        """Return the rig with what the options say of it; None where nothing is known."""
+        given = {key: self.number(name, "") for name, key in RIG.items() if name in self}
+        for name, key in RIG.items():
+            if given.get(key, 1.0) <= 0:
+                raise DigitizerError(f"{name}={self.given[name][:40]} is not above zero")
+        if not given:
+            return self.setup
+        rig = self.setup or assumed_rig(bits or 16)
+        if "mass" in self:
+            rig = replace(rig, extra={key: value for key, value in rig.extra.items() if key != "moving_mass_assumed"})
+        return replace(rig, **given)  # type: ignore[arg-type]
+
+
+PAPER_MOVING_MASS_KG = 17.85e-3
+
+
+def assumed_rig(bits: int) -> Setup:
+    """Return the paper's block behind a digitizer of ``bits``; the recording says that it is assumed."""
+    return Setup(
+        moving_mass_kg=PAPER_MOVING_MASS_KG,
+        digitizer_bits=bits,
+        extra=MappingProxyType({"moving_mass_assumed": True}),
+    )

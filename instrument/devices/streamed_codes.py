@@ -1,0 +1,151 @@
+"""Bytes of a two-channel 8-bit streamer made into counts, cut where samples were lost."""
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.devices.beat_seams import BeatSeams
+from instrument.devices.bulk_stream import Chunk
+from instrument.devices.digitizer import Block
+
+PACKET_BYTES = 512
+SETTLING_PACKETS = 8  # the first 2048 samples a channel are not to be trusted
+_HELD_PACKETS = 2  # whose continuity is told only by what follows
+_SAME_LOSS_S = 2.5  # the clock tells a loss up to so much later than the beat does
+
+
+class StreamedCodes:
+    """Carries the stream from chunk to chunk: ``accept`` what came, ``deliver`` what is ready.
+
+    ``reference_column`` is the channel (0 or 1) with the rest beat, whose phase tells lost packets; None: the byte
+    clock alone tells them, later and only when they are many.
+    """
+
+    def __init__(self, bytes_per_s: float, reference_column: int | None) -> None:
+        self._column = reference_column
+        self._clock = ByteClock(bytes_per_s)
+        self._seams = BeatSeams(PACKET_BYTES // 2)
+        self._ready: deque[tuple[NDArray[np.uint8], bool]] = deque()
+        self._held = np.empty(0, np.uint8)
+        self._part = np.empty(0, np.uint8)  # less than a packet
+        self._lost = False  # samples are missing before what is held
+        self._settling = SETTLING_PACKETS * PACKET_BYTES
+        self._loss_seen_s = -math.inf
+
+    @property
+    def ready(self) -> bool:
+        """Get whether ``deliver`` has something."""
+        return bool(self._ready)
+
+    def accept(self, chunk: Chunk) -> None:
+        """Take the chunk's bytes and find where they do not continue."""
+        lost = chunk.lost_before
+        behind = self._clock.count(chunk.codes.size, chunk.received_s)
+        if behind and chunk.received_s - self._loss_seen_s > _SAME_LOSS_S:
+            lost = True
+        if lost:
+            self._loss_seen_s = chunk.received_s
+            self.flush()
+            self._lost = True
+        codes = np.concatenate((self._part, chunk.codes)) if self._part.size else chunk.codes
+        if self._settling:
+            skipped = min(self._settling, codes.size)
+            self._settling -= skipped
+            codes = codes[skipped:]
+        whole = codes.size // PACKET_BYTES * PACKET_BYTES
+        self._part, codes = codes[whole:], codes[:whole]
+        seams = [] if self._column is None else self._seams.find(codes[self._column :: 2])
+        if seams:
+            self._loss_seen_s = chunk.received_s
+        cuts = [seam * PACKET_BYTES + self._held.size for seam in seams]
+        joined = np.concatenate((self._held, codes)) if self._held.size else codes
+        settled = max(0, joined.size - _HELD_PACKETS * PACKET_BYTES)
+        start = 0
+        for cut in (*cuts, settled):
+            if start < cut <= settled:
+                self._ready.append((joined[start:cut], self._lost))
+                self._lost = False
+                start = cut
+            self._lost = self._lost or cut in cuts
+        self._held = joined[settled:]
+
+    def flush(self) -> None:
+        """Make ready what was held back, whole samples only: nothing comes that continues it."""
+        rest = np.concatenate((self._held, self._part))
+        rest = rest[: rest.size // 2 * 2]
+        if rest.size:
+            self._ready.append((rest, self._lost))
+            self._lost = False
+        self._held = self._part = np.empty(0, np.uint8)
+        self._seams.forget()
+
+    def deliver(self, buffer: NDArray[np.int16]) -> Block:
+        """Fill ``buffer`` (shape (n, 2)) from the front with codes less 128; stop before the next loss."""
+        filled = 0
+        lost_before = bool(self._ready) and self._ready[0][1]
+        clipped = np.zeros(2, np.int64)
+        while self._ready and filled < buffer.shape[0]:
+            codes, lost = self._ready[0]
+            if lost and filled:
+                break
+            count = min(codes.size // 2, buffer.shape[0] - filled)
+            pairs = codes[: 2 * count].reshape(count, 2)
+            np.subtract(pairs, 128, out=buffer[filled : filled + count], dtype=np.int16)
+            if pairs.min() == 0 or pairs.max() == 255:  # the rare case: looking costs a tenth of counting
+                clipped += np.count_nonzero((pairs == 0) | (pairs == 255), axis=0)
+            filled += count
+            self._ready.popleft()
+            if 2 * count < codes.size:
+                self._ready.appendleft((codes[2 * count :], False))
+        return Block(filled, lost_before=None if lost_before else 0, clipped=(int(clipped[0]), int(clipped[1])))
+
+
+DRIFT = 300e-6  # of two crystals against each other
+SOON_S, SOON_STEP_S = 0.3, 0.03
+LASTING_S, LASTING_STEP_S = 2.0, 0.004
+
+
+class ByteClock:
+    """Compares bytes received with ``bytes_per_s`` times the time elapsed; state is carried from chunk to chunk."""
+
+    def __init__(self, bytes_per_s: float) -> None:
+        self._rate = bytes_per_s
+        self._recent: deque[tuple[float, float]] = deque()  # (time, lag) in s
+        self._start_s: float | None = None
+        self._received = 0
+        self._level_s: float | None = None  # the lag that counts as none
+        self._judged_s = 0.0
+
+    def count(self, received_bytes: int, now_s: float) -> int:
+        """Add a chunk that arrived at ``now_s``; return how many bytes the device is found to have lost, mostly 0.
+
+        A loss of more than 30 ms of data is told 0.3 s after it, one of more than 4 ms 2 s after it.
+        """
+        if self._start_s is None:
+            self._start_s = self._judged_s = now_s
+            return 0  # the first chunk only starts the clock: how long it took to fill is not known
+        self._received += received_bytes
+        self._recent.append((now_s, now_s - self._start_s - self._received / self._rate))
+        while self._recent[0][0] < now_s - LASTING_S:
+            self._recent.popleft()
+        if now_s - self._start_s < SOON_S or len(self._recent) < 4:
+            return 0
+        soon_s = min(lag for at, lag in self._recent if at >= now_s - SOON_S)
+        if self._level_s is None:
+            self._level_s, self._judged_s = soon_s, now_s
+            return 0
+        creep_s = DRIFT * (now_s - self._judged_s)
+        self._judged_s = now_s
+        lasting = now_s - self._recent[0][0] > 0.9 * LASTING_S
+        lasting_s = min(lag for _, lag in self._recent) if lasting else self._level_s
+        for lag_s, step_s in ((soon_s, SOON_STEP_S), (lasting_s, LASTING_STEP_S)):
+            if lag_s - self._level_s > step_s + creep_s:
+                lost = round((lag_s - self._level_s) * self._rate)
+                self._level_s = lag_s
+                self._recent.clear()
+                return lost
+        behind_s = soon_s - self._level_s
+        self._level_s += behind_s if behind_s < -LASTING_STEP_S else max(-creep_s, min(creep_s, behind_s))
+        return 0

@@ -1,0 +1,137 @@
+"""The USB bus through pyusb: finding devices, opening them, and saying in one line why that failed."""
+
+import errno
+import importlib
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import usb.backend.libusb1
+import usb.core
+import usb.util
+
+from instrument.devices.digitizer import DigitizerError
+
+PERMISSION_REMEDY = (
+    "install the udev rule (levimass --doctor shows how), then unplug the device and plug it in again"
+    if sys.platform.startswith("linux")
+    else "give the device the WinUSB driver with Zadig (Windows), or close the program that holds it"
+)
+LIBRARY_REMEDY = "install it (Debian: apt install libusb-1.0-0; elsewhere: pip install 'levimass[usb]')"
+
+_GONE = {errno.ENODEV, errno.ENOENT, errno.ESHUTDOWN, errno.ENXIO}
+
+
+@dataclass(frozen=True, slots=True)
+class UsbIdentity:
+    """What the bus tells about a device before it is opened."""
+
+    vendor: int
+    product: int
+    release: int  # bcdDevice
+    bus: int
+    address: int
+
+    def __str__(self) -> str:
+        return f"{self.vendor:04x}:{self.product:04x}"
+
+
+def find_backend() -> Any:
+    """Return pyusb's libusb 1.0 backend.  Raises DigitizerError where the library is missing."""
+    backend = usb.backend.libusb1.get_backend()
+    if backend is None:
+        try:
+            backend = importlib.import_module("libusb_package").get_libusb1_backend()
+        except ImportError:
+            backend = None
+    if backend is None:
+        raise DigitizerError("the USB library libusb-1.0 was not found", LIBRARY_REMEDY)
+    return backend
+
+
+def identify(device: Any) -> UsbIdentity:
+    """Return the identity of a pyusb device."""
+    return UsbIdentity(device.idVendor, device.idProduct, device.bcdDevice, device.bus or 0, device.address or 0)
+
+
+def find_devices(ids: Iterable[tuple[int, int]], backend: Any = None) -> list[Any]:
+    """Return the pyusb devices with one of the (vendor, product) pairs, in bus order.  Raises DigitizerError."""
+    wanted = frozenset(ids)
+    return find_matching(lambda device: (device.idVendor, device.idProduct) in wanted, backend)
+
+
+def find_matching(matches: Any, backend: Any = None) -> list[Any]:
+    """Return the pyusb devices for which ``matches(device)`` holds, in bus order.  Raises DigitizerError."""
+    backend = backend if backend is not None else find_backend()
+    try:
+        found = list(usb.core.find(find_all=True, backend=backend, custom_match=matches))
+    except usb.core.USBError as error:
+        raise described(error, "the USB bus") from error
+    return sorted(found, key=lambda device: (device.bus or 0, device.address or 0))
+
+
+def is_permitted(device: Any) -> bool | None:
+    """Return whether this user may open the device; None where the bus does not tell without opening it."""
+    try:
+        usb.util.dispose_resources(device)
+        device.get_active_configuration()
+        return True
+    except usb.core.USBError as error:
+        return None if error.errno not in (errno.EACCES, errno.EPERM) else False
+    except NotImplementedError:
+        return None
+    finally:
+        usb.util.dispose_resources(device)
+
+
+def described(error: Exception, name: str) -> DigitizerError:
+    """Return what a pyusb error means for the operator, with the remedy."""
+    number = getattr(error, "errno", None)
+    if isinstance(error, NotImplementedError):
+        return DigitizerError(f"{name} cannot be opened: its USB driver does not allow it", PERMISSION_REMEDY)
+    if number in (errno.EACCES, errno.EPERM):
+        return DigitizerError(f"no permission to open {name}", PERMISSION_REMEDY)
+    if number == errno.EBUSY:
+        return DigitizerError(f"{name} is in use by another program", "close the other program")
+    if number in _GONE:
+        return DigitizerError(f"{name} was unplugged", "plug it in again and re-arm")
+    if number == errno.ETIMEDOUT or isinstance(error, usb.core.USBTimeoutError):
+        return DigitizerError(f"{name} does not answer", "unplug it, plug it in again and re-arm")
+    return DigitizerError(f"{name}: USB error: {error}", "unplug it, plug it in again and re-arm")
+
+
+@contextmanager
+def usb_errors_of(name: str) -> Iterator[None]:
+    """Turn pyusb's errors inside the block into DigitizerError."""
+    try:
+        yield
+    except (usb.core.USBError, NotImplementedError) as error:
+        raise described(error, name) from error
+
+
+def claim(device: Any, interface: int, name: str) -> None:
+    """Take ``interface`` of the device for this program, from a kernel driver where one holds it."""
+    with usb_errors_of(name):
+        try:
+            device.get_active_configuration()
+        except usb.core.USBError as error:
+            if error.errno in (errno.EACCES, errno.EPERM):
+                raise
+            device.set_configuration()
+        try:
+            held = device.is_kernel_driver_active(interface)
+        except NotImplementedError:
+            held = False
+        if held:
+            device.detach_kernel_driver(interface)
+        usb.util.claim_interface(device, interface)
+
+
+def release(device: Any) -> None:
+    """Give the device back; harmless when it is gone."""
+    try:
+        usb.util.dispose_resources(device)
+    except usb.core.USBError:
+        return

@@ -1,0 +1,1 @@
+"""Files, read without trust and written safe from a crash: recordings, motion records, laws, foreign formats."""

@@ -1,0 +1,170 @@
+"""The values of a foreign file, read without trust: every one is checked where it is used."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields
+from enum import Enum
+from pathlib import Path
+from types import UnionType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from instrument.files.recording_error import RecordingError, shown
+from levimass.setting import setting_of
+
+Built = TypeVar("Built")
+_LONGEST = 1e15  # the largest number of a dataclass that declares no bounds
+
+
+class Checked:
+    """One JSON object or TOML table with its place in the file, so that every refusal names file and key."""
+
+    __slots__ = ("path", "place", "used", "values")
+
+    def __init__(self, path: Path, values: Mapping[str, Any], place: str = "") -> None:
+        self.path = path
+        self.values = values
+        self.place = place
+        self.used: set[str] = set()
+
+    def refuse(self, key: str, cause: str) -> RecordingError:
+        """Return the error that names ``key`` of this object."""
+        return RecordingError(self.path, cause, f"{self.place}.{key}" if self.place else key)
+
+    def get(self, key: str) -> Any:
+        """Return the value or None, and count the key as read."""
+        self.used.add(key)
+        return self.values.get(key)
+
+    def unread(self) -> dict[str, Any]:
+        """Return what nobody asked for, to be written back."""
+        return {key: value for key, value in self.values.items() if key not in self.used}
+
+    def number(
+        self, key: str, low: float, high: float, *, default: float | None = None, over: bool = False
+    ) -> float | None:
+        """Return a finite number in [low, high] (``over``: above ``low``), ``default`` where the key is missing."""
+        value = self.get(key)
+        if value is None:
+            return default
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.refuse(key, f"{shown(value)} is not a number")
+        try:
+            real = float(value)
+        except OverflowError:
+            real = math.inf
+        if not math.isfinite(real) or not low <= real <= high or (over and real == low):
+            raise self.refuse(key, f"{shown(value)} is not {'above' if over else 'from'} {low:g} to {high:g}")
+        return real
+
+    def required(self, key: str, low: float, high: float, *, over: bool = False) -> float:
+        """Return a number as ``number`` does; a missing key is refused."""
+        value = self.number(key, low, high, over=over)
+        if value is None:
+            raise self.refuse(key, "missing")
+        return value
+
+    def whole(self, key: str, low: int, high: int) -> int | None:
+        """Return a whole number in [low, high], or None where the key is missing; 5.0 counts as 5."""
+        value = self.get(key)
+        if value is None:
+            return None
+        if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
+            value = int(value)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise self.refuse(key, f"{shown(value)} is not a whole number")
+        if not low <= value <= high:
+            raise self.refuse(key, f"{shown(value)} is not from {low} to {high}")
+        return value
+
+    def text(self, key: str, longest: int = 1_000_000) -> str | None:
+        """Return a string, or None where the key is missing."""
+        value = self.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, str):
+            raise self.refuse(key, f"{shown(value)} is not text")
+        if len(value) > longest:
+            raise self.refuse(key, f"longer than {longest} characters")
+        return value
+
+    def object(self, key: str) -> "Checked | None":
+        """Return the object under ``key``, or None where it is missing."""
+        value = self.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, dict):
+            raise self.refuse(key, f"{shown(value)} is not an object")
+        return Checked(self.path, value, f"{self.place}.{key}" if self.place else key)
+
+    def objects(self, key: str) -> "list[Checked] | None":
+        """Return the list of objects under ``key``, or None where it is missing."""
+        value = self.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, list):
+            raise self.refuse(key, f"{shown(value)} is not a list")
+        place = f"{self.place}.{key}" if self.place else key
+        checked = []
+        for index, item in enumerate(value):
+            if not isinstance(item, dict):
+                raise self.refuse(f"{key}[{index}]", f"{shown(item)} is not an object")
+            checked.append(Checked(self.path, item, f"{place}[{index}]"))
+        return checked
+
+    def names(self, key: str, kind: type = str) -> tuple[Any, ...]:
+        """Return the texts (or whole numbers) listed under ``key``; none where it is missing."""
+        values = self.get(key)
+        if values is None:
+            return ()
+        if not isinstance(values, list) or not all(type(value) is kind for value in values):
+            raise self.refuse(key, f"not a list of {'names' if kind is str else 'numbers'}")
+        return tuple(values)
+
+    def built(self, kind: type[Built], own: Mapping[str, Callable[["Checked"], Any]] | None = None) -> Built:
+        """Return a dataclass made of the fields that this object has, each checked by its type and its declaration.
+
+        A field that is missing keeps its default and is refused where there is none; ``own`` reads some by their names.
+        """
+        types, own, values = get_type_hints(kind), own or {}, {}
+        for field in fields(kind):  # type: ignore[arg-type]
+            name = field.name
+            if name in own:
+                values[name] = own[name](self)
+            elif self.get(name) is not None:
+                values[name] = self._typed(name, types[name])
+                setting = setting_of(field)
+                try:
+                    if setting is not None:
+                        setting.check(values[name])
+                except ValueError as error:
+                    raise self.refuse(name, str(error)) from None
+            elif field.default is MISSING and field.default_factory is MISSING:
+                if type(None) not in get_args(types[name]):
+                    raise self.refuse(name, "missing")
+                values[name] = None
+        return kind(**values)
+
+    def _typed(self, name: str, kind: Any) -> Any:
+        """Return the value under ``name`` as the type that a dataclass gives it."""
+        if get_origin(kind) is UnionType:  # with None, which a missing key stands for
+            kind = next(part for part in get_args(kind) if part is not type(None))
+        if get_origin(kind) is tuple:
+            return self.names(name, get_args(kind)[0])
+        if kind is bool:
+            if not isinstance(self.values[name], bool):
+                raise self.refuse(name, f"{shown(self.values[name])} is neither true nor false")
+            return self.values[name]
+        if kind is float:
+            return self.number(name, -_LONGEST, _LONGEST)
+        if kind is int:
+            return self.whole(name, 1, 2**31)
+        if isinstance(kind, type) and issubclass(kind, Enum):
+            try:
+                return kind(self.values[name])
+            except ValueError:
+                raise self.refuse(name, f"{shown(self.values[name])} is none of {', '.join(map(str, kind))}") from None
+        if kind is str:
+            return self.text(name)
+        inner = self.object(name)
+        assert inner is not None
+        return inner.built(kind)

@@ -1,0 +1,81 @@
+"""One instance of the program a folder: a lock that dies with its process."""
+
+import contextlib
+import os
+import shutil
+import sys
+from pathlib import Path
+from typing import IO
+
+from instrument.files.recording_error import RecordingError
+
+LOCK_NAME = ".levimass.lock"
+
+
+class FolderHeld(RecordingError):
+    """Another process holds the folder."""
+
+
+class FolderLock:
+    """Holds a folder for this process; a second process is refused, in words, and nothing is left to clean up.
+
+    The lock is the operating system's (``flock``, on Windows ``locking``), so a killed process releases it.
+    """
+
+    def __init__(self, folder: Path, name: str = LOCK_NAME) -> None:
+        self.folder = folder
+        self._name = name
+        path = folder / name
+        try:
+            file: IO[str] = open(path, "a+", encoding="utf-8")  # noqa: SIM115 - held until release
+        except FileNotFoundError:
+            raise RecordingError(folder, "the folder does not exist") from None
+        except OSError as error:
+            raise RecordingError(folder, f"cannot be written to ({error.strerror})") from None
+        try:
+            _lock(file)
+        except OSError:
+            file.seek(0)
+            owner = file.read(20).strip()
+            file.close()
+            by = f" (process {owner})" if owner.isdecimal() else ""
+            raise FolderHeld(folder, f"another Levimass is recording into this folder{by}") from None
+        with contextlib.suppress(OSError):  # a full disk still lets a shot be kept in memory
+            file.truncate(0)
+            file.write(str(os.getpid()))
+            file.flush()
+        self._file = file
+
+    def valid(self) -> bool:
+        """Return whether the folder is still the one that was locked: it may have been removed meanwhile."""
+        try:
+            here, held = os.stat(self.folder / self._name), os.fstat(self._file.fileno())
+        except (OSError, ValueError):
+            return False
+        return (here.st_ino, here.st_dev) == (held.st_ino, held.st_dev)
+
+    def release(self) -> None:
+        """Give the folder free.  The file stays: removing it could take another's lock away."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(file: IO[str]) -> None:
+        file.seek(4096)  # beyond the text, which others may read
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+else:
+    import fcntl
+
+    def _lock(file: IO[str]) -> None:
+        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def disk_free_bytes(folder: Path) -> int | None:
+    """Return the room left on the folder's disk, None where that cannot be known."""
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return None

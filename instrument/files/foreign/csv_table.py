@@ -1,0 +1,204 @@
+"""Text tables as oscilloscopes and data loggers export them: a few lines of header, then a row a sample."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.files.foreign.contents import MOST_SAMPLES, ForeignChannel, ForeignColumn, ForeignContents, bounded
+from instrument.files.recording_error import RecordingError, one_line
+from instrument.files.text_file import open_regular
+
+_LARGEST_BYTES = 2 * 2**30
+_LOOKED_AT_BYTES, _LONGEST_HEADER = 2**18, 200  # of the beginning
+_ROWS = 2**19  # read at once
+_TIME_NAME = re.compile(r"(time|zeit|t|seconds?)\b", re.IGNORECASE)
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+_UNIT = re.compile(r"^(.*?)\s*[\[(]([^\])]{1,12})[\])]$")
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    delimiter: str
+    decimal_comma: bool
+    first_row: int  # lines before it are header
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    time_column: int | None
+    step_s: float | None = None  # stated in the header, beside the names
+
+
+def contents(path: Path) -> ForeignContents:
+    """Return the columns beside the time; the rate is the mean step of the first thousand rows."""
+    layout = _layout(path)
+    rows = _rows(path, layout)
+    rate = 1.0 / layout.step_s if layout.step_s else None
+    if layout.time_column is not None:
+        with _text(path) as file:
+            start = next(_blocks(path, file, layout, [layout.time_column], 1000), np.empty((0, 1)))[:, 0]
+        span = float(start[-1] - start[0]) if start.size > 1 else 0.0
+        rate = (start.size - 1) / (span * _seconds(layout)) if span > 0.0 and np.isfinite(span) else None
+    found = [
+        ForeignChannel(name, rows, "text", unit, rate)
+        for index, (name, unit) in enumerate(zip(layout.names, layout.units, strict=True))
+        if index != layout.time_column
+    ]
+    return ForeignContents(path, "csv", bounded(path, found))
+
+
+def columns(path: Path, names: Sequence[str], timed: bool = True) -> list[ForeignColumn]:
+    """Return the named columns; ``timed``: with the rate of the time column, whose steps must then be equal.
+
+    Raises RecordingError where a row is no row of numbers, or the steps of the time are not equal.
+    """
+    layout = _layout(path)
+    wanted = [layout.names.index(name) for name in names]
+    time_column = layout.time_column if timed else None
+    read = wanted if time_column is None else [*wanted, time_column]
+    parts: list[NDArray[np.float64]] = []
+    rows = 0
+    with _text(path) as file:
+        for block in _blocks(path, file, layout, read, _ROWS):
+            rows += block.shape[0]
+            if rows > MOST_SAMPLES:
+                raise RecordingError(path, f"more than {MOST_SAMPLES} rows")
+            parts.append(block)
+    if rows < 2:
+        raise RecordingError(path, f"{rows} rows of numbers, at least 2 are needed")
+    table = np.concatenate(parts)
+    stated = 1.0 / layout.step_s if layout.step_s and timed else None
+    rate = stated if time_column is None else _even_rate(path, layout, table[:, -1])
+    return [ForeignColumn(np.ascontiguousarray(table[:, i]), None, 0.0, rate) for i in range(len(wanted))]
+
+
+def _even_rate(path: Path, layout: _Layout, time: NDArray[np.float64]) -> float:
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    if not (np.isfinite(step) and step > 0.0):
+        raise RecordingError(path, "the time does not rise; give the rate in the mapping (--rate)")
+    off = np.abs(time - (time[0] + step * np.arange(time.size)))
+    worst = int(np.argmax(off))
+    if not off[worst] < 0.4 * step:
+        row = layout.first_row + worst + 1
+        cause = f"time steps are not equal (line {row}); give the rate in the mapping (--rate) if they are in truth"
+        raise RecordingError(path, cause)
+    return 1.0 / (step * _seconds(layout))
+
+
+def _layout(path: Path) -> _Layout:
+    lines = _beginning(path)
+    best: tuple[int, str, int] | None = None
+    for delimiter in (";", "\t", ",", " "):
+        for index, line in enumerate(lines):
+            cells = _cells(line, delimiter)
+            if cells and all(_is_number(cell, delimiter != ",") for cell in cells):
+                following = _cells(lines[index + 1], delimiter) if index + 1 < len(lines) else cells
+                if len(following) == len(cells) and (best is None or len(cells) > best[0]):
+                    best = (len(cells), delimiter, index)
+                break
+    if best is None:
+        raise RecordingError(path, f"no row of numbers in its first {len(lines)} lines")
+    width, delimiter, first = best
+    comma = delimiter != "," and any("," in line for line in lines[first:])  # the first row may be all zeros
+    above = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) == width]
+    step_s = None
+    if not above:  # oscilloscopes write "X,CH1,CH2,Start,Increment" over rows of three
+        wider = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) > width]
+        step_s = _stated_step(wider)
+        above = [cells[:width] for cells in wider if not any(_is_number(cell, True) for cell in cells[:width])]
+        above = above[:1]
+    units = [""] * width
+    if len(above) > 1 and all(re.fullmatch(r"[\[(].{1,12}[\])]|\S{0,3}", cell) for cell in above[-1]):
+        units = [cell.strip("()[]") for cell in above.pop()]
+    names = above[-1] if above else [f"column {n + 1}" for n in range(width)]
+    for index, name in enumerate(names):
+        if (match := _UNIT.match(name)) and not units[index]:
+            names[index], units[index] = match[1] or name, match[2]
+    names = [one_line(name, 60) or f"column {n + 1}" for n, name in enumerate(names)]
+    seen: dict[str, int] = {}
+    for index, name in enumerate(names):
+        seen[name] = seen.get(name, 0) + 1
+        if seen[name] > 1:
+            names[index] = f"{name} ({seen[name]})"
+    times = [n for n, name in enumerate(names) if _TIME_NAME.match(name) or units[n] in _TIME_UNITS]
+    time = times[0] if times and width > 1 else None
+    return _Layout(delimiter, comma, first, tuple(names), tuple(units), time, step_s)
+
+
+def _stated_step(header: Sequence[Sequence[str]]) -> float | None:
+    """Return the step of the time that stands under "Increment" in an oscilloscope's header, in s."""
+    for names, values in pairwise(header):
+        for name, value in zip(names, values, strict=False):
+            if name.lower() == "increment" and _is_number(value, True) and float(value.replace(",", ".")) > 0.0:
+                return float(value.replace(",", "."))
+    return None
+
+
+def _beginning(path: Path) -> list[str]:
+    with open(open_regular(path), "rb") as file:
+        size = file.seek(0, 2)
+        if size > _LARGEST_BYTES:
+            raise RecordingError(path, f"larger than {_LARGEST_BYTES // 2**20} MiB")
+        file.seek(0)
+        raw = file.read(_LOOKED_AT_BYTES)
+    if b"\x00" in raw:
+        raise RecordingError(path, "not a text table")
+    lines = raw.decode("utf-8-sig", "replace").splitlines()
+    return lines[: -1 if size > len(raw) else None][:_LONGEST_HEADER]
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    cells = [cell.strip().strip('"') for cell in (line.split() if delimiter == " " else line.split(delimiter))]
+    while cells and not cells[-1]:
+        cells.pop()  # many exports end their lines with a delimiter
+    return cells
+
+
+def _is_number(cell: str, comma: bool) -> bool:
+    return bool(re.fullmatch(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?", cell)) and (comma or "," not in cell)
+
+
+def _seconds(layout: _Layout) -> float:
+    return 1.0 if layout.time_column is None else _TIME_UNITS.get(layout.units[layout.time_column], 1.0)
+
+
+def _text(path: Path) -> TextIO:
+    return open(path, encoding="utf-8-sig", errors="replace", newline=None)
+
+
+def _blocks(
+    path: Path, file: TextIO, layout: _Layout, wanted: Sequence[int], rows: int
+) -> Iterator[NDArray[np.float64]]:
+    """Give the wanted columns, ``rows`` at a time, shape (n, len(wanted)); a block too short ends it."""
+    lines: Iterator[str] = islice(file, layout.first_row, None)
+    if layout.decimal_comma:
+        lines = (line.replace(",", ".") for line in lines)
+    if '"' in "".join(_beginning(path)[layout.first_row : layout.first_row + 1]):
+        lines = (line.replace('"', "") for line in lines)
+    delimiter = None if layout.delimiter == " " else layout.delimiter
+    at = layout.first_row
+    while block := list(islice(lines, rows)):
+        try:
+            values = np.loadtxt(
+                block, delimiter=delimiter, usecols=list(wanted), ndmin=2, dtype=np.float64, comments=None
+            )
+        except (ValueError, IndexError, OverflowError) as error:
+            # loadtxt counts from 1 where a width is wrong and from 0 elsewhere: only the block's own place is sure
+            cause = one_line(str(error).split(";")[0], 100)
+            raise RecordingError(path, f"{cause}, counted from line {at + 1}") from None
+        if values.size:
+            yield values
+        at += len(block)
+
+
+def _rows(path: Path, layout: _Layout) -> int:
+    with open(path, "rb") as file:
+        count, last = 0, b"\n"
+        while block := file.read(2**20):
+            count += block.count(b"\n")
+            last = block[-1:]
+    return max(0, count + (last != b"\n") - layout.first_row)

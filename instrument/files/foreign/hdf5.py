@@ -1,0 +1,131 @@
+"""HDF5 (and MATLAB's files since v7.3): every data set of numbers, a table's columns one by one."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from instrument.files.foreign.contents import (
+    MOST_CHANNELS,
+    ForeignChannel,
+    ForeignColumn,
+    ForeignContents,
+    bounded,
+    needs,
+)
+from instrument.files.recording_error import RecordingError, one_line
+
+_RATES = ("sample_rate_hz", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "fs", "rate_hz", "rate")
+_STEPS = ("dt", "wf_increment", "time_step", "sample_interval", "increment", "delta_t")
+_LARGEST_PIECE = 256 * 2**20  # bytes that the library unpacks at once
+_MOST_PACKED = 4000  # times smaller on disk: zlib reaches 1032 on zeros
+_WIDEST = 64  # columns of a table
+
+
+def contents(path: Path) -> ForeignContents:
+    """Return every data set of whole numbers or floats; of a table "name[0]", "name[1]" and so on."""
+    with _opened(path) as file:
+        found: list[ForeignChannel] = []
+
+        def look(name: str, item: Any) -> bool | None:
+            if len(found) >= MOST_CHANNELS:
+                return True
+            shape = getattr(item, "shape", None)
+            if not shape or len(shape) > 2 or item.dtype.kind not in "iuf" or item.dtype.itemsize > 8:
+                return None
+            rate, unit = _rate(file, item), _text(item, ("unit", "units", "unit_string"))
+            samples, width = max(shape), (1 if len(shape) == 1 else min(shape))
+            if 0 < width <= _WIDEST and samples > 1:
+                names = [name] if len(shape) == 1 else [f"{name}[{n}]" for n in range(width)]
+                found.extend(ForeignChannel(one, samples, str(item.dtype), unit, rate) for one in names)
+            return None
+
+        try:
+            file.visititems(look)
+        except Exception as error:
+            raise _unreadable(path, error) from None
+    return ForeignContents(path, "hdf5", bounded(path, found))
+
+
+def columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
+    """Return the named channels as ``contents`` names them."""
+    with _opened(path) as file:
+        return [_column(path, file, name) for name in names]
+
+
+def _column(path: Path, file: Any, name: str) -> ForeignColumn:
+    stem, index = name, None
+    if name.endswith("]") and name not in file:
+        stem, _, number = name[:-1].rpartition("[")
+        index = int(number)
+    item = file[stem]
+    if item.external or item.is_virtual:
+        raise RecordingError(path, "its samples lie in other files; only what is inside is read", one_line(name, 60))
+    claimed = math.prod(item.shape) * item.dtype.itemsize
+    if claimed > _MOST_PACKED * item.id.get_storage_size():
+        raise RecordingError(path, "claims more samples than the file holds", one_line(name, 60))
+    if item.chunks is not None and math.prod(item.chunks) * item.dtype.itemsize > _LARGEST_PIECE:
+        raise RecordingError(path, "stored in pieces too large to unpack", one_line(name, 60))
+    try:
+        upright = index is None or item.shape[0] >= item.shape[1]
+        where = slice(None) if index is None else (slice(None), index) if upright else (index, slice(None))
+        values = item[where]
+    except Exception as error:
+        raise _unreadable(path, error) from None
+    return ForeignColumn(np.ascontiguousarray(values), None, 0.0, _rate(file, item))
+
+
+def _rate(file: Any, item: Any) -> float | None:
+    """Return the sample rate that a data set, one of its groups or the file states in an attribute."""
+    while True:
+        for names, inverse in ((_RATES, False), (_STEPS, True)):
+            for key in item.attrs:
+                if key.lower() in names and (value := _number(item, key)):
+                    return 1.0 / value if inverse else value
+        if item.name in ("/", None):
+            return None
+        item = item.parent
+
+
+def _number(item: Any, key: str) -> float | None:
+    about = item.attrs.get_id(key)
+    if math.prod(about.shape or ()) != 1 or about.dtype.kind not in "iuf":
+        return None
+    try:
+        value = float(np.asarray(item.attrs[key]).reshape(()))
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return value if math.isfinite(value) and 1e-12 < value < 1e12 else None
+
+
+def _text(item: Any, names: Sequence[str]) -> str:
+    """Return a text attribute of fixed length; a free one may claim gigabytes, and a unit is not worth them."""
+    for key in item.attrs:
+        about = item.attrs.get_id(key)
+        if key.lower() in names and not about.shape and about.dtype.kind == "S" and about.dtype.itemsize <= 1000:
+            value = item.attrs[key]
+            return one_line(value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value), 20)
+    return ""
+
+
+def _opened(path: Path) -> Any:
+    try:
+        import h5py
+    except ImportError:
+        raise needs(path, "h5py", "hdf5") from None
+    try:
+        with path.open("rb") as file:
+            if file.read(10) == b"MATLAB 5.0":
+                why = "a MATLAB file of version 5 to 7; save it with -v7.3, or write its columns as CSV"
+                raise RecordingError(path, why)
+        return h5py.File(path, "r")
+    except Exception as error:
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: Exception) -> RecordingError:
+    if isinstance(error, RecordingError):
+        return error
+    return RecordingError(path, f"not an HDF5 file that can be read ({one_line(str(error), 100)})")

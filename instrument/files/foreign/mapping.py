@@ -1,0 +1,159 @@
+"""Which channel of a foreign file is which, and the rig it was taken with: asked for once, remembered as TOML."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from analysis.shot.recording import Role, Setup
+from instrument.files.checked import Checked
+from instrument.files.recording_error import RecordingError, one_line
+from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
+from instrument.files.recording_writer import write_text_beside
+from instrument.files.text_file import read_toml
+
+_HEAD = "# How Levimass reads this file, or every file of this format in this folder. Numbers are SI."
+
+
+@dataclass(frozen=True, slots=True)
+class MappedChannel:
+    """A channel by its name in the file; volts = stored number * volts_per_unit + offset_v.
+
+    ``volts_per_unit`` None: as the file says, else a float is in volts and a whole number's full scale is 1 V.
+    """
+
+    role: Role
+    name: str
+    volts_per_unit: float | None = None
+    offset_v: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignMapping:
+    """How one kind of foreign file becomes a recording.  ``sample_rate_hz`` None: as the file says."""
+
+    format: str
+    channels: tuple[MappedChannel, ...]
+    setup: Setup
+    sample_rate_hz: float | None = None
+    trigger_sample: int | None = None
+
+
+def read_mapping(path: Path) -> ForeignMapping:
+    """Read a mapping; RecordingError names file and key of what is wrong."""
+    whole = Checked(path, read_toml(path))
+    kind = whole.text("format", 100)
+    if kind is None:
+        raise whole.refuse("format", "missing")
+    listed = whole.object("channels")
+    if listed is None:
+        raise whole.refuse("channels", "missing")
+    channels = []
+    for role in Role:
+        item = listed.object(role)
+        if item is None:
+            continue
+        name = item.text("name", 1000)
+        if name is None:
+            raise item.refuse("name", "missing")
+        scale = item.number("volts_per_unit", -1e9, 1e9)
+        if scale is not None and abs(scale) < 1e-30:
+            raise item.refuse("volts_per_unit", "zero")
+        channels.append(MappedChannel(role, name, scale, item.number("offset_v", -1e9, 1e9)))
+    if unknown := sorted(set(listed.unread())):
+        raise listed.refuse(one_line(unknown[0], 40), f"is none of {', '.join(Role)}")
+    if all(channel.role is not Role.MEASUREMENT for channel in channels):
+        raise listed.refuse("measurement", "missing: the beat that the moving corner cube shifts is needed")
+    rig = whole.object("setup")
+    if rig is None:
+        raise whole.refuse("setup", "missing")
+    return ForeignMapping(
+        kind,
+        tuple(channels),
+        setup_of(rig),
+        whole.number("sample_rate_hz", *RATES_HZ),
+        whole.whole("trigger_sample", 0, 2**53),
+    )
+
+
+def write_mapping(mapping: ForeignMapping, path: Path) -> None:
+    """Write a mapping so that ``read_mapping`` gives it again.  Raises RecordingError."""
+    lines = [_HEAD, f"format = {_toml(mapping.format)}"]
+    if mapping.sample_rate_hz is not None:
+        lines.append(f"sample_rate_hz = {_toml(mapping.sample_rate_hz)}")
+    if mapping.trigger_sample is not None:
+        lines.append(f"trigger_sample = {mapping.trigger_sample}")
+    for channel in mapping.channels:
+        lines += ["", f"[channels.{channel.role}]", f"name = {_toml(channel.name)}"]
+        for key in ("volts_per_unit", "offset_v"):
+            if (value := getattr(channel, key)) is not None:
+                lines.append(f"{key} = {_toml(value)}")
+    rig = setup_json(mapping.setup)
+    inner = {key: value for key, value in rig.items() if isinstance(value, Mapping)}
+    lines += ["", "[setup]", *(f"{_key(k)} = {_toml(v)}" for k, v in rig.items() if k not in inner)]
+    for name, values in inner.items():
+        lines += ["", f"[setup.{_key(name)}]", *(f"{_key(k)} = {_toml(v)}" for k, v in values.items())]
+    write_text_beside(path, "\n".join(lines) + "\n", sync=True)
+
+
+def _key(name: str) -> str:
+    return name if name.isascii() and name.replace("_", "").isalnum() else _toml(name)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_key(str(k))} = {_toml(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(v) for v in value) + "]"
+    return json.dumps(value)  # a string, a whole number or a truth value reads the same in TOML, \u escapes included
+
+
+FORMATS = {
+    ".tdms": "tdms",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".hdf": "hdf5",
+    ".mat": "hdf5",
+    ".wav": "wav",
+    ".csv": "csv",
+    ".txt": "csv",
+}
+ENDING = ".levimass.toml"
+OF_FOLDER = "levimass-mapping.toml"
+
+
+def format_of(path: Path | str) -> str | None:
+    """Return "tdms", "hdf5", "wav" or "csv" by the file's ending, or None."""
+    return FORMATS.get(Path(path).suffix.lower())
+
+
+def own_mapping(path: Path | str) -> Path:
+    """Return where a file's own mapping is kept."""
+    path = Path(path)
+    return path.with_name(path.name + ENDING)
+
+
+def remembered_mapping(path: Path | str) -> Path | None:
+    """Return the mapping that says how to read ``path``: its own, else its folder's where that is of its format."""
+    kind = format_of(path)
+    if kind is None:
+        return None
+    if (own := own_mapping(path)).is_file():
+        return own
+    shared = Path(path).with_name(OF_FOLDER)
+    try:
+        wanted = read_toml(shared).get("format")
+    except RecordingError:
+        return None
+    return shared if wanted == kind else None
+
+
+def is_foreign(path: Path | str) -> bool:
+    """Return whether a mapping makes ``path`` a raw recording; a motion record (its .toml beside it) is none."""
+    path = Path(path)
+    if path.suffix.lower() == ".csv" and path.with_suffix(".toml").exists():
+        return False
+    return remembered_mapping(path) is not None

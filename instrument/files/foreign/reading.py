@@ -1,0 +1,199 @@
+"""Foreign files as recordings: what is in one, and one read by its mapping."""
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.shot.recording import Channel, Recording, Role
+from instrument.capture.trigger import LightSwitch, TriggerSettings
+from instrument.files.foreign import csv_table, hdf5, tdms, wav
+from instrument.files.foreign.contents import LARGEST_FILE_BYTES, MOST_SAMPLES, Column, ForeignColumn, ForeignContents
+from instrument.files.foreign.mapping import FORMATS, ForeignMapping, MappedChannel, format_of
+from instrument.files.recording_error import RecordingError, one_line
+from instrument.files.text_file import open_regular
+
+Answer = TypeVar("Answer")
+_CONTENTS: dict[str, Callable[[Path], ForeignContents]] = {
+    "tdms": tdms.contents,
+    "hdf5": hdf5.contents,
+    "wav": wav.contents,
+    "csv": csv_table.contents,
+}
+
+
+def foreign_channels(path: Path | str) -> ForeignContents:
+    """Return what a foreign file holds; its samples are not kept.  Raises RecordingError: one line, file and cause."""
+    path = Path(path)
+    return _asked(path, _CONTENTS[_format(path)], path)
+
+
+def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
+    """Return a foreign file as a recording, its channels in the mapping's order.
+
+    Numbers of 8 and 16 bits stay the counts they are; wider ones are rounded to 16 bits of the range they use.  With a
+    switch channel and no ``trigger_sample`` the first step of the light switch is looked for.  Flags: "unequal" where
+    channels differ in length (the shortest counts).  Raises RecordingError: one line, file and cause.
+    """
+    path = Path(path)
+    kind = _format(path)
+    if mapping.format != kind:
+        raise RecordingError(path, f"its mapping is for {one_line(mapping.format, 20)}, this is {kind}")
+    held = foreign_channels(path)
+    names = [held.channel(channel.name).name for channel in mapping.channels]
+    if kind == "csv":
+        columns = _asked(path, csv_table.columns, path, names, mapping.sample_rate_hz is None)
+    else:
+        columns = _asked(path, {"tdms": tdms, "hdf5": hdf5, "wav": wav}[kind].columns, path, names)
+    samples = min(column.values.size for column in columns)
+    if not 2 <= samples <= MOST_SAMPLES:
+        raise RecordingError(path, f"{samples} samples, at least 2 are needed" if samples < 2 else "too many samples")
+    rate = mapping.sample_rate_hz or _rate(path, mapping, columns)
+    counts = np.empty((samples, len(columns)), np.int16)
+    channels = []
+    for index, (mapped, column) in enumerate(zip(mapping.channels, columns, strict=True)):
+        channels.append(_channel(path, mapped, column, counts[:, index]))
+    counts.flags.writeable = False
+    unequal = any(column.values.size != samples for column in columns)
+    recording = Recording(
+        name=path.stem,
+        counts=counts,
+        sample_rate_hz=rate,
+        channels=tuple(channels),
+        setup=replace(mapping.setup, digitizer_bits=_bits(mapping, columns)),
+        trigger_sample=mapping.trigger_sample,
+        started_at=held.started_at,
+        flags=(*held.flags, *(("unequal",) if unequal else ())),
+        path=str(path),
+    )
+    return _triggered(path, recording)
+
+
+def _asked(path: Path, read: Callable[..., Answer], *asked: object) -> Answer:
+    """Return what a format's reader answers; whatever its library raises on a spoiled file is a refusal."""
+    try:
+        return read(*asked)
+    except RecordingError:
+        raise
+    except Exception as error:
+        cause = one_line(str(error), 100) or type(error).__name__
+        raise RecordingError(path, f"cannot be read as {format_of(path)} ({cause})") from None
+
+
+def _format(path: Path) -> str:
+    kind = format_of(path)
+    if kind is None:
+        raise RecordingError(path, f"no format this program reads; it reads SigMF and {', '.join(sorted(FORMATS))}")
+    descriptor = open_regular(path)  # a pipe must not hang the readers below
+    try:
+        size = os.fstat(descriptor).st_size
+    finally:
+        os.close(descriptor)
+    if size > LARGEST_FILE_BYTES:
+        raise RecordingError(path, f"larger than {LARGEST_FILE_BYTES // 2**30} GiB")
+    return kind
+
+
+def _channel(path: Path, mapped: MappedChannel, column: ForeignColumn, into: np.ndarray) -> Channel:
+    """Fill ``into``, shape (n,), with the channel's counts and return what they mean in volts."""
+    values = column.values[: into.size]
+    try:
+        counts, unit_per_count, offset = to_counts(values)
+    except NotFinite as error:
+        cause = f"sample {error.args[0]} is not a finite number"
+        raise RecordingError(path, cause, one_line(mapped.name, 60)) from None
+    into[:] = counts
+    volts, shift = mapped.volts_per_unit, mapped.offset_v
+    if volts is None:
+        kind = column.values.dtype
+        full_scale = 1.0 if kind.kind == "f" else 2.0 ** (1 - 8 * kind.itemsize)
+        volts, inner = column.volts_per_unit or full_scale, column.offset_v
+        shift = inner if shift is None else shift
+    return Channel(mapped.role, volts * unit_per_count, volts * offset + (shift or 0.0))
+
+
+def _bits(mapping: ForeignMapping, columns: list[ForeignColumn]) -> int:
+    """Return the bits whose rails mean clipping: the digitizer's for counts kept as they are, else 16."""
+    kept = all(column.values.dtype.kind in "iu" and column.values.dtype.itemsize <= 2 for column in columns)
+    widest = max(8 * column.values.dtype.itemsize for column in columns)
+    return min(mapping.setup.digitizer_bits, widest) if kept else 16
+
+
+def _rate(path: Path, mapping: ForeignMapping, columns: list[ForeignColumn]) -> float:
+    rates = {column.sample_rate_hz for column in columns}
+    rate = next(iter(rates))
+    if len(rates) > 1 and None not in rates:
+        known = [r for r in rates if r is not None]
+        if max(known) - min(known) > 1e-9 * max(known):
+            raise RecordingError(path, "its channels were sampled at different rates")
+    if rate is None:
+        raise RecordingError(path, "does not state its sample rate; give it in the mapping (--rate)")
+    return rate
+
+
+def _triggered(path: Path, recording: Recording) -> Recording:
+    trigger = recording.trigger_sample
+    if trigger is not None and trigger >= recording.samples:
+        return replace(recording, trigger_sample=None, flags=(*recording.flags, "trigger_lost"))
+    column = recording.column(Role.SWITCH)
+    if trigger is not None or column is None:
+        return recording
+    reach = int(np.ptp(recording.counts[:, column].astype(np.int32)))  # few files tell the digitizer's own bits
+    bits = min(recording.setup.digitizer_bits, reach.bit_length())
+    step = LightSwitch(TriggerSettings(), column, bits).first_step(recording.counts)
+    return replace(recording, trigger_sample=step)
+
+
+_TOP = 32000  # counts of the largest deviation: short of the rail, which means clipped
+_RAIL = 32767
+_PILED_SHARE = 1e-3  # of the samples at the extreme ...
+_PILED_UP = 4.0  # ... and so many times those one level below: no beat spends its time like that unless it is cut off
+
+
+class NotFinite(ValueError):
+    """A sample that is no number; ``args[0]`` is its index."""
+
+
+def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
+    """Return (counts, unit_per_count, offset) with value = counts * unit_per_count + offset; shape (n,) as given.
+
+    Wider numbers are rounded to at most 1/64000 of the range they span, 16 bits: below the noise of any digitizer of
+    12 bits.  Where they pile up at an extreme as a clipped signal does, that extreme becomes the rail of the counts.
+    Raises NotFinite.
+    """
+    kind = values.dtype
+    if kind == np.int16 or kind == np.int8:
+        return np.ascontiguousarray(values, dtype=np.int16), 1.0, 0.0
+    if kind == np.uint8 or kind == np.uint16:
+        middle = 128 if kind == np.uint8 else 32768
+        return (values.astype(np.int32) - middle).astype(np.int16), 1.0, float(middle)
+    if values.size == 0:
+        return np.empty(0, np.int16), 1.0, 0.0
+    low, high = float(values.min()), float(values.max())
+    if not (np.isfinite(low) and np.isfinite(high)):
+        raise NotFinite(int(np.argmin(np.isfinite(values))))
+    offset, half = 0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low
+    if half <= 0.0:
+        return np.zeros(values.size, np.int16), 1.0, offset
+    unit = half / (_RAIL if _piled_up(values, high, -1) or _piled_up(values, low, 1) else _TOP)
+    counts = np.empty(values.size, np.int16)
+    step = 2**20
+    for start in range(0, values.size, step):  # block by block: no second copy of a long shot in floats
+        block = values[start : start + step].astype(np.float64)
+        counts[start : start + step] = np.clip(np.rint((block - offset) / unit), -_RAIL, _RAIL)
+    return counts, unit, offset
+
+
+def _piled_up(values: Column, extreme: float, inward: int) -> bool:
+    at = int(np.count_nonzero(values == extreme))
+    if at <= _PILED_SHARE * values.size or at < 8:
+        return False
+    rest = values[values != extreme]
+    if rest.size == 0:
+        return False
+    following = rest.max() if inward < 0 else rest.min()
+    return bool(at > _PILED_UP * np.count_nonzero(rest == following))

@@ -1,0 +1,140 @@
+"""TDMS, the file of LabVIEW and DIAdem: channels as "group/channel", volts by the file's own scaling."""
+
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from instrument.files.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents, bounded, needs
+from instrument.files.recording_error import RecordingError, one_line
+
+_MOST_SCALES = 64  # the library makes a list as long as the file says
+_OF_LENGTH = ("nptdms.reader", "nptdms.tdms_segment")  # they tell of segments cut short
+
+
+def contents(path: Path) -> ForeignContents:
+    """Return every channel of numbers with rate and unit of its waveform properties."""
+    with _heeded() as complaints, _opened(path) as file:
+        found = [
+            ForeignChannel(name, len(channel), str(channel.dtype), _unit(channel), _rate(channel))
+            for name, channel in _channels(path, file).items()
+        ]
+        started = next((s for c in _channels(path, file).values() if (s := _started(c)) is not None), None)
+    return ForeignContents(path, "tdms", bounded(path, found), started, ("truncated",) if complaints else ())
+
+
+def columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
+    """Return the named channels; counts with one linear scale stay counts, all else comes scaled by the file."""
+    with _heeded(), _opened(path) as file:
+        channels = _channels(path, file)
+        return [_column(path, channels[name]) for name in names]
+
+
+def _column(path: Path, channel: Any) -> ForeignColumn:
+    scale = _linear_scale(channel.properties)
+    try:
+        if scale is not None and channel.data_type.nptype is not None:
+            raw = np.asarray(channel.read_data(scaled=False))
+            if raw.dtype.kind in "iu" and raw.dtype.itemsize <= 2:
+                return ForeignColumn(raw, scale[0], scale[1], _rate(channel))
+        values = np.asarray(channel.read_data(scaled=True))
+    except Exception as error:
+        raise _unreadable(path, error) from None
+    return ForeignColumn(values, None, 0.0, _rate(channel))
+
+
+def _linear_scale(properties: Any) -> tuple[float, float] | None:
+    """Return (slope, intercept) where the channel has one linear scale and no other."""
+    try:
+        if int(properties["NI_Number_Of_Scales"]) != 1 or properties["NI_Scale[0]_Scale_Type"] != "Linear":
+            return None
+        slope = float(properties["NI_Scale[0]_Linear_Slope"])
+        intercept = float(properties["NI_Scale[0]_Linear_Y_Intercept"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return (slope, intercept) if np.isfinite([slope, intercept]).all() and abs(slope) > 1e-30 else None
+
+
+def _channels(path: Path, file: Any) -> dict[str, Any]:
+    size = os.stat(path).st_size
+    found = {}
+    for group in file.groups():
+        for channel in group.channels():
+            if any(_scales(part.properties) > _MOST_SCALES for part in (channel, group, file)):
+                raise RecordingError(path, f"more than {_MOST_SCALES} scales", one_line(channel.name, 60))
+            dtype = channel.dtype
+            if dtype is None or dtype.kind not in "iuf" or len(channel) < 2:
+                continue
+            stored = getattr(channel.data_type, "size", None) or 1
+            if len(channel) * stored > size:  # nothing is compressed in it: such a length is a lie
+                raise RecordingError(path, "claims more samples than the file holds", one_line(channel.name, 60))
+            found[f"{group.name}/{channel.name}"] = channel
+    return found
+
+
+def _scales(properties: Any) -> int:
+    try:
+        return int(properties.get("NI_Number_Of_Scales", 0))
+    except (TypeError, ValueError, OverflowError):
+        return 0
+
+
+def _rate(channel: Any) -> float | None:
+    try:
+        step = float(channel.properties["wf_increment"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return 1.0 / step if 1e-12 < step < 1e12 else None
+
+
+def _unit(channel: Any) -> str:
+    return one_line(str(channel.properties.get("unit_string", "")), 20)
+
+
+def _started(channel: Any) -> str | None:
+    start = channel.properties.get("wf_start_time")
+    return f"{np.datetime_as_string(start, unit='us')}Z" if isinstance(start, np.datetime64) else None
+
+
+@contextmanager
+def _heeded() -> Iterator[list[str]]:
+    """Collect what the library says about an incomplete file, and keep it from printing anything at all."""
+    complaints: list[str] = []
+
+    def heed(record: logging.LogRecord) -> bool:
+        if record.name in _OF_LENGTH:
+            complaints.append(one_line(record.getMessage()))
+        return False
+
+    with suppress(ImportError):
+        import nptdms  # noqa: F401 - its loggers are there from here on
+    loggers = [logging.getLogger(name) for name in list(logging.root.manager.loggerDict) if name.startswith("nptdms")]
+    for logger in loggers:
+        logger.addFilter(heed)
+    try:
+        yield complaints
+    finally:
+        for logger in loggers:
+            logger.removeFilter(heed)
+
+
+def _opened(path: Path) -> Any:
+    try:
+        from nptdms import TdmsFile
+    except ImportError:
+        raise needs(path, "npTDMS", "tdms") from None
+    try:
+        return TdmsFile.open(path)
+    except Exception as error:
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: Exception) -> RecordingError:
+    if isinstance(error, RecordingError):
+        return error
+    cause = one_line(str(error), 100) or type(error).__name__
+    return RecordingError(path, f"not a TDMS file that can be read ({cause})")

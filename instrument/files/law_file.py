@@ -1,0 +1,64 @@
+"""A person's own laws as TOML files, one a law, in a folder of their own (docs/own-laws.md)."""
+
+import json
+from pathlib import Path
+
+from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_writer import write_text_beside
+from instrument.files.text_file import read_toml
+
+LARGEST_BYTES = 64 * 1024
+
+
+def read_law(path: Path) -> OwnLaw:
+    """Return the law in ``path``; RecordingError, one line, names the file, the key and what is wrong with it."""
+    try:
+        return from_mapping(read_toml(path, LARGEST_BYTES))
+    except LawError as error:
+        raise RecordingError(path, str(error)) from None
+
+
+def read_laws(folder: Path) -> tuple[list[OwnLaw], list[str]]:
+    """Return the laws in ``folder`` by the names of their files, and one line for each file that holds none."""
+    laws: dict[str, OwnLaw] = {}
+    problems: list[str] = []
+    for path in sorted(folder.glob("*.toml")):
+        try:
+            law = read_law(path)
+            if law.name in laws:
+                raise RecordingError(path, f"a law called {law.name!r} stands in another file of this folder")
+            laws[law.name] = law
+        except RecordingError as error:
+            problems.append(str(error))
+    return list(laws.values()), problems
+
+
+def write_law(law: OwnLaw, folder: Path) -> Path:
+    """Write a law as ``NAME.toml`` into ``folder`` and return its path; RecordingError where that cannot be.
+
+    A file that is there already is no reason to lose it: another name must be chosen.
+    """
+    path = folder / f"{law.name}.toml"
+    if path.exists():
+        raise RecordingError(path, "there is a law of this name already; choose another")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(folder, error.strerror or str(error)) from None
+    write_text_beside(path, law_text(law), sync=True)
+    return path
+
+
+def law_text(law: OwnLaw) -> str:
+    """Return the TOML that ``read_law`` reads as this law."""
+    table = law.written()
+    parameters = table.pop("parameters")
+    lines = [f"{key} = {_toml(value)}" for key, value in table.items()]
+    for name, values in parameters.items():
+        lines += ["", f"[parameters.{name}]", *(f"{key} = {_toml(value)}" for key, value in values.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: str | float | bool) -> str:
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else repr(float(value))

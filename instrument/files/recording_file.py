@@ -1,0 +1,232 @@
+"""Recordings on disk: two SigMF files with one stem, as docs/formats.md says.
+
+Read with json rather than the ``sigmf`` package: every refusal must name file and key in one line, foreign metadata
+must not lead outside their folder (``core:dataset``) nor allocate without bound, and a capture has to be readable
+while it is still being written, none of which that package's checks are made for.  The tests read what is written
+here with the package, so that the two agree on the format.  The samples are read, not mapped: where another program
+cuts a mapped file short, the next look at it ends the process (SIGBUS).
+"""
+
+import hashlib
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.shot.recording import Recording, Role
+from analysis.signal.stated_rate import DELIVERED
+from analysis.signal.stated_rate import FLAG as RATE_CONTRADICTED
+from instrument.files.recording_error import FileNotReached, RecordingError
+from instrument.files.recording_metadata import Metadata, read_metadata
+from instrument.files.recording_search import find_recordings, recording_stem
+from instrument.files.recording_writer import RecordingWriter, rewrite_note, write_recording
+from instrument.files.text_file import open_regular
+
+__all__ = [
+    "ALTERED",
+    "RecordingError",
+    "RecordingWriter",
+    "find_recordings",
+    "has_hash",
+    "read_recording",
+    "read_unhashed",
+    "recording_stem",
+    "rewrite_note",
+    "verify",
+    "write_recording",
+]
+
+ALTERED = "data_altered"
+ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all samples asked for came
+_PIECE_BYTES = 4 * 2**20
+_LOOKED_AT = 256, 256  # places in the file and samples at each: enough to see clipping, too little to wait for
+_CLIPPED_SHARE = 1e-3
+
+
+def read_recording(path: Path | str) -> Recording:
+    """Read a recording; its counts are int16, shape (samples, channels).
+
+    Flags: "interrupted" (never closed: no hash), "truncated" (fewer samples than the metadata say),
+    "longer_than_declared", "data_altered" (as many as they say, and not those of their hash), "gap", "cut_short"
+    (ended before all samples asked for came), "clipped" (seen in samples taken across the file).  RecordingError names
+    file and key in one line.  Cost, most of it the hash: 3 ms a MB.
+    """
+    recording, sha512 = read_unhashed(path)
+    if sha512 is None or has_hash(recording, sha512):
+        return recording
+    return replace(recording, flags=(*recording.flags, ALTERED))
+
+
+def read_unhashed(path: Path | str) -> tuple[Recording, str | None]:
+    """Do as ``read_recording`` does but for the hash; return the one its counts must have too.
+
+    That is None where nothing can be said: never closed, or not as many samples as the metadata say.
+    """
+    stem = recording_stem(path)
+    metadata = read_metadata(stem.with_name(stem.name + ".sigmf-meta"))
+    data = stem.with_name(stem.name + ".sigmf-data")
+    counts, left_over = _samples(data, len(metadata.channels))
+    sha512 = metadata.sha512
+    samples = counts.shape[0]
+    declared, at_least = metadata.declared_samples, metadata.at_least_samples
+    flags = []
+    if sha512 is None:
+        flags.append("interrupted")
+    if left_over or samples < max(declared or 0, at_least):
+        flags.append("truncated")
+        sha512 = None
+    elif declared is not None and samples > declared:
+        flags.append("longer_than_declared")
+        sha512 = None
+    trigger = metadata.trigger_sample
+    if trigger is not None and trigger >= samples:
+        trigger = None
+        flags.append("trigger_lost")
+    gaps = tuple(gap for gap in metadata.gaps if gap.sample_start < samples)
+    if gaps:
+        flags.append("gap")
+    if ENDED_EARLY in metadata.extra.get("global", {}):
+        flags.append("cut_short")
+    if DELIVERED in metadata.extra.get("global", {}):
+        flags.append(RATE_CONTRADICTED)
+    if _clipped(counts, metadata):
+        flags.append("clipped")
+    recording = Recording(
+        name=stem.name,
+        counts=counts,
+        sample_rate_hz=metadata.sample_rate_hz,
+        channels=metadata.channels,
+        setup=metadata.setup,
+        trigger_sample=trigger,
+        gaps=gaps,
+        started_at=metadata.started_at,
+        note=metadata.note,
+        flags=tuple(flags),
+        path=str(stem.with_name(stem.name + ".sigmf-meta")),
+        extra=metadata.extra,
+    )
+    return recording, sha512
+
+
+def has_hash(recording: Recording, sha512: str, given_up: Callable[[], bool] = lambda: False) -> bool:
+    """Return whether the counts are those of ``sha512`` (hex); looks at ``given_up`` every few ms and then says True.
+
+    hashlib lets go of the interpreter, so that it may run beside other work.
+    """
+    digest = hashlib.sha512()
+    octets = recording.counts.reshape(-1).view(np.uint8)
+    for start in range(0, octets.size, _PIECE_BYTES):
+        if given_up():
+            return True
+        digest.update(octets[start : start + _PIECE_BYTES].data)
+    return digest.hexdigest() == sha512.lower()
+
+
+def verify(path: Path | str) -> bool:
+    """Check the hash of a recording's samples; False where it differs.
+
+    RecordingError where the recording cannot be read or was never closed, so has no hash.
+    """
+    stem = recording_stem(path)
+    meta = stem.with_name(stem.name + ".sigmf-meta")
+    wanted = read_metadata(meta).sha512
+    if wanted is None:
+        raise RecordingError(meta, "missing (the capture was cut off)", "global.core:sha512")
+    data = stem.with_name(stem.name + ".sigmf-data")
+    _stay_inside(data)
+    with os.fdopen(open_regular(data), "rb") as file:
+        return hashlib.file_digest(file, "sha512").hexdigest() == wanted.lower()
+
+
+def _stay_inside(data: Path) -> None:
+    """Refuse a link that would make the program read outside the recording's folder."""
+    try:
+        if data.is_symlink() and data.resolve().parent not in (data.parent.resolve(), _real_folder(data)):
+            raise RecordingError(data, "a link to outside the recording's folder; copy the file here instead")
+    except (OSError, RuntimeError) as error:
+        raise RecordingError(data, f"a link that leads nowhere ({error})") from None
+
+
+def _real_folder(data: Path) -> Path:
+    # both files linked from one foreign folder are that folder's recording, not a way out of this one
+    return data.with_name(data.name.removesuffix(".sigmf-data") + ".sigmf-meta").resolve().parent
+
+
+def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
+    """Return the counts, shape (samples, channels), and the number of bytes after the last whole sample."""
+    _stay_inside(data)
+    frame = 2 * channels
+    with os.fdopen(open_regular(data), "rb", buffering=0) as file:
+        size = os.fstat(file.fileno()).st_size  # what a capture under way adds from now on is not waited for
+        if size < frame:
+            raise RecordingError(data, "holds no samples")
+        try:
+            held = np.empty(size, np.uint8)
+            filled = 0
+            while filled < size and (came := file.readinto(held[filled : filled + _PIECE_BYTES].data)):
+                filled += came
+        except OSError as error:
+            raise FileNotReached(data, error.strerror or str(error)) from None
+        except MemoryError:
+            raise RecordingError(
+                data, f"{size / 2**30:.1f} GiB, more than this machine's memory has room for"
+            ) from None
+    samples, left_over = divmod(filled, frame)  # fewer than the size said where it was cut short just now
+    if samples == 0:
+        raise RecordingError(data, "holds no samples")
+    counts = held[: samples * frame].view("<i2").reshape(samples, channels)
+    counts.flags.writeable = False
+    return counts, left_over
+
+
+def _clipped(counts: NDArray[np.int16], metadata: Metadata) -> bool:
+    """Return whether a beat sits at the rails of the digitizer; the switch channel may sit there rightly."""
+    beats = [i for i, channel in enumerate(metadata.channels) if channel.role is not Role.SWITCH]
+    places, length = _LOOKED_AT
+    starts = np.linspace(0, max(0, counts.shape[0] - length), places).astype(np.int64)
+    looked_at = np.concatenate([counts[start : start + length] for start in np.unique(starts)])[:, beats]
+    rail = 1 << (metadata.setup.digitizer_bits - 1)
+    at_rail = (looked_at >= rail - 1) | (looked_at <= -rail)
+    return bool(np.any(at_rail.mean(axis=0) > _CLIPPED_SHARE))
+
+
+@dataclass(frozen=True, slots=True)
+class DataHash:
+    """The data file's name, size and SHA-512 (hex) as it is now.
+
+    ``recorded`` is the hash its metadata hold (``core:sha512``), None where there is none.
+    """
+
+    file: str
+    size_bytes: int
+    sha512: str
+    recorded: str | None
+
+    @property
+    def agrees(self) -> bool | None:
+        """Get whether the data are those that were taken; None where no hash was written then."""
+        return None if self.recorded is None else self.recorded.lower() == self.sha512
+
+
+def data_hash(path: Path | str) -> DataHash:
+    """Hash the data of a recording, a motion record or a foreign file: tens of ms for 10 M samples.
+
+    Raises RecordingError, one line, where they cannot be read.
+    """
+    path = Path(path)
+    recorded = None
+    stem = recording_stem(path)
+    meta = stem.with_name(stem.name + ".sigmf-meta")
+    if stem != path or meta.exists():
+        recorded = read_metadata(meta).sha512
+        path = stem.with_name(stem.name + ".sigmf-data")
+    with os.fdopen(open_regular(path), "rb") as file:
+        try:
+            digest = hashlib.file_digest(file, "sha512").hexdigest()
+            size = os.fstat(file.fileno()).st_size
+        except OSError as error:
+            raise RecordingError(path, error.strerror or str(error)) from None
+    return DataHash(path.name, size, digest, recorded)

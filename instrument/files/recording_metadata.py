@@ -1,0 +1,250 @@
+"""SigMF metadata of a recording, between JSON and dataclasses; unknown keys of other writers travel along."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from analysis.shot.recording import Air, Channel, Gap, Plate, Role, Setup
+from instrument.files.checked import Checked
+from instrument.files.text_file import read_json
+
+SIGMF_VERSION = "1.2.5"
+_EXTENSION = {"name": "lmm", "version": "1.0.0", "optional": True}
+RATES_HZ = 1e-3, 1e12  # beyond what any rig has, within what every formula bears
+MASSES_KG = 1e-9, 1e6
+_MOST_CHANNELS = 64
+_MOST_SAMPLES = 2**53
+_PLATE = ("arm_length_m", "arm_width_m", "thickness_m", "disc_diameter_m", "density_kg_m3", "youngs_modulus_pa")
+
+
+@dataclass(frozen=True, slots=True)
+class Metadata:
+    """What a .sigmf-meta says, checked.  ``extra`` holds the foreign keys under "global", "captures", ...
+
+    ``declared_samples`` is the length a channel that the writer states, ``at_least_samples`` what its indices imply.
+    """
+
+    sample_rate_hz: float
+    channels: tuple[Channel, ...]
+    setup: Setup
+    trigger_sample: int | None
+    gaps: tuple[Gap, ...]
+    note: str
+    started_at: str | None
+    sha512: str | None
+    declared_samples: int | None
+    at_least_samples: int
+    extra: Mapping[str, Any]
+
+
+def read_metadata(path: Path) -> Metadata:
+    """Read and check a .sigmf-meta file; RecordingError names file and key of what cannot be read."""
+    whole = Checked(path, read_json(path))
+    head = whole.object("global")
+    if head is None:
+        raise whole.refuse("global", "missing")
+    datatype = head.text("core:datatype", 1000)
+    if datatype != "ri16_le":
+        raise head.refuse("core:datatype", "missing" if datatype is None else f"{datatype[:20]!r} is not 'ri16_le'")
+    head.text("core:version", 1000)
+    head.get("core:extensions")
+    rate = head.required("core:sample_rate", *RATES_HZ)
+    channels, channel_extra = _channels(head)
+    setup = _setup(head)
+    for key in ("core:trailing_bytes", "core:metadata_only"):
+        if head.values.get(key):
+            raise head.refuse(key, "only recordings whose data file holds nothing but samples can be read")
+    dataset = head.text("core:dataset")
+    if dataset is not None and dataset != f"{path.name.removesuffix('.sigmf-meta')}.sigmf-data":
+        raise head.refuse("core:dataset", "names another file; the samples are read from beside the metadata alone")
+    trigger = head.whole("lmm:trigger_sample", 0, _MOST_SAMPLES)
+    declared = head.whole("lmm:samples", 0, _MOST_SAMPLES)
+    sha512 = head.text("core:sha512", 1000)
+    started_at, capture_extra = _captures(whole)
+    found = _annotations(whole)
+    if declared is None:
+        declared = found.note_samples
+    at_least = max(found.at_least, 0 if trigger is None else trigger + 1)
+    extensions = head.values.get("core:extensions")
+    extra: dict[str, Any] = {
+        "global": head.unread(),
+        "captures": capture_extra,
+        "annotations": found.foreign,
+        "channels": channel_extra,
+        "extensions": extensions if isinstance(extensions, list) else [],
+        "top": whole.unread(),
+    }
+    extra = {key: value for key, value in extra.items() if value}
+    return Metadata(
+        rate, channels, setup, trigger, found.gaps, found.note, started_at, sha512, declared, at_least, extra
+    )
+
+
+def _channels(head: Checked) -> tuple[tuple[Channel, ...], list[dict[str, Any]]]:
+    listed = head.objects("lmm:channels")
+    if not listed:
+        raise head.refuse("lmm:channels", "missing" if listed is None else "empty")
+    if len(listed) > _MOST_CHANNELS:
+        raise head.refuse("lmm:channels", f"more than {_MOST_CHANNELS} channels")
+    count = head.whole("core:num_channels", 1, _MOST_CHANNELS)
+    if count is not None and count != len(listed):
+        raise head.refuse("core:num_channels", f"{count}, but lmm:channels lists {len(listed)}")
+    channels: list[Channel] = []
+    for item in listed:
+        name = item.text("role", 1000)
+        if name not in tuple(Role):
+            raise item.refuse("role", "missing" if name is None else f"{name[:20]!r} is none of {', '.join(Role)}")
+        role = Role(name)
+        if any(channel.role is role for channel in channels):
+            raise item.refuse("role", f"a second {role} channel")
+        scale = item.required("volts_per_count", -1e6, 1e6)
+        if abs(scale) < 1e-30:
+            raise item.refuse("volts_per_count", "zero")
+        channels.append(Channel(role, scale, item.number("offset_v", -1e9, 1e9, default=0.0) or 0.0))
+    if not any(channel.role is Role.MEASUREMENT for channel in channels):
+        raise head.refuse("lmm:channels", "no channel has the role 'measurement'")
+    foreign = [item.unread() for item in listed]
+    return tuple(channels), foreign if any(foreign) else []
+
+
+def _setup(head: Checked) -> Setup:
+    item = head.object("lmm:setup")
+    if item is None:
+        raise head.refuse("lmm:setup", "missing")
+    return setup_of(item)
+
+
+def setup_of(item: Checked) -> Setup:
+    """Return the rig that an object of ``lmm:setup``'s keys states; RecordingError names the key that is wrong."""
+    extra: dict[str, Any] = {}
+    air = None
+    if (inside := item.object("air")) is not None:
+        air = Air(
+            inside.required("temperature_c", -90.0, 150.0),
+            inside.required("pressure_pa", 1.0, 1e7),
+            inside.required("humidity_percent", 0.0, 100.0),
+        )
+        extra["air"] = inside.unread()
+    plate = None
+    if (inside := item.object("plate")) is not None:
+        plate = Plate(*(inside.required(key, 1e-12, 1e15) for key in _PLATE))
+        extra["plate"] = inside.unread()
+    setup = Setup(
+        moving_mass_kg=item.required("moving_mass_kg", *MASSES_KG),
+        moving_mass_u_kg=item.number("moving_mass_u_kg", 0.0, 1e6, default=0.0) or 0.0,
+        wavelength_vacuum_m=item.number("wavelength_vacuum_m", 1e-9, 1e-3),
+        wavelength_air_m=item.number("wavelength_air_m", 1e-9, 1e-3),
+        air=air,
+        rest_frequency_hz=item.number("rest_frequency_hz", *RATES_HZ),
+        plate=plate,
+        digitizer_bits=item.whole("digitizer_bits", 1, 16) or 16,
+        rest_frequency_u_hz=item.number("rest_frequency_u_hz", 0.0, RATES_HZ[1]),
+    )
+    extra = {key: value for key, value in extra.items() if value} | item.unread()
+    return Setup(**{name: getattr(setup, name) for name in Setup.__dataclass_fields__ if name != "extra"}, extra=extra)
+
+
+def _captures(whole: Checked) -> tuple[str | None, list[dict[str, Any]]]:
+    segments = whole.objects("captures") or []
+    if not segments:
+        return None, []
+    first = segments[0]
+    first.whole("core:sample_start", 0, _MOST_SAMPLES)
+    started_at = first.text("core:datetime", 1000)
+    if first.number("core:header_bytes", 0, _MOST_SAMPLES):
+        raise first.refuse("core:header_bytes", "only data files that hold nothing but samples can be read")
+    foreign = [first.unread(), *(dict(segment.values) for segment in segments[1:])]
+    return started_at, foreign if any(foreign) else []
+
+
+@dataclass(frozen=True, slots=True)
+class _Annotations:
+    gaps: tuple[Gap, ...]
+    note: str
+    foreign: list[dict[str, Any]]
+    at_least: int
+    note_samples: int | None
+
+
+def _annotations(whole: Checked) -> _Annotations:
+    gaps: list[Gap] = []
+    notes: list[str] = []
+    foreign: list[dict[str, Any]] = []
+    at_least = 0
+    note_samples: int | None = None
+    for item in whole.objects("annotations") or []:
+        label = item.get("core:label")
+        start = item.whole("core:sample_start", 0, _MOST_SAMPLES)
+        count = item.whole("core:sample_count", 0, _MOST_SAMPLES)
+        at_least = max(at_least, (start or 0) + (count or 0))
+        if label == "gap":
+            if start is None:
+                raise item.refuse("core:sample_start", "missing on a gap")
+            gaps.append(Gap(start, item.whole("lmm:samples_lost", 0, _MOST_SAMPLES)))
+        elif label == "note":
+            notes.append(item.text("core:comment") or "")
+            if start == 0 and count:  # a note is about the shot: its extent is the shot's
+                note_samples = max(note_samples or 0, count)
+        else:
+            foreign.append(dict(item.values))
+    gaps.sort(key=lambda gap: gap.sample_start)
+    return _Annotations(tuple(gaps), "\n".join(n for n in notes if n), foreign, at_least, note_samples)
+
+
+def metadata_json(metadata: Metadata) -> dict[str, Any]:
+    """Return the JSON object of a .sigmf-meta; foreign keys are written back, own keys win."""
+    extra = metadata.extra
+    foreign_channels = list(extra.get("channels", ())) + [{}] * len(metadata.channels)
+    extensions = [e for e in extra.get("extensions", ()) if not (isinstance(e, dict) and e.get("name") == "lmm")]
+    head: dict[str, Any] = {
+        **extra.get("global", {}),
+        "core:datatype": "ri16_le",
+        "core:num_channels": len(metadata.channels),
+        "core:sample_rate": metadata.sample_rate_hz,
+        "core:version": SIGMF_VERSION,
+        "core:extensions": [*extensions, _EXTENSION],
+        "lmm:channels": [
+            {**other, "role": str(c.role), "volts_per_count": c.volts_per_count, "offset_v": c.offset_v}
+            for c, other in zip(metadata.channels, foreign_channels, strict=False)
+        ],
+        "lmm:setup": setup_json(metadata.setup),
+    }
+    for key, value in (
+        ("core:sha512", metadata.sha512),
+        ("lmm:trigger_sample", metadata.trigger_sample),
+        ("lmm:samples", metadata.declared_samples),
+    ):
+        if value is not None:
+            head[key] = value
+    segments = [dict(segment) for segment in extra.get("captures", ())] or [{}]
+    segments[0]["core:sample_start"] = 0
+    if metadata.started_at is not None:
+        segments[0]["core:datetime"] = metadata.started_at
+    annotations = [dict(item) for item in extra.get("annotations", ())]
+    for gap in metadata.gaps:
+        item: dict[str, Any] = {"core:sample_start": gap.sample_start, "core:label": "gap"}
+        if gap.samples_lost is not None:
+            item["lmm:samples_lost"] = gap.samples_lost
+        annotations.append(item)
+    if metadata.note:
+        item = {"core:sample_start": 0, "core:label": "note", "core:comment": metadata.note}
+        if metadata.declared_samples:
+            item["core:sample_count"] = metadata.declared_samples
+        annotations.append(item)
+    annotations.sort(key=lambda a: a.get("core:sample_start") or 0)  # SigMF wants them in order
+    return {**extra.get("top", {}), "global": head, "captures": segments, "annotations": annotations}
+
+
+def setup_json(setup: Setup) -> dict[str, Any]:
+    """Return the object that ``setup_of`` reads."""
+    written: dict[str, Any] = {k: v for k, v in setup.extra.items() if k not in ("air", "plate")}
+    for name in Setup.__dataclass_fields__:
+        value = getattr(setup, name)
+        if name == "extra" or value is None:
+            continue
+        if name in ("air", "plate"):
+            written[name] = {**setup.extra.get(name, {}), **asdict(value)}
+        else:
+            written[name] = value
+    return written

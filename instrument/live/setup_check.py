@@ -1,0 +1,173 @@
+"""The guided set-up's verdicts: is each beat there, strong, unclipped, and does the light switch toggle."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.reading.site import SiteFloor
+from analysis.shot.recording import Channel, Role
+from instrument.capture.trigger import LightSwitch, TriggerSettings
+from instrument.devices.doctor import Check, Grade
+from instrument.live.snapshot import ChannelSignal
+
+NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
+WEAK_SNR_DB = 15.0  # below, phase noise makes single cycles slip
+SMALL_SHARE = 0.05  # of the range: below, the converter's steps dominate the noise
+CLIPPED_SHARE = 0.01
+NYQUIST_SHARE = 0.4
+SAME_BEAT_HZ = 20e3  # a block that a hand holds moves the beat by less
+
+
+def check_setup(
+    counts: NDArray[np.int16],
+    channels: tuple[Channel, ...],
+    sample_rate_hz: float,
+    bits: int,
+    *,
+    toggles: int | None = None,
+    rest_frequency_hz: float | None = None,
+) -> tuple[Check, ...]:
+    """Return the verdicts on a block of counts, shape (n, channels) with n at least 64, of an armed rig at rest.
+
+    ``toggles`` counts the light switch's changes since the check began; None counts those in ``counts``.
+    """
+    signals = check_signals(counts[-CHECKED_SAMPLES:], channels, sample_rate_hz, bits)
+    if toggles is None:
+        toggles = _toggles(counts, channels, bits)
+    ranges_v = [abs(channel.volts_per_count) * 2.0 ** (bits - 1) for channel in channels]
+    return judge(signals, ranges_v, sample_rate_hz, toggles, rest_frequency_hz)
+
+
+def judge(
+    signals: Sequence[ChannelSignal],
+    ranges_v: Sequence[float],
+    sample_rate_hz: float,
+    toggles: int,
+    rest_frequency_hz: float | None = None,
+) -> tuple[Check, ...]:
+    """Return the verdicts on what the channels look like; ``ranges_v`` is each one's range to one side, in V."""
+    checks = []
+    for signal, range_v in zip(signals, ranges_v, strict=True):
+        if signal.role is Role.SWITCH:
+            checks.append(_switch(signal, toggles))
+        else:
+            checks.append(_beat(signal, range_v, sample_rate_hz))
+    checks += _rest(signals, rest_frequency_hz)
+    return tuple(checks)
+
+
+def judge_site(floor: SiteFloor) -> Check:
+    """Return the verdict on the floor of the site: what the next restitution could be known to, and what costs most."""
+    meets = f"meets {floor.criterion}" if floor.criterion else "meets no vibration criterion"
+    line = f"{meets}; expected u(COR) {floor.cor_std:.1g}"
+    if floor.advice:
+        return Check("site", Grade.WARN, f"{line}. {floor.advice[0]}")
+    return Check("site", Grade.OK, line)
+
+
+def _beat(signal: ChannelSignal, range_v: float, sample_rate_hz: float) -> Check:
+    name = NAMES[signal.role]
+    if signal.frequency_hz is None or signal.snr_db is None:
+        return Check(name, Grade.FAIL, "no beat stands out of the noise: check laser, alignment and cable")
+    share = signal.amplitude_v / range_v if range_v > 0 else 0.0
+    seen = (
+        f"beat at {signal.frequency_hz / 1e6:.4f} MHz, {signal.amplitude_v:.3g} V ({100 * share:.0f} % of the range), "
+        f"{signal.snr_db:.0f} dB"
+    )
+    if signal.clipped_fraction > CLIPPED_SHARE:
+        clipped = f"clipped in {100 * signal.clipped_fraction:.1f} % of the samples"
+        return Check(name, Grade.FAIL, f"{seen}; {clipped}: lower the gain or the light")
+    problems = []
+    if signal.clipped_fraction > 0:
+        problems.append("clips now and then: lower the gain a step")
+    if signal.snr_db < WEAK_SNR_DB:
+        problems.append("weak against the noise: align the beams")
+    if share < SMALL_SHARE:
+        problems.append("small for this range: raise the gain")
+    if signal.frequency_hz > NYQUIST_SHARE * sample_rate_hz:
+        problems.append("close to half the sample rate: sample faster")
+    if problems:
+        return Check(name, Grade.WARN, "; ".join((seen, *problems)))
+    return Check(name, Grade.OK, seen)
+
+
+def _switch(signal: ChannelSignal, toggles: int) -> Check:
+    name = NAMES[signal.role]
+    level = f"at {signal.amplitude_v:.2f} V"
+    if not toggles:
+        return Check(name, Grade.WARN, f"{level}, has not toggled yet: pass the block through it by hand")
+    return Check(name, Grade.OK, f"{level}, toggled {toggles} time{'s' if toggles > 1 else ''}")
+
+
+def _rest(signals: Sequence[ChannelSignal], rest_frequency_hz: float | None) -> list[Check]:
+    beats = {signal.role: signal.frequency_hz for signal in signals if signal.role is not Role.SWITCH}
+    if Role.REFERENCE not in beats:
+        if rest_frequency_hz is None:
+            return [Check("rest frequency", Grade.FAIL, "no channel carries PD0: give the rest frequency")]
+        rest: float | None = rest_frequency_hz
+    else:
+        rest = beats[Role.REFERENCE]
+    moving = beats.get(Role.MEASUREMENT)
+    if rest is None or moving is None:
+        return []
+    apart = moving - rest
+    line = f"PD1 is {apart / 1e3:+.1f} kHz from the rest frequency"
+    if abs(apart) > SAME_BEAT_HZ:
+        return [Check("rest frequency", Grade.WARN, f"{line}: is the block at rest, and is it PD1 on this channel?")]
+    return [Check("rest frequency", Grade.OK, line)]
+
+
+def _toggles(counts: NDArray[np.int16], channels: tuple[Channel, ...], bits: int) -> int:
+    for column, channel in enumerate(channels):
+        if channel.role is Role.SWITCH:
+            switch = LightSwitch(TriggerSettings(), column, bits)
+            switch.first_step(counts)
+            return switch.toggles
+    return 0
+
+
+CHECKED_SAMPLES = 8192
+_LINE_HALF_WIDTH = 4  # bins that one line of the Hann window takes
+_STANDS_OUT_DB = 3.0  # line against all noise together: in 4096 bins the greatest noise line is 20 dB below that
+
+
+def check_signals(
+    counts: NDArray[np.int16], channels: tuple[Channel, ...], sample_rate_hz: float, bits: int
+) -> tuple[ChannelSignal, ...]:
+    """Return how each channel looks in ``counts``, shape (n, channels), n at least 64; O(n log n)."""
+    rail = 1 << (bits - 1)
+    signals = []
+    for column, channel in enumerate(channels):
+        values = counts[:, column].astype(np.float64)
+        clipped = float(np.mean((values >= rail - 1) | (values <= -rail)))
+        scale = abs(channel.volts_per_count)
+        if channel.role is Role.SWITCH:
+            level = float(np.median(values)) * channel.volts_per_count + channel.offset_v
+            signals.append(ChannelSignal(channel.role, level, clipped, None, None))
+            continue
+        frequency, snr = _strongest_line(values - values.mean(), sample_rate_hz)
+        amplitude = float(values.std()) * np.sqrt(2.0) * scale
+        signals.append(ChannelSignal(channel.role, float(amplitude), clipped, frequency, snr))
+    return tuple(signals)
+
+
+def _strongest_line(values: NDArray[np.float64], sample_rate_hz: float) -> tuple[float | None, float | None]:
+    """Return (frequency in Hz, power against all the rest in dB) of the strongest line, None where none stands out."""
+    power = np.abs(np.fft.rfft(values * np.hanning(values.size))) ** 2
+    power[:_LINE_HALF_WIDTH] = 0.0
+    peak = int(np.argmax(power))
+    if power[peak] <= 0.0:
+        return None, None
+    low, high = max(0, peak - _LINE_HALF_WIDTH), peak + _LINE_HALF_WIDTH + 1
+    line = float(power[low:high].sum())
+    rest = float(power.sum()) - line
+    snr = 10 * np.log10(line / max(rest, 1e-12 * line))
+    if snr < -_STANDS_OUT_DB:
+        return None, None
+    offset = 0.0
+    if 0 < peak < power.size - 1 and min(power[peak - 1], power[peak + 1]) > 0:
+        left, middle, right = np.log(power[peak - 1 : peak + 2])
+        if 2 * middle > left + right:
+            offset = 0.5 * (left - right) / (left - 2 * middle + right)
+    return float((peak + offset) * sample_rate_hz / values.size), float(snr)

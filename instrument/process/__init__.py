@@ -1,0 +1,1 @@
+"""The digitizer and long work in processes of their own, and how they are talked to."""

@@ -1,0 +1,88 @@
+"""Follow docs/add-a-number.md: one more row of the declaration, and the number is found wherever numbers are shown."""
+
+import csv
+import math
+
+import pytest
+from PySide6.QtCore import Qt
+
+from analysis.report import result
+from analysis.shot.quantity import Quantity
+from analysis.uncertainty import measurement_equations, numbers
+from analysis.uncertainty.budget import combined_of, stated
+from app.command_line.replay import summary
+from app.report.export import export
+from app.report.page import report_of
+from app.session.session import Session
+from app.window.panels.compare import ComparePanel
+from app.window.panels.numbers import NumbersPanel
+from app.window.panels.session_table import SessionTable
+from app.window.theme import LIGHT
+from app.words.wording import concise_text
+from tests.app import synthetic
+
+
+def _impulse(shot):
+    peak, width = shot.impact.force_peak_n, shot.impact.force_fwhm_s
+    value = peak.value * width.value
+    return Quantity(value, value * math.hypot(peak.std / peak.value, width.std / width.value), "peak times width")
+
+
+IMPULSE = numbers.ResultNumber(
+    *("pulse_impulse_n_s", "impulse", "peak force times width", "N s", numbers.Group.MOTION, numbers.Kind.READ),
+    "About the impulse of the first contact.",
+    computed=_impulse,
+    equation=measurement_equations.scaled("beat noise, impulse", measurement_equations.damping),
+)
+
+
+@pytest.fixture
+def shots(monkeypatch):
+    monkeypatch.setattr(numbers, "NUMBERS", (*numbers.NUMBERS, IMPULSE))
+    return [synthetic.shot(f"shot-{n}", speed, n) for n, speed in enumerate((0.2, 0.25, 0.3), 1)]
+
+
+def test_a_number_stands_in_every_file_with_both_uncertainties(shots, tmp_path):
+    found, whole = result(shots, None), [_impulse(shot) for shot in shots]
+    assert [shot["pulse_impulse_n_s"]["value"] for shot in found["shots"]] == [q.value for q in whole]
+    budget = found["shots"][0]["budget"]["quantities"]["pulse_impulse_n_s"]
+    assert budget["unit"] == "N s" and budget["std_b"] > 0.0
+    mean = found["series"]["quantities"]["pulse_impulse_n_s"]["mean"]["value"]
+    assert mean == pytest.approx(sum(q.value for q in whole) / 3)
+    export(shots, tmp_path)
+    with (tmp_path / "shots.csv").open(newline="") as file:
+        row = next(csv.DictReader(file))
+    assert float(row["pulse_impulse_n_s"]) == whole[0].value
+    assert float(row["pulse_impulse_std_noise_n_s"]) == whole[0].std
+    assert float(row["pulse_impulse_std_n_s"]) == budget["std"] > whole[0].std
+    assert "pulse_impulse_n_s" in (tmp_path / "series.csv").read_text() + (tmp_path / "budget.csv").read_text()
+
+
+def test_a_number_stands_in_report_terminal_and_window(shots, qtbot):
+    page = report_of(shots)
+    assert page.count("peak force times width (N s)") >= 3 + 1 + 1  # each shot, across the shots, its trend
+    assert "  impulse  " in summary(shots[0])
+    session = Session()
+    for shot in shots:
+        session.add(shot)
+    panel, table, compare = NumbersPanel(LIGHT), SessionTable(), ComparePanel(LIGHT)
+    for widget in (panel, table, compare):
+        qtbot.addWidget(widget)
+    panel.show_shot(shots[0])
+    assert panel.text("impulse") != "–" and "About the impulse" in panel.hover("impulse")
+    table.show_session(session)
+    column = next(place for place, of in enumerate(table.model.columns) if of.head == "impulse (N s)")
+    assert table.table.isColumnHidden(column)
+    combined = stated(_impulse(shots[0]), IMPULSE.key, combined_of(shots[0]))
+    assert table.model.index(0, column).data(Qt.ItemDataRole.DisplayRole) == concise_text(combined)
+    compare.show_entries(list(session.entries))
+    compare.choose_trend("pulse_impulse_n_s")
+    assert [y for _, y in compare.trend.points] == [_impulse(shot).value for shot in shots]
+    assert compare.trend.columns["impulse (N s)"].size == 3
+
+
+def test_every_number_is_declared_once():
+    keys = [number.key for number in numbers.NUMBERS]
+    assert len(keys) == len(set(keys))
+    names = [(number.group, number.name) for number in numbers.NUMBERS]
+    assert len(names) == len(set(names)) and len({number.head for number in numbers.NUMBERS}) == len(names)

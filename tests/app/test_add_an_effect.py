@@ -1,0 +1,61 @@
+"""Follow docs/add-an-effect.md with the code that stands there: one function and one row, and every place knows it."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.collision import general
+from analysis.collision.effects import CATALOGUE, on_block
+from analysis.collision.parameters import PAPER
+from analysis.diagnosis.model_file import from_text, saved, to_text
+from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.shot.quantity import Quantity
+from app.report.page import report_of
+from app.session.session import Session
+from app.session.verdict_of import ModelEffects
+from app.words.verdict import verdict_words
+from app.words.wording import effect_numbers, effect_words
+from tests.app import synthetic
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "add-an-effect.md"
+NAME, SIZE = "cubic_drag", Quantity(3e-3, 1e-5)
+
+
+@pytest.fixture
+def added(monkeypatch: pytest.MonkeyPatch) -> Any:
+    function, row = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[:2]
+    names = vars(on_block) | {"Any": Any}
+    exec(compile(function, "on_block.py", "exec"), names)
+    effect = eval(row, names)
+    monkeypatch.setitem(CATALOGUE, effect.name, effect)
+    return effect
+
+
+def test_the_pages_function_brakes_as_its_equation_says(added: Any) -> None:
+    collision, time_s = replace(PAPER, velocity_in_m_per_s=-0.4), np.arange(-1500, 1) * 1e-5
+    strength = 3e-2
+    run = general.solve(collision, [general.Active(added, (strength,))], time_s)
+    here = np.gradient(run.velocity_m_per_s, time_s)[10:-10]
+    speed = run.velocity_m_per_s[10:-10]
+    assert here == pytest.approx(-strength * speed**3 / collision.block_mass_kg, rel=1e-3)
+
+
+def test_the_row_is_named_in_model_files_sessions_verdicts_and_reports(added: Any, tmp_path: Path) -> None:
+    shot = synthetic.shot()
+    parameter = f"{NAME}.coefficient_n_s3_per_m3"
+    parameters, size = {**shot.fit.parameters, parameter: SIZE}, len(shot.fit.parameters) + 1
+    fit = replace(shot.fit, effects=(NAME,), parameters=parameters, covariance=np.eye(size))
+    assert from_text(to_text(saved(fit, ["shot-1"]))).effects == (NAME,)
+    session = Session(tmp_path / "session.json")
+    session.set_effects(ModelEffects().with_effects("paper", (NAME,)))
+    assert Session.reopen(tmp_path / "session.json").effects.collision == (NAME,)
+    assert effect_words(NAME) == added.words == verdict_words(Verdict.EFFECT_FOUND, (NAME,))
+    assert verdict_words(Verdict.EFFECT_FOUND, (NAME,), short=True) == "cubic drag"
+    assert effect_numbers(NAME, {"coefficient_n_s3_per_m3": SIZE}).endswith("e-3 N s³/m³")
+    found = FoundEffect(NAME, {"coefficient_n_s3_per_m3": SIZE}, {})
+    page = report_of([replace(shot, fit=fit)], replace(synthetic.diagnosis(shot), effects=(found,), fit_after=fit))
+    assert page.count(added.words) >= 2 and "N s³/m³" in page

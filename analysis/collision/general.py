@@ -38,7 +38,7 @@ class Event:
 
 
 class TooManyEvents(ArithmeticError):
-    """The parameters make the contact chatter: no trajectory is given."""
+    """The contact chatters, or swings so fast that it would be followed for minutes: no trajectory is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +198,8 @@ def _solved(
     assert count != march.NO_ROOM
     if count == march.TOO_MANY:
         raise TooManyEvents(f"more than {MAX_EVENTS} contact events with {collision}")
+    if count == march.TOO_LONG:
+        raise TooManyEvents(f"more steps than a march may take with {collision}")
     if count < 0:
         raise RunsAway(f"the motion grows without bound with {collision}")
     return record, int(count), system

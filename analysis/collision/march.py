@@ -24,10 +24,14 @@ from analysis.collision.rates import rates
 from analysis.collision.system import (
     AWAY,
     DONE,
+    ENDLESS,
     GONE,
     LEFT_AT,
     MAX_EVENTS,
     RANGE_AT,
+    STEPS_A_SAMPLE,
+    STEPS_IN_ALL,
+    STEPS_LEFT,
     TIME,
     Ahead,
     Motion,
@@ -41,7 +45,7 @@ from analysis.compiled.kernel_bundle import held
 from analysis.compiled.kernel_parts import kernel, part
 from analysis.compiled.kernel_room import cut, cut_integers
 
-TOO_MANY, RUNS_AWAY, NOT_LINEAR, NO_ROOM = -1, -2, -3, -4
+TOO_MANY, RUNS_AWAY, NOT_LINEAR, NO_ROOM, TOO_LONG = -1, -2, -3, -4, -5
 TURN, RANGE = 90, 95  # kinds of event: the block turns; plus slot: the bodies leave or enter an effect's range
 
 
@@ -108,12 +112,13 @@ def _note(event, kind, motion, record):  # type: ignore[no-untyped-def]
 def march(arm, run, reach, show, stepper, system, motion, record):  # type: ignore[no-untyped-def]
     """March from where the bodies come to act on each other back to the first sample, then on to the last.
 
-    Returns the number of events, or TOO_MANY, RUNS_AWAY, NOT_LINEAR.
+    Returns the number of events, or TOO_MANY, RUNS_AWAY, NOT_LINEAR, TOO_LONG.
     """
     here, there, rows = motion.here, motion.there, system.which.size + 1
     samples = record.block * (record.times.size // record.block)
     split = min(after_start(record, system), samples)
     events = 0
+    motion.clock[STEPS_LEFT] = STEPS_IN_ALL + STEPS_A_SAMPLE * samples
     for way in range(0 if split > 0 else 1, 2):
         forward = way == 1
         if not start(system, motion, record, forward) > 0.0:  # what rides inside outweighs the block
@@ -138,6 +143,8 @@ def march(arm, run, reach, show, stepper, system, motion, record):  # type: igno
                 break
             if why == AWAY:
                 return RUNS_AWAY
+            if why == ENDLESS:
+                return TOO_LONG
             if why == GONE:
                 motion.mode[PLATE], motion.clock[LEFT_AT], fresh = 0.0, motion.clock[TIME], True
                 continue
@@ -168,7 +175,7 @@ def motion_of(here, effects, room, at):  # type: ignore[no-untyped-def]
     mode, at = cut(room, at, (NEAR_0 + effects,))
     signs, at = cut(room, at, (RANGE_0 + effects,))
     ends, at = cut(room, at, (RANGE_0 + effects, 2))
-    clock, at = cut(room, at, (2,))
+    clock, at = cut(room, at, (3,))
     nothing, at = cut_integers(room, at, (1,))
     nothing[0] = -1
     return Motion(here, there, aside, mode, signs, ends, clock, nothing), at
@@ -177,7 +184,7 @@ def motion_of(here, effects, room, at):  # type: ignore[no-untyped-def]
 def room_for(system: System, record: Record) -> int:
     """Return how many numbers a march's arrays take, by whichever stepper."""
     rows, size, effects = system.which.size + 1, record.event_state.shape[1], system.slots.shape[0]
-    states: int = (3 * rows + 1) * (2 * size + 3) + NEAR_0 + 3 * (RANGE_0 + effects) + effects + 3
+    states: int = (3 * rows + 1) * (2 * size + 3) + NEAR_0 + 3 * (RANGE_0 + effects) + effects + 4
     closed = propagator.room_for(system.numbers, system.which.size, effects, record.states.shape[1])
     return states + max(closed, runge_kutta.room_for(rows, size))
 
@@ -187,9 +194,9 @@ def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def
     """Solve at ``record.times`` (ascending, 0: first touch), in steps of any length.
 
     An incomplete block is left out; ``swings`` are those of ``Propagator``, then how far apart in s most times are
-    (0.0: as the first); ``room`` is ``room_for`` zeros.  Returns the number of events; TOO_MANY, RUNS_AWAY, or
-    NOT_LINEAR where the effects have not the form.  For 60 ms at 100 kS/s the two bodies alone take 0.1 ms; with
-    effects 0.3 to 0.5 ms, with derivatives 1 to 2.5 ms; in blocks of five 0.2 ms and 0.4 to 0.8 ms.
+    (0.0: as the first); ``room`` is ``room_for`` zeros.  Returns the number of events; TOO_MANY, RUNS_AWAY,
+    TOO_LONG, or NOT_LINEAR where the effects have not the form.  For 60 ms at 100 kS/s the two bodies alone take
+    0.1 ms; with effects 0.3 to 0.5 ms, with derivatives 1 to 2.5 ms; in blocks of five 0.2 ms and 0.4 to 0.8 ms.
     """
     system, record = held(system), held(record)
     for row in range(record.states.shape[0] if record.block > 1 else 0):  # sums begin at nothing
@@ -212,8 +219,8 @@ def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def
 def step_by_step(system, record, limits, room):  # type: ignore[no-untyped-def]
     """Solve at ``record.times`` (ascending, 0: first touch); ``limits`` are those of ``RungeKutta``.
 
-    ``room`` is ``room_for`` zeros.  Returns the number of events, TOO_MANY or RUNS_AWAY.  About 1.3 ms for 60 ms, and
-    1 ms for each derivative.
+    ``room`` is ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY or TOO_LONG.  About 1.3 ms for
+    60 ms, and 1 ms for each derivative.
     """
     system, record = held(system), held(record)
     rows, size = system.which.size + 1, record.event_state.shape[1]

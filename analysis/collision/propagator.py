@@ -15,7 +15,20 @@ from analysis.collision.guards import OVERLAP, RANGE_0, VELOCITY, may_touch
 from analysis.collision.matrices import BIT, PIECES, SLOW, TERMS, Kept, Room, ask, columns, form_at, forms_of, room_of
 from analysis.collision.modes import FREE, NEAR_0, PHASE, PLATE, is_gone, may_be_gone
 from analysis.collision.rates import rates
-from analysis.collision.system import AT_A_GUARD, AWAY, DONE, GONE, TIME, Ahead, Floats, Integers, State, state_of
+from analysis.collision.system import (
+    AT_A_GUARD,
+    AWAY,
+    DONE,
+    ENDLESS,
+    GONE,
+    STEPS_LEFT,
+    TIME,
+    Ahead,
+    Floats,
+    Integers,
+    State,
+    state_of,
+)
 from analysis.collision.two_bodies import glide, glide_in_blocks
 from analysis.compiled.kernel_bundle import held
 from analysis.compiled.kernel_parts import inlined, part
@@ -140,7 +153,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     bit, pieces, spacing, share = form.steps[BIT], int(form.steps[PIECES]), stepper.spacing_s, 1.0 / block
     z, z_end, odd = stepper.z[0], stepper.z[1], False
     i, t, left, h, why = ahead.i, motion.clock[TIME], stepper.at[LEFT], 0.0, DONE
-    omega, way = math.sqrt(system.p[0] / system.p[1]), 1 if forward else -1
+    omega, way, steps_left = math.sqrt(system.p[0] / system.p[1]), 1 if forward else -1, motion.clock[STEPS_LEFT]
     while (i <= last) if forward else (i >= last):
         if forward and may_be_gone(z[0, 0], z[2, 0], motion.mode):
             _lay(z, motion.here, 1)
@@ -155,6 +168,10 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
                 i, t = glide_in_blocks(z, form, motion, stepper.active, record, here, t)
             if i != before:
                 continue
+        steps_left -= 1.0
+        if steps_left < 0.0:
+            why = ENDLESS
+            break
         remaining = times[i] - t
         if left == 0 and abs(remaining) < 1e-14:
             _emit(z, form, i // block, share, rows, record)
@@ -205,7 +222,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
             for k in range(z.shape[1]):
                 stepper.z[0, c, k] = z[c, k]
     _lay(stepper.z[0], motion.here, 1)
-    motion.clock[TIME], stepper.at[LEFT] = t, left
+    motion.clock[TIME], motion.clock[STEPS_LEFT], stepper.at[LEFT] = t, steps_left, left
     if why == GONE:  # with all its derivatives: another mode begins here
         _lay(stepper.z[0], motion.here, rows)
     return i, h, why

@@ -16,7 +16,21 @@ from numpy.typing import NDArray
 from analysis.collision.guards import guard, guard_rate, may_touch
 from analysis.collision.modes import FREE, PHASE, PLATE, is_gone, may_be_gone
 from analysis.collision.rates import derivative_rates, rates, state_rates
-from analysis.collision.system import AT_A_GUARD, AWAY, DONE, GONE, HIDDEN, LEFT_AT, MOVES, TIME, Floats, State, take
+from analysis.collision.system import (
+    AT_A_GUARD,
+    AWAY,
+    DONE,
+    ENDLESS,
+    GONE,
+    HIDDEN,
+    LEFT_AT,
+    MOVES,
+    STEPS_LEFT,
+    TIME,
+    Floats,
+    State,
+    take,
+)
 from analysis.compiled.kernel_bundle import held
 from analysis.compiled.kernel_parts import inlined, part
 from analysis.compiled.kernel_room import cut
@@ -30,6 +44,7 @@ STEP, LONGEST, EVER, HELD, SIXTH = 0, 1, 2, 3, 4
 _MEMORY = 5
 # Of the limits: the first of the safe steps and of the swings, one a mode (see ``_mode_at``), and what follows them.
 SAFE, SWINGS, EFFECTS, GROWTH, NEARING, RIGHT, SHORTEST = 0, 4, 8, 9, 10, 11, 12
+_COSTS = 20.0  # times the time of a step in closed form
 _RADIANS = 2.0  # of the fastest swing a step may take once that is still: the method is stable to three
 _MIDWAY = 1.0 / 64.0  # of the sixth derivative over 720, times h^6: how far a quintic is off between two states
 _PLATE = 0.02  # of an error of the plate's: what it is worth beside the block's
@@ -217,6 +232,9 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
         far = ahead.forward and may_be_gone(here.z[0, 0], here.z[0, 2], motion.mode)
         if far and is_gone(here.z[0], motion.mode, system, omega):
             return i, 0.0, GONE
+        motion.clock[STEPS_LEFT] -= _COSTS
+        if motion.clock[STEPS_LEFT] < 0.0:
+            return i, 0.0, ENDLESS
         t = motion.clock[TIME]
         remaining = abs(times[ahead.last] - t)
         if remaining <= 0.0:

@@ -22,8 +22,9 @@ SLOT_PARAMETERS = 8
 IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST, RATE_AT = 0, 1, 2, 3, 4, 5, 6, 7
 SLOT_COLUMNS = 8
 MAX_EVENTS = 400
-DONE, AT_A_GUARD, GONE, AWAY = 0, 1, 2, 3  # why a stepper stopped
-TIME, LEFT_AT = 0, 1  # of the clock
+STEPS_IN_ALL, STEPS_A_SAMPLE = 1e6, 10.0  # a march may take: a fifth of a second, where a usual one takes 1 ms
+DONE, AT_A_GUARD, GONE, AWAY, ENDLESS = 0, 1, 2, 3, 4  # why a stepper stopped
+TIME, LEFT_AT, STEPS_LEFT = 0, 1, 2  # of the clock
 
 
 class System(NamedTuple):
@@ -61,8 +62,8 @@ class Motion(NamedTuple):
     """Where a march is: the state at the beginning of a step, the one tried for its end, and one to look aside.
 
     ``mode`` holds the flags of the mode, ``signs`` which sign each guard function has in it, ``ends`` what the guard
-    functions and their rates are after a step, ``clock`` the time (and that at which the plate was left to itself);
-    ``nothing`` is [-1]: derivatives by no parameter.
+    functions and their rates are after a step, ``clock`` the time (that at which the plate was left to itself, and how
+    many steps the march may still take); ``nothing`` is [-1]: derivatives by no parameter.
     """
 
     here: State

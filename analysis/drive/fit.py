@@ -16,15 +16,16 @@ from analysis.drive.table import Table
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Stop
 from analysis.signal.filters import derivative_filters
 
 Floats = NDArray[np.float64]
 
 
-def fit_driven(motions: Sequence[Motion], effects: Sequence[str] = ()) -> Fit:
-    """Return the slider's fit; it has no shots, as nothing collides.  Raises AnalysisError."""
+def fit_driven(motions: Sequence[Motion], effects: Sequence[str] = (), stop: Stop = lambda: False) -> Fit:
+    """Return the slider's fit; it has no shots, as nothing collides.  Raises AnalysisError, Cancelled."""
     began = time.perf_counter()
-    table = Table.of(prepare(motions))
+    table = Table.of(prepare(motions), stop)
     free = accept(table, effects)
     weighed = weigh(motions, free)
     found = regress(table, free.laws, None, free.bent, weighed.fixed)

@@ -94,8 +94,9 @@ def regress(
     """Return the least-squares solution of base and laws over the samples of ``mask`` (all by default).
 
     ``start`` says where the search of bent parameters begins; ``fixed`` holds parameters, by the names of the result,
-    that are known.  Raises AnalysisError where the motion does not tell the columns apart.
+    that are known.  Raises AnalysisError where the motion does not tell the columns apart, Cancelled.
     """
+    table.check()
     mask = table.everything if mask is None else mask
     fixed = fixed or {}
     begin = {name: _begun(name, start or {}, fixed) for name in laws if LAWS[name].bent}
@@ -179,6 +180,7 @@ def _searched(
         return {name: tuple(row) for name, row in values.items()}
 
     def left(z: Floats) -> Floats:
+        table.check()
         _, columns, target = _linear(table, laws, at(z), fixed)
         columns, target = columns[mask], target[mask]
         return np.asarray(target - columns @ _quickly(columns, target))

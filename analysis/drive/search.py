@@ -12,7 +12,7 @@ from analysis.drive.regress import BentValues, Regression, design, regress, rms
 from analysis.drive.repeat import folds
 from analysis.drive.screen import Guess, screen
 from analysis.drive.table import Mask, Table
-from analysis.shot.shot import AnalysisError, Cancelled
+from analysis.shot.shot import AnalysisError
 
 Floats = NDArray[np.float64]
 BIC_AGAINST_BASE, BIC_AGAINST_NEXT = 10.0, 6.0  # docs/how-a-diagnosis-decides.md
@@ -31,17 +31,16 @@ class Ground:
     kept: Mask
     held: Mask
     fold: NDArray[np.int64]
-    stop: Callable[[], bool]
 
     @classmethod
-    def of(cls, table: Table, stop: Callable[[], bool] = lambda: False) -> "Ground":
+    def of(cls, table: Table) -> "Ground":
         """Return the ground of a table: the earlier half of each record is fitted, the later foretold."""
         kept = np.zeros(table.time_s.size, dtype=np.bool_)
         for record in np.unique(table.record):
             of = table.record == record
             middle = 0.5 * (float(table.time_s[of].min()) + float(table.time_s[of].max()))
             kept |= of & (table.time_s < middle)
-        return cls(table, kept, ~kept, folds(table, FOLDS), stop)
+        return cls(table, kept, ~kept, folds(table, FOLDS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +119,6 @@ def attempt(ground: Ground, found: Regression, guesses: Sequence[Guess]) -> tupl
     """Return the fits of the guesses beside what was found, best first, less those the motion does not tell apart."""
     fits = []
     for guess in guesses:
-        if ground.stop():
-            raise Cancelled
         with contextlib.suppress(AnalysisError):
             laws = (*found.laws, *guess.laws)
             fits.append((guess, regress(ground.table, laws, ground.kept, {**found.bent, **guess.bent})))
@@ -201,8 +198,6 @@ def _pruned(ground: Ground, found: Regression, accepted: Sequence[str]) -> tuple
     """Return the model without the laws that no longer pay beside those that came after them."""
     pays = {}
     for law in [name for name in found.laws if name not in accepted]:
-        if ground.stop():
-            raise Cancelled
         rest = tuple(name for name in found.laws if name != law)
         fewer = regress(ground.table, rest, ground.kept, found.bent)
         pays[law] = Pay(-falls(found, fewer, found.independent_samples), fewer.foretold_n(ground.held))

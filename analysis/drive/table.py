@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.drive.catalogue import Law
 from analysis.drive.run import Run
+from analysis.shot.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -16,7 +17,10 @@ _KEPT = 40  # columns of laws kept a table
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """The samples of all runs in one row after another, m in all, and the force of any law there, filtered."""
+    """The samples of all runs in one row after another, m in all, and the force of any law there, filtered.
+
+    ``stop`` is asked at every fit to the table and every trial of one: where it says so, Cancelled is raised.
+    """
 
     runs: tuple[Run, ...]
     time_s: Floats
@@ -24,10 +28,11 @@ class Table:
     velocity_m_per_s: Floats
     acceleration_m_per_s2: Floats
     record: NDArray[np.int64]
+    stop: Stop
     _seen: dict[tuple[str, tuple[float, ...]], Floats] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, runs: Sequence[Run]) -> "Table":
+    def of(cls, runs: Sequence[Run], stop: Stop = lambda: False) -> "Table":
         """Return the table of the samples used of ``runs``."""
 
         def all_of(name: str) -> Floats:
@@ -35,8 +40,13 @@ class Table:
 
         return cls(
             tuple(runs), all_of("time_s"), all_of("displacement_m"), all_of("velocity_m_per_s"),
-            all_of("acceleration_m_per_s2"), np.concatenate([np.full(run.used.size, run.record) for run in runs]),
+            all_of("acceleration_m_per_s2"), np.concatenate([np.full(run.used.size, run.record) for run in runs]), stop,
         )  # fmt: skip
+
+    def check(self) -> None:
+        """Raise Cancelled where nobody waits any longer for what is worked out."""
+        if self.stop():
+            raise Cancelled
 
     @property
     def everything(self) -> Mask:

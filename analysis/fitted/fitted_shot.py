@@ -129,16 +129,20 @@ def fit_jointly(
 
     ``shakings`` say what shook the frame of each, where that is known; ``seconds`` are those that each motion may cost.
     """
-    if base == "driven":
-        from analysis.drive.fit import fit_driven
-
-        return fit_driven(motions, effects)
-    from analysis.inference.fit.fitting import fit_shots
-
     left = FitTime(seconds * len(motions), cancelled)
+
+    def fit() -> Fit:
+        if base == "driven":
+            from analysis.drive.fit import fit_driven
+
+            return fit_driven(motions, effects, left)
+        from analysis.inference.fit.fitting import fit_shots
+
+        return fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings)
+
     try:
         return waited_for(
-            lambda: fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings),
+            fit,
             PATIENCE * left.seconds,
             cancelled,
             left.words,

@@ -30,6 +30,7 @@ from app.report.export import export, export_foretold, export_laws
 from app.report.export_hdf5 import export_hdf5
 from app.report.page import report_of
 from app.session.load import complaint, load_and_analyse
+from app.session.model_in_use import with_combined
 from app.words.flag_words import by_weight, flag_words
 from instrument.files.law_file import read_law
 from instrument.files.recording_error import RecordingError
@@ -164,7 +165,8 @@ def _save_model(shots: Sequence[Shot], diagnosis: Diagnosis | None, path: Path, 
         return False
     names = [shot.path or shot.name for shot in shots if shot.fit is not None]
     try:
-        write_text_beside(path, to_text(saved(diagnosis.fit_after, names, diagnosis, tried)), sync=True)
+        model = to_text(saved(diagnosis.fit_after, names, diagnosis, tried))
+        write_text_beside(path, with_combined(model, diagnosis.fit_after, shots), sync=True)
     except RecordingError as error:
         print(f"levimass: {error}", file=sys.stderr)
         return False

@@ -4,6 +4,7 @@ A template engine would be one more thing to install, and escapes only where it 
 """
 
 import html
+import re
 from collections.abc import Iterable, Sequence
 
 
@@ -14,6 +15,7 @@ class Markup(str):
 
 
 Piece = str | Iterable[str]
+_INSIDE_UNIT = re.compile(r"(?<=\bN) (?=s\b)")  # "N s/m" is one unit, and never ends a line after its newton
 _VOID = ("meta", "br")
 _CLOSED = ("path", "line", "rect", "circle")  # of SVG: in HTML too they end with "/>"
 
@@ -45,7 +47,12 @@ def joined(*pieces: Piece) -> Markup:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], class_: str | None = None) -> Markup:
-    """Return a table; the first cell of a row is its heading."""
+    """Return a table; the first cell of a row is its heading.  No unit is broken over two lines."""
+    header, rows = _unbroken(header), map(_unbroken, rows)
     head = tag("thead", tag("tr", [tag("th", cell, scope="col") for cell in header])) if header else Markup()
     body = [tag("tr", tag("th", row[0], scope="row"), [tag("td", cell) for cell in row[1:]]) for row in rows]
     return tag("table", head, tag("tbody", body), class_=class_)
+
+
+def _unbroken(cells: Sequence[str]) -> list[str]:
+    return [cell if isinstance(cell, Markup) else _INSIDE_UNIT.sub("\u00a0", cell) for cell in cells]

@@ -53,11 +53,11 @@ def save_model(
         raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
     named = {effect.name for effect in diagnosis.findings} if diagnosis is not None else set()
     model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis, set(accepted.tried) - named)
-    write_text_beside(path, _with_combined(to_text(model), fit, fitted), sync=True)
+    write_text_beside(path, with_combined(to_text(model), fit, fitted), sync=True)
     return f"Model {model_words(model)} saved as {path}"
 
 
-def _with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:
+def with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:
     """Return a model file's text that says which uncertainty is which, with the combined ones of what has a budget."""
     shared: dict[str, list[float]] = {}
     for shot in shots:

@@ -1,7 +1,10 @@
 """The names of axes: in the middle of their axis, never longer than it, and never a unit alone on its side."""
 
+import itertools
+
 import pytest
 from PySide6.QtCore import QRectF
+from PySide6.QtGui import QPainter, QPicture
 from PySide6.QtTest import QTest
 
 from app.window.plots.cursors import TIME
@@ -95,6 +98,26 @@ def test_a_name_longer_than_the_plot_ends_in_dots(qapp):
         plot.resize(700, 90)
         QTest.qWait(20)
         assert caption.shown == "restitution, quasi-static"
+    finally:
+        plot.close()
+        plot.deleteLater()
+
+
+@pytest.mark.parametrize("wide", range(160, 420, 20))
+def test_the_numbers_under_a_narrow_plot_do_not_lie_over_one_another(qapp, wide):
+    plot = PlainPlot("Trend", ("restitution", ""), "speed (m/s)", TIME)
+    plot.resize(wide, 300)
+    plot.show()
+    plot.plot.view.setXRange(-0.26543, -0.26519, padding=0.0)
+    QTest.qWait(20)
+    try:
+        axis = plot.plot.getAxis("bottom")
+        picture = QPicture()
+        painter = QPainter(picture)
+        _, _, texts = axis.generateDrawSpecs(painter)
+        painter.end()
+        boxes = sorted((rect.left(), rect.right()) for rect, _, _ in texts)
+        assert boxes and all(a[1] < b[0] for a, b in itertools.pairwise(boxes))
     finally:
         plot.close()
         plot.deleteLater()

@@ -16,7 +16,7 @@ from analysis.uncertainty.series import series
 from app.command_line.replay import summary
 from app.report.export import columns_of, export
 from app.report.page import report_of
-from app.session.model_in_use import NOISE_ALONE, _with_combined
+from app.session.model_in_use import NOISE_ALONE, with_combined
 from app.session.session import Session
 from app.window.panels.compare import ComparePanel
 from app.window.panels.large import LargePanel
@@ -129,7 +129,7 @@ def test_a_reports_table_of_all_shots_states_the_combined_uncertainty(entry, com
 
 def test_a_model_file_says_which_uncertainty_is_which(entry, combined):
     fit = entry.shot.fit
-    text = _with_combined(to_text(saved(fit, ["a"])), fit, [entry.shot])
+    text = with_combined(to_text(saved(fit, ["a"])), fit, [entry.shot])
     whole = tomllib.loads(text)
     name = "plate_stiffness_n_per_m"
     assert NOISE_ALONE in text and "value and standard uncertainty" not in text

@@ -1,6 +1,7 @@
 """The joint diagnosis as a script sees it: the sets of the independent rig, whose truth is not told here either."""
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,9 @@ def test_a_model_is_saved_and_judges_the_next_shots(tmp_path: Path, capsys: pyte
     capsys.readouterr()
     assert main(["--replay", str(shots), "--save-model", str(model), "--json", "-"]) == 0
     result = json.loads(capsys.readouterr().out)
+    written = tomllib.loads(model.read_text(encoding="utf-8"))
+    stiffness = "plate_stiffness_n_per_m"  # its noise is small beside what mass and clock are known to
+    assert written["combined_std"][stiffness] > written["parameters"][stiffness]["std"]
     first = result["diagnosis"]
     assert [e["name"] for e in first["effects"]] == ["viscous_drag"]
     for shot in result["shots"]:  # what rests on a model was made again with the one that was found

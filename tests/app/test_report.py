@@ -17,6 +17,7 @@ from analysis.shot.recording import Plate
 from analysis.uncertainty.budget import budget
 from app.command_line.cli import main
 from app.report.markup import Markup, tag
+from app.report.markup import table as tag_table
 from app.report.page import MOST_DRAWN, report_of
 from app.report.pdf import write_pdf
 from app.report.shot_figures import figures
@@ -276,3 +277,8 @@ def test_a_figure_alone_has_the_colours_that_the_sheet_gives_it() -> None:
     assert all("var(" not in value for style in rules.values() for value in style.values())
     kinds = {found for found in re.findall(r'class="([\w-]+)"', "".join(map(str, figures(shot()))))}
     assert {f".{kind}" for kind in kinds - {"key", "label"}} <= {*rules}
+
+
+def test_a_unit_ends_no_line_after_its_newton():
+    page = tag_table(["number", "N s/m"], [["\u03b3_N (N s/m)", "0.4 N s/m", "12 N soft"]])
+    assert page.count("N\u00a0s/m") == 3 and "N s/m" not in page

@@ -95,13 +95,25 @@ class PlainAxis(pg.AxisItem):
         return axis, kept, texts
 
     def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
-        """Return the distances of ticks, none so close that the numbers at a low axis lie over one another."""
+        """Return the distances of ticks, none so close that their numbers lie over one another."""
         found: list[tuple[float, float]] = super().tickSpacing(minVal, maxVal, size)
-        if self.orientation != "left" or not found or size <= 0.0:
+        if not found or size <= 0.0 or self.logMode:
             return found
-        line = QFontMetricsF(self.style["tickFont"] or self.font()).height()
-        least = _round_up(line * abs(maxVal - minVal) / size)
-        return [(spacing, offset) for spacing, offset in found if spacing >= least] or [(least, 0.0)]
+        metrics = QFontMetricsF(self.style["tickFont"] or self.font())
+
+        def least(spacing: float) -> float:
+            room = metrics.height()
+            if self.orientation != "left":  # the wider of both ends, and a gap
+                ends = self.tickStrings([minVal, maxVal], self.autoSIPrefixScale, spacing)
+                room = max(map(metrics.horizontalAdvance, ends)) + metrics.horizontalAdvance("0")
+            return room * abs(maxVal - minVal) / size
+
+        kept = [(spacing, offset) for spacing, offset in found if spacing >= least(spacing)]
+        if kept or self.orientation == "left":
+            return kept or [(_round_up(least(found[0][0])), 0.0)]
+        spacing = found[0][0]  # every so many of these, one of them in the middle
+        middle = round(0.5 * (minVal + maxVal) / spacing) * spacing
+        return [(math.ceil(least(spacing) / spacing) * spacing, middle)]
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         """Return the ticks in the system's decimal format."""

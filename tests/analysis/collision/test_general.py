@@ -1,5 +1,6 @@
 """The Runge-Kutta stepper: as exact as the closed form without effects, and true derivatives with every effect."""
 
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -80,3 +81,17 @@ def test_a_law_may_have_many_coefficients() -> None:
         :, 0
     ]
     assert np.abs(run.displacement_derivatives[:, 5]).max() == pytest.approx(np.abs(alone).max(), rel=0.5)
+
+
+@pytest.mark.parametrize("stepper", ["in closed form", "step by step"])
+def test_what_swings_too_fast_to_be_followed_is_refused(stepper: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if stepper == "step by step":
+        monkeypatch.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
+    stiff = replace(PAPER, plate_stiffness_n_per_m=1e-3, contact_damping_n_s_per_m=5e6)
+    general.solve(PAPER, [], TIME_S)  # compiled from here on
+    began = time.thread_time()
+    with pytest.raises(general.TooManyEvents, match="more steps than a march may take"):
+        general.solve(stiff, [], TIME_S)
+    assert time.thread_time() - began < 5.0  # minutes, before
+    damped = replace(PAPER, contact_damping_n_s_per_m=100.0 if stepper == "step by step" else 1e3)
+    assert np.isfinite(general.solve(damped, [], TIME_S).displacement_m).all()  # overdamped, and followed to its end

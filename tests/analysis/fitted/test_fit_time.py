@@ -8,13 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.drive.regress import Regression, regress
+from analysis.drive.table import Table
 from analysis.fitted import fit_time
 from analysis.fitted.fit_time import FitTime
-from analysis.fitted.fitted_shot import fit_again
+from analysis.fitted.fitted_shot import fit_again, fit_jointly
 from analysis.fitted.given_up import waited_for
 from analysis.pipeline import analyse_motion
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
 from analysis.signal.record import motion_from_displacement
+from tests.analysis.drive.slider import Drive
 from tests.analysis.synthetic_collision import MASS_KG, Synthetic, motion_of
 
 
@@ -41,8 +44,26 @@ def test_a_fit_that_finds_no_end_is_refused_in_time(monkeypatch: pytest.MonkeyPa
     began = time.process_time()
     shot = shot_of(2e3, 1e-6, AnalysisSettings(fit_seconds=2.0))
     assert time.process_time() - began < 12.0
-    assert shot.fit is None and "no end of the fit after 2 s" in str(shot.fit_problem)
+    ended = ("no end of the fit after 2 s", "no trajectory of the base model resembles this contact")
+    assert shot.fit is None and str(shot.fit_problem).startswith(ended)
     assert "fit_failed" in shot.flags and shot.impact is not None
+
+
+def test_a_drive_s_fit_has_its_seconds_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    fits = []
+
+    def endless(table: Table, _effects: tuple[str, ...]) -> Regression:
+        for _ in range(30_000):  # more than half a minute
+            fits.append(regress(table))
+        return fits[-1]
+
+    monkeypatch.setattr("analysis.drive.fit.accept", endless)
+    with pytest.raises(AnalysisError, match="no end of the fit after 1 s"):
+        fit_jointly([Drive().motion()], "driven", (), seconds=1.0)
+    time.sleep(0.2)
+    done = len(fits)
+    time.sleep(0.2)
+    assert len(fits) == done  # nothing goes on behind
 
 
 def test_who_asks_for_the_end_gets_it_at_once() -> None:

@@ -13,7 +13,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from analysis.reading import pulse
-from analysis.reading.read import read_impact
+from analysis.reading.read import _ratio, read_impact
 from analysis.shot.impact import Impact
 from analysis.shot.quantity import Quantity
 from tests.analysis.disturbance import Disturbance, disturbed_motion
@@ -99,3 +99,12 @@ def test_the_width_is_as_unsure_as_the_cut_off_that_could_have_been_chosen() -> 
     assert isinstance(width, Quantity)
     assert width.value == pytest.approx(widths[1], abs=2e-5)
     assert width.std == pytest.approx((max(widths) - min(widths)) / np.sqrt(12.0), rel=0.15)
+
+
+@pytest.mark.parametrize("shared", [-0.9, 0.0, 0.9])
+def test_a_ratio_knows_what_both_velocities_share(shared: float) -> None:
+    into_std, out_std, covariance = 3e-4, 4e-4, shared * 3e-4 * 4e-4
+    spread = [[into_std**2, covariance], [covariance, out_std**2]]
+    drawn = np.random.default_rng(2).multivariate_normal([-0.265, 0.2617], spread, 20_000)
+    ratio = _ratio(Quantity(0.2617, out_std), Quantity(-0.265, into_std), covariance, "")
+    assert ratio.std == pytest.approx(float(np.std(np.abs(drawn[:, 1] / drawn[:, 0]))), rel=0.03)

@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 SYSTEMS := linux win32 darwin
 
-.PHONY: run test lint kernels types $(SYSTEMS:%=types-%) unit slow attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screenshots session clean test-lowest app deb
+.PHONY: run test lint kernels types $(SYSTEMS:%=types-%) unit slow mutants attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screenshots session clean test-lowest app deb
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -35,6 +35,10 @@ unit: kernels
 # what takes too long for every change: measured collisions, a law learned through the command line
 slow: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest -m slow
+
+# 200 faults drawn by a seed, each in a copy of the program: does a test notice?  About two hours on two cores
+mutants: $(READY)
+	nice $(BIN)/python -m tests.mutants --faults 200 --seed 1
 
 bench: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.benchmarks

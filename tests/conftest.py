@@ -1,8 +1,11 @@
 """Where the recordings of the rig lie, and skipping with a reason where they do not."""
 
+import os
 from pathlib import Path
 
 import pytest
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as analysis/__init__.py does; a test may import numpy before it
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

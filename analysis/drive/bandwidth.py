@@ -1,6 +1,7 @@
 """How wide the derivatives of a driven record may be, from the record itself."""
 
 import itertools
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,11 +69,17 @@ def _even(place: Floats, force: Floats, rate: float, clear: float, noise: tuple[
     known = np.isfinite(columns).all(axis=1)
     mass = abs(float(np.linalg.lstsq(columns[known], force[known], rcond=1e-8)[0][0]))
     best = 0.0
-    for share in np.geomspace(0.005, MAX_BANDWIDTH_SHARE, 40):
-        moved = mass * noise[0] * derivative_filters(rate, float(share) * rate).acceleration_gain
-        if moved < noise[1] * np.sqrt(2.0 * share):
-            best = float(share) * rate
+    for share, gain in _acceleration_gains():
+        if mass * noise[0] * gain * rate**2 < noise[1] * np.sqrt(2.0 * share):
+            best = share * rate
     return best
+
+
+@lru_cache(maxsize=1)
+def _acceleration_gains() -> tuple[tuple[float, float], ...]:
+    """Return bandwidths and the noise gains of the acceleration in them, at a sample rate of 1 Hz."""
+    shares = np.geomspace(0.005, MAX_BANDWIDTH_SHARE, 40).tolist()
+    return tuple((share, derivative_filters(1.0, share).acceleration_gain) for share in shares)
 
 
 def _clear(place: Floats, rate: float, noise_m: float) -> float:

@@ -1,5 +1,6 @@
 """The floor under the rig as flights showed it: how far it moves within a time, and its spectrum."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,8 +59,13 @@ class Floor:
 
     def velocity_rms_m_per_s(self, bandwidth_hz: float) -> float:
         """Return the floor's rms velocity below a bandwidth."""
+        return self.velocity_std_m_per_s((0.0,), (1.0,), bandwidth_hz)
+
+    def velocity_std_m_per_s(self, at_s: Sequence[float], weights: Sequence[float], bandwidth_hz: float) -> float:
+        """Return the std of a weighted sum of the floor's velocities at instants: what is slow, they share."""
         f = np.geomspace(min(0.5, 0.01 * bandwidth_hz), bandwidth_hz, 400)
-        return float(np.sqrt(np.trapezoid((2 * np.pi * f) ** 2 * self._moving(f), f)))
+        seen = np.abs(np.exp(2j * np.pi * f[:, None] * np.asarray(at_s)) @ np.asarray(weights)) ** 2
+        return float(np.sqrt(np.trapezoid((2 * np.pi * f) ** 2 * self._moving(f) * seen, f)))
 
     def _moving(self, frequency_hz: Floats) -> Floats:
         power = np.asarray(sum(w * p for w, p in self.parts))

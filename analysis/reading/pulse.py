@@ -18,7 +18,6 @@ Floats = NDArray[np.float64]
 SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md: the smooth pulse is the force low-passed at 100-500 Hz
 SLOPE_SPAN = (0.209, 0.975)  # of the contact: 6 to 28 ms of 28.7, clear of bounces and release
 FREQUENCIES = 8192  # of the transform a noise is weighed with
-SPLIT_NOISE = 0.6  # of a velocity's noise is left in the turning point, a line through 18 samples
 SWAY_S = 1e-4  # spacing of the samples in which a swaying floor is followed
 _TRAPEZOID = 1e-5  # of an impulse: what a sum over samples may be off
 NEAR_S = 0.3e-3  # of flight before the touch that tells where it happened
@@ -146,8 +145,9 @@ def _width(
     f = np.geomspace(0.5, motion.bandwidth_hz, 400)
     density = noise.psd(f) * (2 * np.pi * f) ** 4 / (1.0 + (f / cutoff_hz) ** 4) ** 2  # Butterworth, both ways
     std = motion.moving_mass_kg * float(np.sqrt(np.trapezoid(density, f)))
-    slopes = np.array([up, down]) * motion.sample_rate_hz
-    return float(finish - begin), float(np.hypot(*(std / slopes))), cutoff_hz
+    # the noise of both sides, and of the top, whose half moves the crossings apart
+    per_n = np.array([1.0 / up, 1.0 / down, 0.5 / up - 0.5 / down]) / motion.sample_rate_hz
+    return float(finish - begin), std * float(np.linalg.norm(per_n)), cutoff_hz
 
 
 def read_impulse_ratio(
@@ -166,12 +166,12 @@ def read_impulse_ratio(
     unloading = _integral(motion.time_s, motion.force_n, turnaround_s, finish) - drag_n[1] * margin
     if not (np.isfinite(loading) and np.isfinite(unloading)) or loading <= 0.0:
         return NotSeen("the force is interrupted within the contact")
-    # an integral of the force is a difference of velocities: the noise of both ends, and of the split they share
-    velocity_std = np.hypot(np.nanmedian(motion.velocity_std_m_per_s), noise.velocity_rms_m_per_s(motion.bandwidth_hz))
-    ends = float(velocity_std) * motion.moving_mass_kg / loading
-    split = SPLIT_NOISE * ends
+    # an integral of the force is a difference of velocities: the noise of both ends, and of the split they share,
+    # where the velocity as it was measured is nothing but for the white noise that the line through it does not follow
     ratio = unloading / loading
-    std = float(np.sqrt(ends**2 * (1.0 + ratio**2) + split**2 * (1.0 + ratio) ** 2))
+    white = float(np.nanmedian(motion.velocity_std_m_per_s) * np.linalg.norm([ratio, 1.0 + ratio, 1.0]))
+    sways = noise.velocity_std_m_per_s((begin, finish), (ratio, 1.0), motion.bandwidth_hz)
+    std = motion.moving_mass_kg / loading * float(np.hypot(white, sways))
     return Quantity(ratio, std, "∫F over unloading / ∫F over loading, split where v = 0")
 
 
@@ -192,11 +192,12 @@ def read_momentum(
     impulse = _integral(motion.time_s, motion.force_n, begin, finish) - margin * (drag_n[0] + drag_n[1])
     if not np.isfinite(impulse):
         return None
-    ends = np.hypot(np.nanmedian(motion.velocity_std_m_per_s), noise.velocity_rms_m_per_s(motion.bandwidth_hz))
+    white = float(np.sqrt(2.0) * np.nanmedian(motion.velocity_std_m_per_s))
+    sways = noise.velocity_std_m_per_s((begin, finish), (-1.0, 1.0), motion.bandwidth_hz)
     grid = _TRAPEZOID * abs(impulse)
     into, out = velocities
     change = Quantity(mass * (out.value - into.value), mass * float(np.hypot(into.std, out.std)))
-    return Quantity(impulse, float(np.hypot(mass * np.sqrt(2.0) * ends, grid))), change
+    return Quantity(impulse, float(np.hypot(mass * np.hypot(white, sways), grid))), change
 
 
 def read_slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: Floor) -> Reading:

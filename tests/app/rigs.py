@@ -1,5 +1,7 @@
 """Digitizers for the window's tests: the simulated bench in a hurry, and ones that fail in a known way."""
 
+import time
+
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 
@@ -12,6 +14,11 @@ def quick_bench(_: str) -> Digitizer:
 def still_bench(_: str) -> Digitizer:
     """Return a bench whose block nobody pushes."""
     return BenchDigitizer(patient=True, push_every_s=0.0)
+
+
+def idle_bench(_: str) -> Digitizer:
+    """Return a still bench whose time runs so slowly that it costs no processor time, for tests of the session."""
+    return BenchDigitizer(patient=True, push_every_s=0.0, clock=lambda: time.monotonic() / 50.0)
 
 
 def no_device(_: str) -> Digitizer:

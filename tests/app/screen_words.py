@@ -3,6 +3,7 @@
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,11 +20,11 @@ class Words:
     text: str
 
 
-def shown() -> Iterator[Words]:
-    """Yield each string of at least two words that is no docstring and no key."""
-    for folder in FOLDERS:
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            yield from _of(path)
+@lru_cache(maxsize=1)
+def shown() -> tuple[Words, ...]:
+    """Return each string of at least two words that is no docstring and no key."""
+    files = (path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py")))
+    return tuple(words for path in files for words in _of(path))
 
 
 def _of(path: Path) -> Iterator[Words]:

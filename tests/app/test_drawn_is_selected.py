@@ -21,7 +21,7 @@ KINDS = ("slow", "fast", "driven", "broken")
 @pytest.fixture(scope="module")
 def window(qapp, tmp_path_factory, warm_kernels):
     """Return one window with a shot of every kind, by names as in ``KINDS``."""
-    window = open_window(tmp_path_factory.mktemp("drawn"), rigs.still_bench, apart=False)
+    window = open_window(tmp_path_factory.mktemp("drawn"), rigs.idle_bench, apart=False)
     for number, speed in ((1, 0.2), (2, 0.26)):
         window.workbench.session.add(synthetic.shot(KINDS[number - 1], speed, number))
     window.workbench.session.add(synthetic.driven_shot("driven"))

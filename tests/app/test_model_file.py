@@ -74,7 +74,7 @@ def test_the_accepted_effects_come_back_with_the_session(tmp_path: Path) -> None
 
 
 def test_saved_and_opened_by_keys(qtbot: QtBot, tmp_path: Path, warm_kernels: None) -> None:
-    window = open_window(tmp_path, rigs.still_bench, apart=False)
+    window = open_window(tmp_path, rigs.idle_bench, apart=False)
     qtbot.addWidget(window)
 
     def answer(path: Path) -> None:

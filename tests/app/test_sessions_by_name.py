@@ -67,7 +67,7 @@ def test_the_window_reopens_as_it_was_left(qtbot, tmp_path, warm_kernels):
     data = tmp_path / "data"
     data.mkdir()
     (tmp_path / "settings.json").write_text(json.dumps({"levimass_settings": 1, "folder": str(data)}))
-    window = open_window(tmp_path, rigs.still_bench, apart=False)
+    window = open_window(tmp_path, rigs.idle_bench, apart=False)
     qtbot.addWidget(window)
     window.resize(1100, 700)
     window.show()
@@ -90,7 +90,7 @@ def test_the_window_reopens_as_it_was_left(qtbot, tmp_path, warm_kernels):
     window.showMaximized()
     across = window.panels.across.saveState()
     window.close()
-    again = open_window(tmp_path, rigs.still_bench, apart=False)
+    again = open_window(tmp_path, rigs.idle_bench, apart=False)
     qtbot.addWidget(again)
     again.show()
     assert again.isMaximized() and again.windowTitle() == "tuesday – Levimass"
@@ -98,6 +98,6 @@ def test_the_window_reopens_as_it_was_left(qtbot, tmp_path, warm_kernels):
     again.close()
     spoilt = json.loads((tmp_path / "settings.json").read_text()) | {"window": "AAAA none of it"}
     (tmp_path / "settings.json").write_text(json.dumps(spoilt))
-    third = open_window(tmp_path, rigs.still_bench, apart=False)
+    third = open_window(tmp_path, rigs.idle_bench, apart=False)
     qtbot.addWidget(third)
     third.close()

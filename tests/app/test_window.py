@@ -157,12 +157,8 @@ def test_closing_while_armed_and_while_a_shot_comes_in_ends_every_thread(opened,
     window.close()
 
 
-def test_closing_before_the_source_is_open_ends_every_thread(opened):
-    opened().close()
-
-
 def test_recordings_are_opened_by_dropping_them_and_a_broken_one_says_why(opened, qtbot, recordings, tmp_path):
-    window = opened(rigs.still_bench)
+    window = opened(rigs.idle_bench)
     broken = tmp_path / "broken.sigmf-meta"
     broken.write_text("{")
     for file in (recordings / "plain").glob("shot-1.*"):  # a copy: the note is written into it
@@ -186,7 +182,7 @@ def test_recordings_are_opened_by_dropping_them_and_a_broken_one_says_why(opened
 
 
 def test_settings_are_refused_in_words_and_kept_when_right(opened, qtbot, tmp_path):
-    window = opened(rigs.still_bench)
+    window = opened(rigs.idle_bench)
     sheet = window.panels.settings
     qtbot.keyClick(window, Qt.Key.Key_F2)
     assert sheet.isVisible()
@@ -205,7 +201,7 @@ def test_settings_are_refused_in_words_and_kept_when_right(opened, qtbot, tmp_pa
 
 
 def test_every_key_of_the_sheet_is_bound_to_something(opened, qtbot):
-    window = opened(rigs.still_bench)
+    window = opened(rigs.idle_bench)
     window.resize(1480, 920)
     qtbot.keyClick(window, Qt.Key.Key_F1)
     assert window.panels.keys.isVisible()
@@ -218,7 +214,7 @@ def test_every_key_of_the_sheet_is_bound_to_something(opened, qtbot):
 def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened, qtbot, tmp_path):
     effect = {"quadratic_drag": {"coefficient_n_s2_per_m2": 2e-3}}
     paths = simulate(tmp_path / "drag", 2, 5, effect)
-    window = opened(rigs.still_bench)
+    window = opened(rigs.idle_bench)
     window.session_presenter.open_paths([Path(path) for path in paths])
     qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
     window.panels.table.select([1, 2])
@@ -275,12 +271,12 @@ def test_live_is_held_still_by_a_key_until_the_next_arming(opened, qtbot):
 
 
 def test_a_session_reopens_at_its_last_shot(opened, qtbot, recordings):
-    window = opened(rigs.still_bench)
+    window = opened(rigs.idle_bench)
     window.session_presenter.open_paths(sorted((recordings / "plain").glob("*.sigmf-meta"))[:2])
     qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
     name = window.workbench.session.entries[-1].name
     window.close()
-    again = opened(rigs.still_bench)
+    again = opened(rigs.idle_bench)
     assert name in again.panels.numbers.title.text()
     qtbot.waitUntil(lambda: again.panels.numbers.text("quasi-static") != "–", timeout=WAIT_MS)
 
@@ -323,7 +319,7 @@ def test_closing_while_armed_or_with_recordings_queued_is_asked_once(opened, qtb
 def test_a_filter_that_hides_the_shot_in_front_says_so_and_gives_it_back(opened, qtbot, tmp_path):
     for number in (1, 2):
         simulate(tmp_path / f"run-{number}", 1, number)
-    window = opened(rigs.still_bench)
+    window = opened(rigs.idle_bench)
     _ready(qtbot, window)
     table = window.panels.table
     window.session_presenter.open_paths([tmp_path / "run-1", tmp_path / "run-2"])

@@ -28,7 +28,7 @@ def test_a_law_that_explains_all_ends_the_search() -> None:
 def test_two_rows_that_look_like_a_third_are_named_before_a_law_is() -> None:
     # Both together are nearly a viscous drag, which the search finds first, and wholly a rising exponential.
     effects = {"quadratic_drag": {"coefficient_n_s2_per_m2": 2.8e-7}, "coulomb_friction": {"force_n": 1.95e-8}}
-    found = diagnose(shots(effects))
+    found = diagnose(shots(effects, count=2))
     assert found.verdict is Verdict.EFFECT_FOUND and not found.laws
     assert {effect.name for effect in found.effects} == set(effects)
 

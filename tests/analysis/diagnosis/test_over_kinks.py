@@ -14,7 +14,7 @@ def test_a_corner_of_the_overlap_is_learned_without_bias() -> None:
         return STIFFER_N_PER_M * max(0.0, y - x - FROM_M)
 
     rig = LawRig(noise_m=1e-11, seed=4, between=force, kinks=(lambda x, _v, y, _u: y - x - FROM_M,))
-    told = diagnose(rig.shots([0.15, 0.2, 0.3]))
+    told = diagnose(rig.shots([0.15, 0.3]))
     assert told.verdict is Verdict.LAW_LEARNED
     (law,) = told.laws
     assert (law.argument, law.form) == ("overlap", "hinge")

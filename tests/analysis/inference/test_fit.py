@@ -1,7 +1,6 @@
 """The fit: the truth within its uncertainty, from data alone, over the range of rigs and speeds; its flags."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +9,7 @@ from analysis.collision.parameters import PAPER
 from analysis.inference.fit.fitting import fit_shots
 from analysis.inference.fit.prepare import prepare
 from analysis.inference.fit.starts import NoCollision
-from analysis.shot.shot import AnalysisSettings, Cancelled
-from analysis.signal.demodulate import demodulate
+from analysis.shot.shot import Cancelled
 from tests.analysis.collision.simulated import shot
 from tests.analysis.synthetic_collision import PLATE_N_PER_M, Synthetic, motion_of
 
@@ -114,20 +112,6 @@ def test_what_cannot_be_fitted_says_why() -> None:
         fit_shots([motion], effects=("magic",))
     with pytest.raises(Cancelled):
         fit_shots([motion], cancelled=lambda: True)
-
-
-def test_recording_of_the_paper(recordings: Path) -> None:
-    from instrument.files.recording_file import read_recording
-
-    recording = read_recording(recordings / "paper" / "shot-1.sigmf-meta")
-    fit = fit_shots([demodulate(recording, AnalysisSettings())])
-    assert fit.converged
-    truth = dict(zip(NAMES, (221.4, 1.984e-4, 1e4, 0.4), strict=True))
-    for (name, value), share in zip(truth.items(), (2e-3, 1e-2, 2e-2, 2e-2), strict=True):
-        assert fit.parameters[name].value == pytest.approx(value, rel=share)
-        assert abs(fit.parameters[name].value - value) < SIGMAS * fit.parameters[name].std
-    assert fit.shots[0].velocity_in_m_per_s.value == pytest.approx(-0.265, abs=3e-6)
-    assert fit.shots[0].velocity_out_m_per_s.value == pytest.approx(0.261702, abs=3e-6)
 
 
 @pytest.mark.parametrize("seed", [28, 29, 30])

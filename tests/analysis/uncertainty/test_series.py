@@ -97,3 +97,20 @@ def test_rows_and_result_hold_no_nan() -> None:
     assert all(len(row) == len(rows[0]) for row in rows)
     assert "nan" not in {cell for row in rows for cell in row}
     assert series([]).summaries == ()
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-4, 1e-3])
+def test_a_mean_scatters_as_its_uncertainty_says_whatever_the_shots_scatter_beyond_their_own(spread: float) -> None:
+    """Own uncertainties that differ tenfold; 300 sets of 16 shots at one speed."""
+    rng = np.random.default_rng(8)
+    values, stds = [], []
+    for _ in range(300):
+        own = rng.uniform(0.3e-4, 3e-4, 16)
+        cors = 0.98 + rng.normal(0.0, own) + rng.normal(0.0, 1.0, 16) * spread
+        summary = series([at_speed(f"s{i}", 0.3, c, s) for i, (c, s) in enumerate(zip(cors, own, strict=True))]).of(
+            "cor_quasi_static"
+        )
+        assert summary is not None and isinstance(summary.mean, Quantity)
+        values.append(summary.mean.value)
+        stds.append(summary.mean.std)
+    assert 0.9 < float(np.std(values, ddof=1) / np.sqrt(np.mean(np.square(stds)))) < 1.1

@@ -1,0 +1,117 @@
+"""``make mutants``: faults drawn by a seed, each in a copy of the program, and whether a test notices.
+
+``python -m tests.mutants [--faults N] [--seed S] [--jobs J] [--seconds T] [PATH...]``.  A file is drawn as often as it
+has places for a fault; of PATH, if given, alone.  Kernels are compiled into a folder of the run's own, begun with those
+that are compiled already: they lie there under a stamp of their sources, so none answers for another.  What takes more
+than T seconds counts as noticed: a search without an end is seen.  The exit status is 1 where a fault survived.
+"""
+
+import argparse
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import Queue
+
+from analysis.compiled import kernel_cache
+from tests.mutants.imports import TOPS, Imports
+from tests.mutants.operators import Fault, faults_of
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Draw the faults, run the tests on each, print the table and what survived."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--faults", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--seconds", type=float, default=120.0, help="the longest that the tests of one fault may take")
+    parser.add_argument("paths", nargs="*", help="files or folders of the program (default: all)")
+    options = parser.parse_args(arguments)
+    imports = Imports(ROOT)
+    paths = [p for p in imports.program() if not options.paths or p.startswith(tuple(options.paths))]
+    places = [fault for path in paths for fault in faults_of(ROOT, path)]
+    drawn = random.Random(options.seed).sample(places, min(options.faults, len(places)))
+    ends: list[tuple[Fault, str]] = []
+    with tempfile.TemporaryDirectory(prefix="levimass-mutants-") as folder:
+        copies: Queue[Path] = Queue()
+        for number in range(options.jobs):
+            copies.put(_copied(Path(folder) / str(number)))
+
+        def tried(fault: Fault) -> tuple[Fault, str]:
+            copy = copies.get()
+            try:
+                return fault, _end_of(fault, copy, imports.tests_of(fault.path), options.seconds)
+            finally:
+                copies.put(copy)
+
+        with ThreadPoolExecutor(options.jobs) as pool:
+            for fault, end in pool.map(tried, drawn):
+                ends.append((fault, end))
+                print(f"{end:<9} {_words(fault)}", file=sys.stderr, flush=True)
+    print(_table(ends))
+    return int(any(end == "survived" for _, end in ends))
+
+
+def _copied(place: Path) -> Path:
+    """Copy the program and its tests, the recordings beside them, and the kernels compiled so far."""
+    tree = place / "tree"
+    tree.mkdir(parents=True)
+    for name in (*TOPS, "resources", "docs", "packaging"):
+        shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for file in ROOT.iterdir():
+        if file.is_file():
+            shutil.copy2(file, tree / file.name)
+    if (ROOT.parent / "shared").is_dir():
+        (place / "shared").symlink_to(ROOT.parent / "shared", target_is_directory=True)
+    if kernel_cache.root().is_dir():
+        shutil.copytree(kernel_cache.root(), place / "kernels" / "levimass")
+    return tree
+
+
+def _end_of(fault: Fault, tree: Path, tests: list[str], seconds: float) -> str:
+    """Return "noticed", "survived", or "no test" where none imports the file."""
+    if not tests:
+        return "no test"
+    file = tree / fault.path
+    source = file.read_bytes()
+    file.write_bytes(fault.applied(source))
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tree.parent / "kernels"),
+        "QT_QPA_PLATFORM": "offscreen",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not slow", *tests]
+    try:
+        ran = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=seconds, check=False)
+    except subprocess.TimeoutExpired:
+        return "noticed"
+    finally:
+        file.write_bytes(source)
+    return "survived" if ran.returncode == 0 else "noticed"
+
+
+def _words(fault: Fault) -> str:
+    short = (" ".join(text.split())[:90] for text in (fault.before, fault.after))
+    return f"{fault.path}:{fault.line} ({fault.kind}) " + " -> ".join(short)
+
+
+def _table(ends: list[tuple[Fault, str]]) -> str:
+    count = Counter(("/".join(fault.path.split("/")[:2]).removesuffix(".py"), end) for fault, end in ends)
+    lines = [f"{'package':<28}{'faults':>8}{'noticed':>9}{'survived':>10}{'no test':>9}"]
+    for package in sorted({package for package, _ in count}):
+        numbers = [count[package, end] for end in ("noticed", "survived", "no test")]
+        lines.append(f"{package:<28}{sum(numbers):>8}{numbers[0]:>9}{numbers[1]:>10}{numbers[2]:>9}")
+    lines += ["", "survived or without a test:"]
+    lines += [_words(fault) for fault, end in ends if end != "noticed"]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,45 @@
+"""Which tests could notice a fault in a file: those that import it, and those that import what imports it."""
+
+import ast
+from pathlib import Path
+
+TOPS = ("analysis", "instrument", "app", "tests")
+
+
+class Imports:
+    """Who imports whom among the program's files and its tests."""
+
+    def __init__(self, root: Path) -> None:
+        files = sorted(path for top in TOPS for path in (root / top).rglob("*.py"))
+        self._size = {str(path.relative_to(root)): path.stat().st_size for path in files}
+        self._by: dict[str, set[str]] = {}
+        for path in files:
+            name = str(path.relative_to(root))
+            for imported in self._imported(path):
+                self._by.setdefault(imported, set()).add(name)
+
+    def program(self) -> list[str]:
+        """Return the files of the program that may hold a fault."""
+        return [name for name in self._size if not name.startswith("tests/") and not name.endswith("__init__.py")]
+
+    def tests_of(self, path: str) -> list[str]:
+        """Return the test files that import a file, smallest first, then those that do through one other file."""
+        direct = self._by.get(path, set())
+        through = {test for other in direct for test in self._by.get(other, set())}
+        return [test for ring in (direct, through - direct) for test in self._tests(ring)]
+
+    def _tests(self, names: set[str]) -> list[str]:
+        of = (name for name in names if name.rpartition("/")[2].startswith("test_"))
+        return sorted(of, key=lambda name: self._size[name])
+
+    def _imported(self, path: Path) -> set[str]:
+        found = set()
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+                names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            else:
+                continue
+            found |= {file for name in names if (file := name.replace(".", "/") + ".py") in self._size}
+        return found

@@ -1,0 +1,119 @@
+"""Every fault of one kind each that a source file could have: small changes of its text, found in its syntax tree."""
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+_COMPARED = {"Lt": "<=", "LtE": "<", "Gt": ">=", "GtE": ">", "Eq": "!=", "NotEq": "=="}
+_ADDED = {"Add": "-", "Sub": "+", "Mult": "/", "Div": "*"}
+_THROUGH = ("abs", "sqrt", "sorted", "deg2rad", "clip", "square", "reversed", "conj")
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A change of the text between two offsets of a file, in UTF-8 bytes."""
+
+    path: str
+    line: int
+    kind: str
+    start: int
+    stop: int
+    before: str
+    after: str
+
+    def applied(self, source: bytes) -> bytes:
+        """Return the source with the fault in it."""
+        return source[: self.start] + self.after.encode() + source[self.stop :]
+
+
+def faults_of(root: Path, path: str) -> list[Fault]:
+    """Return every fault that the operators know for one file; none in annotations and docstrings."""
+    source = (root / path).read_bytes()
+    tree = ast.parse(source)
+    starts = [0]
+    for text in source.splitlines(keepends=True):
+        starts.append(starts[-1] + len(text))
+    skipped = {id(inner) for node in _not_run(tree) for inner in ast.walk(node)}
+    found = []
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        for kind, at, after in _changes(node, source, starts):
+            start, stop = starts[at.lineno - 1] + at.col_offset, starts[at.end_lineno - 1] + at.end_col_offset
+            before = source[start:stop].decode()
+            fault = Fault(path, at.lineno, kind, start, stop, before, after)
+            if before != after and _parses(fault.applied(source)):
+                found.append(fault)
+    return found
+
+
+def _changes(node: ast.AST, source: bytes, starts: list[int]) -> Iterator[tuple[str, ast.expr | ast.stmt, str]]:
+    def text(of: ast.AST) -> str:
+        return source[
+            starts[of.lineno - 1] + of.col_offset : starts[of.end_lineno - 1]
+            + of.end_col_offset  # type: ignore
+        ].decode()
+
+    match node:
+        case ast.Constant(value=bool()):
+            yield "default", node, str(not node.value)
+        case ast.Constant(value=int()):
+            yield "off by one", node, str(node.value + 1)
+        case ast.Constant(value=float()):
+            yield "factor", node, repr(1.3 * node.value if node.value else 1.0)
+        case ast.UnaryOp(op=ast.USub()):
+            yield "sign", node, f"({text(node.operand)})"
+        case ast.UnaryOp(op=ast.Not()):
+            yield "comparison", node, f"({text(node.operand)})"
+        case ast.BinOp() if type(node.op).__name__ in _ADDED:
+            kind = "sign" if isinstance(node.op, ast.Add | ast.Sub) else "factor"
+            yield kind, node, f"({text(node.left)}) {_ADDED[type(node.op).__name__]} ({text(node.right)})"
+        case ast.Compare(ops=[op]) if type(op).__name__ in _COMPARED:
+            yield (
+                "comparison",
+                node,
+                f"({text(node.left)}) {_COMPARED[type(op).__name__]} ({text(node.comparators[0])})",
+            )
+        case ast.BoolOp(values=[one, *_]):
+            yield "comparison", node, f"({text(one)})"
+        case ast.Expr(value=ast.Call()):
+            yield "call left out", node, "pass"
+        case ast.Call(func=called, args=arguments, keywords=named):
+            name = called.attr if isinstance(called, ast.Attribute) else getattr(called, "id", "")
+            if name in _THROUGH and arguments:
+                yield "call left out", node, f"({text(arguments[0])})"
+            if len(arguments) >= 2 and not any(isinstance(a, ast.Starred) for a in arguments):
+                rest = [text(a) for a in arguments[2:]] + [text(k) for k in named]
+                swapped = ", ".join([text(arguments[1]), text(arguments[0]), *rest])
+                yield "swapped", node, f"{text(called)}({swapped})"
+            if named and named[-1].arg is not None:
+                left = ", ".join(text(a) for a in (*arguments, *named[:-1]))
+                yield "ignored argument", node, f"{text(called)}({left})"
+        case ast.Tuple(elts=[one, two], ctx=ast.Load()):
+            yield "swapped", node, f"({text(two)}, {text(one)})"
+
+
+def _not_run(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield annotations, docstrings, imports and what only names types."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        elif isinstance(node, ast.AnnAssign | ast.arg) and node.annotation is not None:
+            yield node.annotation
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            if node.returns is not None:
+                yield node.returns
+            yield from node.decorator_list
+        elif isinstance(node, ast.ClassDef):
+            yield from node.decorator_list
+        elif (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)) or isinstance(node, ast.Raise):
+            yield node
+
+
+def _parses(source: bytes) -> bool:
+    try:
+        ast.parse(source)
+    except SyntaxError:
+        return False
+    return True

@@ -31,6 +31,7 @@ from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.free_parameters import TrialEffect, trial_effects
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.likely_noises import under_likely_noises
 from analysis.inference.fit.profile import with_profile_std
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.joint_data import shakings_of, site_under
@@ -187,7 +188,7 @@ def _judged(asked: _Asked, standing: _Standing, *, laws: bool = True, beat: floa
     best, at, far, rest, told = stands.best, stands.at, stands.far, stands.rest, stands.told
     tell("telling look-alikes apart", 0.8)
     while True:
-        sure = with_profile_std(best, stop)
+        sure = with_profile_std(under_likely_noises(best), stop)
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], rest, far[n], trail) for n in trail.added(best)]
         effects, verdict = accepted_effects(found, rest, best)

@@ -136,7 +136,7 @@ def fit_jointly(
             from analysis.drive.fit import fit_driven
 
             return fit_driven(motions, effects, left)
-        from analysis.inference.fit.fitting import fit_shots
+        from analysis.inference.fit.shot_fit import fit_shots
 
         return fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings)
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.samples import take
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact

@@ -81,9 +81,14 @@ def _first_release(collision: Collision, *, derivatives: bool) -> Event | None:
     reduced = 1.0 / (1.0 / collision.block_mass_kg + 1.0 / collision.plate_mass_kg)
     period = 2.0 * math.pi * math.sqrt(reduced / collision.contact_stiffness_n_per_m)
     relaxation = collision.contact_damping_n_s_per_m / collision.contact_stiffness_n_per_m
-    reach = max(_PERIODS * (period + 5.0 * relaxation), 1.1 * collision.contact_time_estimate_s)
-    run = solve(collision, np.array([0.0, reach]), derivatives=derivatives)
-    return next((event for event in run.events if event.kind == "release"), None)
+    # A bounce of the small mass is over long before the swing on the plate's spring, which may have none.
+    bounce = _PERIODS * (period + 5.0 * relaxation)
+    for reach in (bounce, 1.1 * collision.contact_time_estimate_s):
+        run = solve(collision, np.array([0.0, reach]), derivatives=derivatives)
+        release = next((event for event in run.events if event.kind == "release"), None)
+        if release is not None or bounce > 1.1 * collision.contact_time_estimate_s:
+            return release
+    return None
 
 
 def _ratio(collision: Collision, release: Event) -> float:

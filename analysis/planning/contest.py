@@ -13,6 +13,7 @@ from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
+from analysis.inference.fit.base_fit import white_of
 from analysis.inference.fit.begin import begin_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
@@ -149,9 +150,8 @@ def again(given: Fit, motions: Sequence[Motion], stop: Stop, beside: Sequence[st
     fixed = {kind.name: fixed_of(kind, values[0][kind.name]) for kind in kinds}
     hypothesis = Hypothesis(data, kinds, fixed)
     z = hypothesis.pack(Point(begin.shared, begin.own, values))
-    white_m = given.noise_std_m / np.sqrt(data.shots[0].factor)
     try:
-        return fit(hypothesis, z, first_floor(hypothesis, z, float(white_m)), cancelled=stop)
+        return fit(hypothesis, z, first_floor(hypothesis, z, white_of(data.shots)), cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"the diagnosed model has no motion for these shots: {why}") from why
 

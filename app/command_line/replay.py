@@ -29,8 +29,8 @@ from app.command_line.plan_ahead import Ahead, plan_ahead
 from app.report.export import export, export_foretold, export_laws
 from app.report.export_hdf5 import export_hdf5
 from app.report.page import report_of
+from app.session.combined_in_model import with_combined
 from app.session.load import complaint, load_and_analyse
-from app.session.model_in_use import with_combined
 from app.words.flag_words import by_weight, flag_words
 from instrument.files.law_file import read_law
 from instrument.files.recording_error import RecordingError

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import Plan
 from analysis.planning.steps import Standing, Step

@@ -4,20 +4,20 @@
 three shots with an effect.  The bound is the covariance at the true parameters with the true noise.
 """
 
-import dataclasses
 import sys
 import time
 
 import numpy as np
 
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit import fitting
-from analysis.inference.fit.base import Base
+from analysis.inference.fit.base import base_named
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.hypothesis_fit import square_of
 from analysis.inference.fit.least_squares import covariance
-from analysis.inference.fit.prepare import prepare
-from analysis.inference.fit.response import Model
-from analysis.inference.fit.search import Problem
-from analysis.inference.noise.noise import Noise
+from analysis.inference.fit.samples import together
+from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.noise.floor import Floor
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import Quantity
 from tests.analysis.collision.simulated import shot
@@ -55,14 +55,21 @@ def _report(title: str, fits: list[Fit], truth: dict[str, float], bound: dict[st
     return missed + (not good) + (lost > 0.01 * len(fits))
 
 
-def _bound(noise: Noise) -> dict[str, float]:
-    """Return the Cramer-Rao standard deviations at the truth, for a noise that is known."""
-    prepared = dataclasses.replace(prepare(shot(seed=1)), noise=noise)
-    problem = Problem.of(Model(Base(PAPER.variant, one_body=False)), [prepared])
-    at = np.array([*TRUTH.values(), PAPER.velocity_in_m_per_s, 0.0123456, 3.1e-3])
-    inverse = covariance(problem.square(at))
+def _bound(white_m: float, wander: tuple[float, float] = (0.0, 1e-2)) -> dict[str, float]:
+    """Return the Cramer-Rao standard deviations at the truth, for a noise that is known (of one sample of the motion).
+
+    ``wander`` is the rms in m and the memory in s of a part that wanders.
+    """
+    shots = together([shot(seed=1)])
+    noise = Floor(white_m / shots[0].factor ** 0.5, (wander[0], 0.0), (wander[1], 1e-2), shots[0].spacing_s)
+    hypothesis = Hypothesis(JointData(shots, base_named("paper")), ())
+    own = np.array([[PAPER.velocity_in_m_per_s, 0.0123456, 3.1e-3]])
+    z = hypothesis.pack(Point(np.array([*TRUTH.values()]), own, ({},)))
+    inverse = covariance(square_of(hypothesis, noise, z))
     assert inverse is not None
-    return {name: float(np.sqrt(inverse[place, place])) for place, name in enumerate(TRUTH)}
+    slope = hypothesis.slope(z)
+    std = np.sqrt(np.diag(slope @ inverse @ slope.T))
+    return {name: float(std[place]) for place, name in enumerate(TRUTH)}
 
 
 def main() -> int:
@@ -70,15 +77,14 @@ def main() -> int:
     shots = int(sys.argv[1]) if len(sys.argv) > 1 else 240
     began = time.perf_counter()
     missed = 0
-    white = Noise(1.5e-10, 0.0, 1.0, np.ones(1), 1e-5, 1000)
-    fits = [fitting.fit_shots([shot(seed=seed)]) for seed in range(shots)]
-    missed += _report("white noise 0.15 nm", fits, TRUTH, _bound(white))
-    floor = Noise(1.0e-10, 4.0e-10, 3e-3, np.ones(1), 1e-5, 1000)
-    fits = [fitting.fit_shots([shot(seed=seed, white_m=1e-10, floor_m=4e-10)]) for seed in range(shots)]
-    missed += _report("white noise 0.1 nm on a floor of 0.4 nm wandering within 3 ms", fits, TRUTH, _bound(floor))
+    fits = [fit_shots([shot(seed=seed)]) for seed in range(shots)]
+    missed += _report("white noise 0.15 nm", fits, TRUTH, _bound(1.5e-10))
+    fits = [fit_shots([shot(seed=seed, white_m=1e-10, floor_m=4e-10)]) for seed in range(shots)]
+    bound = _bound(1e-10, (4e-10, 3e-3))
+    missed += _report("white noise 0.1 nm on a floor of 0.4 nm wandering within 3 ms", fits, TRUTH, bound)
     drag = {"quadratic_drag": (1.3e-3,)}
     fits = [
-        fitting.fit_shots(
+        fit_shots(
             [shot(PAPER.at_speed(v), effects=drag, seed=10 * seed + i) for i, v in enumerate((-0.15, -0.265, -0.4))],
             effects=tuple(drag),
         )

@@ -17,9 +17,9 @@ from analysis.collision.effects import named
 from analysis.collision.effects.row import Acts, Sensed
 from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.verdict.cross_validation import shared_places
-from analysis.inference.fit.fitting import fit_shots
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.fit.samples import Samples
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
 from analysis.planning.contest import Contest, Member, again, contest, rivals
 from analysis.planning.foreseen import Informs, at_hand, blank, eliminated, foretold, informs

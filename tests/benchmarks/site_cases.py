@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.inference.fit.prepare import base_named
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.samples import Samples, together
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.site import Site, Sway, swayed

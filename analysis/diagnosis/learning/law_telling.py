@@ -153,7 +153,7 @@ def _as(curve: Floats, shown: Floats, columns: Floats, std: Floats) -> Floats:
 def _held_out_chi2(fitted: Fitted, after: Prediction, held: tuple[int, ...]) -> float:
     measured = [fitted.hypothesis.data.shots[i] for i in held]
     white = [
-        s.whitened(fitted.floor, (s.displacement_m - s.averaged(x))[:, None])
+        s.whitened(fitted.floor, s.left_m(s.averaged(x))[:, None])
         for s, x in zip(measured, after.displacement_m, strict=True)
     ]
     return float(sum(np.sum(w**2) for w in white) / sum(w.size for w in white))

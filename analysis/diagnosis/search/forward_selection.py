@@ -19,7 +19,7 @@ from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, fit
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import Projector, projector
-from analysis.inference.screen.screening import Score, scores
+from analysis.inference.screen.screening import Score, apart, scores
 from analysis.shot.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
@@ -182,7 +182,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         score
         for place, listed in enumerate(ranked[: min(width, REFITTED + STRONGER if strong else REFITTED)])
         if strong or place < compared or listed[0].gain > WORTH_FITTING
-        for score in _starts(listed)[: 1 if place >= 2 else 2]
+        for score in apart(listed)[: 1 if place >= 2 else 2]
     ]
     if here.floor.wanders:
         # The floor was learnt from what is left and may have taken it for noise: ask as if nothing wandered, too.
@@ -268,17 +268,3 @@ def prune(fitted: Fitted, trail: Trail) -> Fitted:
         if best is None or trail.pays(fitted, best):
             return fitted
         fitted = best
-
-
-def _starts(listed: Sequence[Score]) -> list[Score]:
-    """Return starts that lie apart: the best, and the next that is not its neighbour on a frequency grid."""
-    out = [listed[0]]
-    for score in listed[1:]:
-        mine = score.start[0]
-        apart = [k for k in mine if k in ("frequency_hz", "relaxation_time_s", "range_m", "order")]
-        near = any(all(abs(math.log(mine[k] / other.start[0][k])) < 0.12 for k in apart) for other in out)
-        if score.gain > 0.3 * listed[0].gain and apart and not near:
-            out.append(score)
-            if len(out) == 3:
-                break
-    return out

@@ -9,16 +9,12 @@ from analysis.diagnosis.search.forward_selection import Trail, better, climb, ex
 from analysis.diagnosis.search.wider import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.base_fit import slow_enough
-from analysis.inference.fit.base_minimum import first_guesses
 from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.first_guesses import first_guesses
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, finish, search
-from analysis.inference.fit.prepare import prepare_set
-from analysis.inference.fit.response import Model
-from analysis.inference.fit.search import own_start
-from analysis.shot.motion import Motion
+from analysis.inference.fit.with_effect import joined
 from analysis.shot.shot import Stop
 
 _SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # of the stiffness and damping of the contact that was read
@@ -26,27 +22,17 @@ _SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # of the stiffness and damping of the con
 
 def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[str], stop: Stop) -> Fitted:
     """Return the fit with the effects that the model already has."""
-    here = base
     for name in accepted:
         if name not in {kind.name for kind in catalogue}:
             raise ValueError(f"no effect is called {name!r}; there are {', '.join(k.name for k in catalogue)}")
     held = narrower(accepted)
-    for name in (name for name in accepted if name not in held):
-        kind = next(k for k in catalogue if k.name == name)
-        better, _ = explore(here, [kind], stop, most=1, widens=False)
-        if name not in better.names:
-            hypothesis = Hypothesis(here.hypothesis.data, (*here.hypothesis.effects, kind), here.hypothesis.fixed)
-            values = tuple({**v, name: dict(kind.starts[0])} for v in here.point.values)
-            z = hypothesis.pack(Point(here.point.base, here.point.own, values))
-            better = finish(hypothesis, search(hypothesis, z, here.floor, cancelled=stop), here.floor)
-        here = better
-    return here
+    kinds = {kind.name: kind for kind in catalogue}
+    return joined(base, [kinds[name] for name in accepted if name not in held], stop)
 
 
 def explored(
     before: Fitted,
     given: Begin,
-    motions: Sequence[Motion],
     catalogue: Sequence[TrialEffect],
     stop: Stop,
     *,
@@ -54,7 +40,7 @@ def explored(
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with ``most`` effects, and what was tried from where; ``given`` is where the base began."""
     if not before.converged and given.left > CRITERIA.drawn_far:
-        return _from_the_guess(before, motions, catalogue, stop)
+        return _from_the_guess(before, catalogue, stop)
     best, trail = explore(before, catalogue, stop, most=most)
     again = trail.of(before.names)
     if again is not None and better(again, before):  # an effect's detour led the base itself to a better place
@@ -62,18 +48,16 @@ def explored(
     return best, trail
 
 
-def _from_the_guess(
-    before: Fitted, motions: Sequence[Motion], catalogue: Sequence[TrialEffect], stop: Stop
-) -> tuple[Fitted, Trail]:
+def _from_the_guess(before: Fitted, catalogue: Sequence[TrialEffect], stop: Stop) -> tuple[Fitted, Trail]:
     """Return the best fit with effects, begun where the collision was read, not where the base was drawn.
 
     What a base model lacks a thousandfold draws its own parameters to a wall: no step from there leads back.  It may
     have drawn the contact that was read too, so a softer one is a second place to begin.
     """
     hypothesis = before.hypothesis
-    shots = prepare_set(motions)
+    shots = hypothesis.data.shots
     guess = first_guesses(hypothesis.data.base, shots, stop)[0]
-    own = np.array([own_start(shot, Model(hypothesis.data.base)) for shot in shots])
+    own = np.array([shot.course.own for shot in shots])
     climbs = []
     for softer in _SOFTENED:
         contact = guess.copy()

@@ -81,7 +81,7 @@ def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
     plates, moved, floor = [], 0.0, fitted.floor
     for shot, left in zip(fitted.hypothesis.data.shots, fitted.residual_m, strict=True):
         assert shot.sway is not None
-        plate = shot.sway.likely_plate(left, shot.plate, floor)
+        plate = shot.sway.likely_plate(left, floor)
         moved = max(moved, float(np.max(np.abs(np.subtract(plate, shot.plate) / shot.sway.plate_std))))
         plates.append(plate)
     return plates, moved

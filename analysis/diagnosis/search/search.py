@@ -79,9 +79,9 @@ class Search:
             start = accept(base, self.catalogue, self.accepted, self.stop)
             self.tell("scoring the catalogue", 0.15)
             if site is None:
-                return explored(start, self.given, self.motions, catalogue, self.stop, most=most)
+                return explored(start, self.given, catalogue, self.stop, most=most)
             # What plates seem to do beside a missing effect would call for a second one.
-            first, trail = explored(start, self.given, self.motions, catalogue, self.stop, most=1)
+            first, trail = explored(start, self.given, catalogue, self.stop, most=1)
             first, trail = swayed_from_there(first, trail)
             more = CRITERIA.most_effects - len(trail.added(first))
             return (climb(first, trail, more) if trail.added(first) else first), trail

@@ -21,16 +21,13 @@ from analysis.drive.repeat import Floor as DriveFloor
 from analysis.drive.run import prepare as prepare_drive
 from analysis.drive.table import Table
 from analysis.fitted.fitted_shot import fit_jointly, in_words
-from analysis.inference.fit.base import PLATE_NAMES
+from analysis.inference.fit.base import PLATE_NAMES, base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect, trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import learn_floor, residuals, square_of
 from analysis.inference.fit.least_squares import minimise
-from analysis.inference.fit.prepare import base_named, prepare
-from analysis.inference.fit.response import Model
 from analysis.inference.fit.samples import together
-from analysis.inference.fit.search import own_start
 from analysis.inference.noise.floor import white_floor
 from analysis.shot.fit import names_on_plate, plates_named
 from analysis.shot.motion import Motion
@@ -153,7 +150,7 @@ def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors
 
 def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
     data = JointData(together([motion]), base_named(model.base))
-    start = own_start(prepare(motion), Model(data.base))[:OWN]
+    start = data.shots[0].course.own
     # What each shot has for itself, it has under the base model as well.
     along = trials_named(name for name in model.effects if name not in findings(model.effects))
     bare = _own_fitted(Hypothesis(data, along), base, start)

@@ -237,7 +237,7 @@ def errors(
             good = values[shot.used & np.isfinite(values)]
             sums[k] += float(good @ good)
             counts[k] += good.size
-        rest = (shot.displacement_m - shot.averaged(model))[:, None]
+        rest = shot.left_m(shot.averaged(model))[:, None]
         white = shot.whitened(floor, rest)
         chi2 += float(np.sum(white**2))
         samples += white.size

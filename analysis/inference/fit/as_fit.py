@@ -1,4 +1,4 @@
-"""A diagnosis' own fit in the form that everything else reads."""
+"""A fit in the form that everything else reads."""
 
 from collections.abc import Sequence
 
@@ -9,6 +9,8 @@ from analysis.collision.effects.row import Parameter
 from analysis.inference.fit.build_fit import Estimate, Part, Path, build_fit
 from analysis.inference.fit.derivatives import solved
 from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.frame_residual import sway_left_std_m
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
@@ -30,19 +32,35 @@ def effect_parameters(fitted: Fitted) -> dict[str, dict[str, Quantity]]:
     return out
 
 
-def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float) -> Fit:
-    """Return the fit with overlays and remainders on the motions' own grids."""
+def as_fit(
+    fitted: Fitted,
+    motions: Sequence[Motion],
+    model: str,
+    seconds: float,
+    *,
+    how: str = "joint fit",
+    by: Floor | None = None,
+    chi2: float = 0.0,
+    flags: Sequence[str] = (),
+) -> Fit:
+    """Return the fit with overlays and remainders on the motions' own grids.
+
+    Where the noise is known ``by`` other ways than by what the fit leaves, ``chi2`` is in its units, and a remainder
+    above it does not make parameters look better known than they are (Birge's ratio).
+    """
     hypothesis, point = fitted.hypothesis, fitted.point
+    birge = max(1.0, chi2 / max(1, fitted.samples - hypothesis.size))
     places = {(name, shot): place for place, (name, shot) in enumerate(hypothesis.names)}
     estimate = Estimate(
         model=model,
         effects=fitted.names,
         values=hypothesis.flat(point),
-        covariance=fitted.covariance,
+        covariance=birge * fitted.covariance,
         shared={name: place for (name, shot), place in places.items() if shot < 0},
         free=hypothesis.size,
         converged=fitted.converged,
-        how="joint fit",
+        how=how,
+        flags=tuple(flags),
         chosen={f"{name}.{key}": value for name, given in hypothesis.fixed.items() for key, value in given.items()},
     )
     parts = [
@@ -53,10 +71,11 @@ def as_fit(fitted: Fitted, motions: Sequence[Motion], model: str, seconds: float
             used=shot.used,
             whitened=white,
             plate_number=shot.plate_number,
-            frame_m_per_s=shot.sway.speeds_m_per_s if shot.sway is not None else (0.0, 0.0),
+            frame_m_per_s=shot.sway.speeds_m_per_s(fitted.floor) if shot.sway is not None else (0.0, 0.0),
+            sway_std_m=sway_left_std_m(shot, fitted.floor, line[1]) if shot.sway is not None else None,
         )
-        for index, (motion, shot, white) in enumerate(
-            zip(motions, hypothesis.data.shots, fitted.whitened(), strict=True)
+        for index, (motion, shot, white, line) in enumerate(
+            zip(motions, hypothesis.data.shots, fitted.whitened(by), hypothesis.linearised(fitted.z), strict=True)
         )
     ]
     return build_fit(estimate, parts, _of_one_sample(fitted), seconds)

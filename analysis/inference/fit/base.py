@@ -1,9 +1,14 @@
 """Which base model is fitted, and how its parameters lie: the paper's two bodies, or one on a locked plate."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from analysis.collision.parameters import Collision, Floats, Infeasible, Variant
+from analysis.shot.motion import Motion
+from analysis.shot.plates_of_set import plate_count
+
+MODELS = ("paper", "clamped", "no_tension", "contact")
 
 PLATE_NAMES = (
     "plate_stiffness_n_per_m",
@@ -91,3 +96,18 @@ class Base:
     def shared(self, collision: Collision) -> Floats:
         """Return the shared parameters of a collision on the one plate there is, in the fit's order."""
         return collision.vector[list(self.columns(0).values())]
+
+
+def base_named(model: str) -> Base:
+    """Return the base model of that name; ValueError names those there are."""
+    if model == "contact":
+        return Base(Variant.PAPER, one_body=True)
+    if model not in MODELS:
+        raise ValueError(f"no base model {model!r}; there are {', '.join(MODELS)}")
+    return Base(Variant.named(model), one_body=False)
+
+
+def base_of(model: str, motions: Sequence[Motion]) -> Base:
+    """Return the base model of that name for a set of shots, with a plate for each that they were taken on."""
+    base = base_named(model)
+    return base if base.one_body else replace(base, plates=plate_count(motions))

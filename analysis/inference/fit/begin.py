@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.inference.fit.base import PLATE_START, Base
-from analysis.inference.fit.prepare import base_of
+from analysis.inference.fit.base import PLATE_START, Base, base_of
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 

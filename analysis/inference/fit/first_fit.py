@@ -14,23 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.base_fit import slow_enough, white_of
-from analysis.inference.fit.base_minimum import STRONG, first_guesses
+from analysis.inference.fit.base import base_of
+from analysis.inference.fit.base_fit import slow_enough
 from analysis.inference.fit.begin import TRUSTED, Begin, Plates
 from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.first_guesses import first_guesses, resembled
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import residuals, search
 from analysis.inference.fit.least_squares import Minimum
-from analysis.inference.fit.prepare import base_of, prepare_set
-from analysis.inference.fit.response import Model
 from analysis.inference.fit.samples import Samples, together
-from analysis.inference.fit.search import own_start
-from analysis.inference.noise.floor import Floor, white_floor
+from analysis.inference.noise.flights import noise_of_flights
+from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site, on_site
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Cancelled, Stop
 
 Floats = NDArray[np.float64]
+STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
 _EARLY = 0.3  # of the contact time: the bounces
 _EVALUATIONS, _ROUGHLY = 60, 30
 _TOLERANCE = 1e-3  # of chi^2
@@ -47,26 +47,31 @@ def first_fit(motions: Sequence[Motion], model: str, site: Site | None, stop: St
     """
     base = base_of(model, motions)
     shots = together(motions)
-    prepared = prepare_set(motions)
-    own = np.array([own_start(shot, Model(base)) for shot in prepared])
-    white_m = white_of(shots)
-    guesses = first_guesses(base, prepared, stop, site.shaking.rms_m if site is not None else 0.0)
-    ends = []
+    own = np.array([shot.course.own for shot in shots])
+    noise, _ = noise_of_flights(shots, site)
+    ends: list[Begin] = []
     why: Infeasible | None = None
     try:
         if site is None:
-            return _nearest(JointData(shots, base), guesses, own, white_m, stop)
+            return _nearest(JointData(shots, base), first_guesses(base, shots, stop), own, noise, stop)
+        data = JointData(shots, base, site=site)
+        for shared in resembled(base, shots, _FOLLOWED):
+            with contextlib.suppress(Infeasible):
+                ends.append(_on_frames(data, shared, own, noise, stop))
+                if ends[-1].left < TRUSTED:
+                    return ends[-1]
+        guesses = first_guesses(base, shots, stop, site.shaking.rms_m)
         for shared in guesses[:_FOLLOWED]:
             with contextlib.suppress(Infeasible):
-                ends.append(_on_frames(JointData(shots, base, site=site), shared, own, white_m, stop))
+                ends.append(_on_frames(data, shared, own, noise, stop))
                 if ends[-1].left < TRUSTED:
                     break
         if not ends or min(end.left for end in ends) > STRONG:
             # a start that is not near is drawn to no collision at all where an effect is missing, too
-            still = _nearest(JointData(shots, base), guesses, own, white_m, stop)
+            still = _nearest(JointData(shots, base), guesses, own, noise, stop)
             ends.append(still)
             with contextlib.suppress(Infeasible):
-                ends.append(_on_frames(JointData(shots, base, site=site), still.shared, still.own, white_m, stop))
+                ends.append(_on_frames(data, still.shared, still.own, noise, stop))
     except Infeasible as reason:
         why = reason
     if stop():
@@ -76,9 +81,9 @@ def first_fit(motions: Sequence[Motion], model: str, site: Site | None, stop: St
     return min(ends, key=lambda end: end.left)
 
 
-def _nearest(data: JointData, guesses: Sequence[Floats], own: Floats, white_m: float, stop: Stop) -> Begin:
+def _nearest(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> Begin:
     """Return the best end of the searches from first guesses, or from what the first bounces alone suggest."""
-    floor = white_floor(white_m, data.shots[0].spacing_s)
+    floor = noise.without_site
     best = _ended(data, guesses[0], own, floor, stop)
     if best.left < STRONG:
         return best
@@ -101,14 +106,12 @@ def _bounces(shot: Samples) -> Samples:
     return replace(shot, valid=shot.valid & (shot.centre_s < until_s))
 
 
-def _on_frames(data: JointData, shared: Floats, own: Floats, white_m: float, stop: Stop) -> Begin:
+def _on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop: Stop) -> Begin:
     """Return where a search on frames that sway ends, coarse to fine, with the likeliest plate of each shot."""
     assert data.site is not None
-    strengths = (0.0,) * data.site.bands
-    spacing_s = data.shots[0].spacing_s
     here = Begin(data.base, shared, own)
     for louder in (_LOUDER, 1.0):
-        floor = replace(white_floor(louder * white_m, spacing_s), site=strengths)
+        floor = replace(noise, white_m=louder * noise.white_m)
         there = replace(data, shots=on_site(data.shots, data.site, data.base, here.shared, here.own))
         here = _ended(there, here.shared, here.own, floor, stop, _ROUGHLY if louder > 1.0 else _EVALUATIONS)
     return here
@@ -127,10 +130,10 @@ def _ended(
         raise Cancelled
     end = hypothesis.unpack(found.parameters)
     left = found.square.chi2 / found.square.samples
-    return Begin(data.base, end.base, end.own, _plates(hypothesis, found, floor) if left < TRUSTED else (), left)
+    return Begin(data.base, end.base, end.own, likely_plates(hypothesis, found, floor) if left < TRUSTED else (), left)
 
 
-def _plates(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Plates:
+def likely_plates(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Plates:
     """Return each shot's likeliest plate at first touch, beside what is left there; none where no frame sways."""
     shots = hypothesis.data.shots
     if not floor.site:
@@ -139,5 +142,5 @@ def _plates(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Plates:
     plates = []
     for shot, rest in zip(shots, left, strict=True):
         assert shot.sway is not None
-        plates.append(shot.sway.likely_plate(rest, shot.plate, floor))
+        plates.append(shot.sway.likely_plate(rest, floor))
     return tuple(plates)

@@ -43,11 +43,11 @@ class _Patterns:
     moves: Floats
 
 
-def thinned(course: Course, time_s: Floats) -> slice:
-    """Return the regular subset of samples, about 420 of them, that spans the contact and a little flight."""
+def around_contact(course: Course, time_s: Floats) -> slice:
+    """Return the samples that span the contact and a little flight."""
     begin = int(np.searchsorted(time_s, course.touch_time_s - _BEFORE * course.contact_time_s))
     end = int(np.searchsorted(time_s, course.touch_time_s + _AFTER * course.contact_time_s))
-    return slice(begin, end, max(1, (end - begin) // _POINTS))
+    return slice(begin, end)
 
 
 def rank(

@@ -12,6 +12,7 @@ from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.least_squares import Hopeless, Minimum, Square, covariance, minimise
 from analysis.inference.noise import site_strengths
+from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, learn, white_floor
 from analysis.shot.shot import Stop
 
@@ -125,9 +126,13 @@ def learn_floor(
 
 
 def first_floor(hypothesis: Hypothesis, z: Floats, white_m: float) -> Floor:
-    """Return the floor under which a search from ``z`` begins: white noise, and what a building does there."""
+    """Return the floor under which a search from ``z`` begins: white noise, and what a building does there.
+
+    What wanders there has the shape that the flights show.
+    """
     if hypothesis.data.site is not None:
-        return learn_floor(hypothesis.data, residuals(hypothesis, z), anew=True)[0]
+        data = hypothesis.data
+        return learn_floor(data, residuals(hypothesis, z), noise_of_flights(data.shots, data.site)[0])[0]
     return white_floor(white_m, hypothesis.data.shots[0].spacing_s)
 
 

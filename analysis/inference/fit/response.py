@@ -17,8 +17,6 @@ from analysis.collision.parameters import Collision, Floats, Infeasible
 from analysis.collision.slots import Swings, swings
 from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.starts import Course
-from analysis.inference.noise.noise import Noise
-from analysis.inference.noise.sway import STILL, Swayed
 
 DEFAULT_WAVELENGTH_M = 632.8e-9
 _MOST_RADIANS = 1e5
@@ -40,10 +38,8 @@ class ShotData:
     valid: NDArray[np.bool_]
     block_mass_kg: float
     course: Course
-    noise: Noise | Swayed
     wavelength_m: float = DEFAULT_WAVELENGTH_M
     rate_hz: float = 1e5  # of the demodulated record
-    plate_std: tuple[float, float] = STILL  # m, m/s: how far the plate may swing before it is touched
     plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: at first touch, as far as it is known and not fitted
     plate_number: int = 0  # on which of the set's plates it was taken
 

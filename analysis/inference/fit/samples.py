@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from analysis.collision import general
 from analysis.inference.fit import starts
-from analysis.inference.fit.prepare import FITTED_CONTACT_TIMES
 from analysis.inference.fit.response import DEFAULT_WAVELENGTH_M, ShotData
 from analysis.inference.fit.starts import Course
-from analysis.inference.noise import noise
 from analysis.shot.motion import Motion
 from analysis.shot.plates_of_set import plate_numbers
 
@@ -23,6 +21,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part: further off it tells more of the track
 RATE_HZ = 20e3  # what catalogue effects do to the displacement lies below half of it, but for a fringe's ripple
 FINE_RATE_HZ = 100e3
 
@@ -61,6 +60,15 @@ class Samples:
             return rows
         return self.sway.whiten(rows, floor)
 
+    def left_m(self, displacement_m: Floats) -> Floats:
+        """Return measured minus modelled, averaged, shape (n,).
+
+        What the plate did before the touch is one of the things that the site may have done: where the model begins
+        at its likeliest state, that is given back, so that a large swing stays as unlikely as it is.
+        """
+        left = self.displacement_m - displacement_m
+        return left if self.sway is None or not any(self.plate) else left + self.sway.of_plate_m(self.plate)
+
     def averaged(self, columns: Floats) -> Floats:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
         return general.averaged(columns, self.factor)
@@ -76,7 +84,6 @@ class Samples:
     @property
     def for_model(self) -> ShotData:
         """Get the shot as the model takes it; it is whitened here."""
-        nothing = noise.white(1.0, self.spacing_s)
         wavelength_m = self.wavelength_m or DEFAULT_WAVELENGTH_M
         rate_hz = self.factor / self.spacing_s
         return ShotData(
@@ -85,7 +92,6 @@ class Samples:
             self.valid,
             self.moving_mass_kg,
             self.course,
-            nothing,
             wavelength_m,
             rate_hz,
             plate=self.plate,

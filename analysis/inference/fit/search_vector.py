@@ -50,7 +50,7 @@ class JointData:
 
     def left_m(self, displacement_m: Iterable[Floats]) -> tuple[Floats, ...]:
         """Return measured minus modelled, averaged, shot by shot."""
-        return tuple(shot.displacement_m - x for shot, x in zip(self.shots, displacement_m, strict=True))
+        return tuple(shot.left_m(x) for shot, x in zip(self.shots, displacement_m, strict=True))
 
     def whitened(self, floor: Floor, columns: Iterable[Floats]) -> Floats:
         """Return ``columns``, shot by shot of shape (n, k), whitened: shape (rows, k), all shots one after another."""

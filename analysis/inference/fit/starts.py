@@ -38,6 +38,11 @@ class Course:
     quiet_out: slice
 
     @property
+    def own(self) -> Floats:
+        """Get velocity in (m/s), touch time (s) and offset (m), shape (3,): where a fit of the shot begins."""
+        return np.array([self.velocity_in_m_per_s, self.touch_time_s, self.touch_position_m])
+
+    @property
     def contact_time_s(self) -> float:
         """Get the half period of the smooth contact."""
         return math.pi / self.rate_rad_per_s
@@ -192,18 +197,3 @@ def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, tur
     index = int(np.argmax(loud))
     # The second difference feels the touch one span ahead; it reaches its mark part of the way into it.
     return float(min(centre[index] + 0.6 * span * dt, t[turn]))
-
-
-def quiet_stretches(course: Course, displacement_m: Floats, valid: NDArray[np.bool_]) -> list[Floats]:
-    """Return the longest gapless stretch of the quiet flight in and of the one out, in m (either may be empty)."""
-    found = []
-    for part in (course.quiet_in, course.quiet_out):
-        good = valid[part] & np.isfinite(displacement_m[part])
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
-        if edges.size == 0:
-            found.append(np.empty(0))
-            continue
-        lengths = edges[1::2] - edges[::2]
-        best = int(np.argmax(lengths))
-        found.append(np.asarray(displacement_m[part][edges[2 * best] : edges[2 * best + 1]]))
-    return found

@@ -8,26 +8,31 @@ the stretch about the contact, which tells it most, so what is left grows toward
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Floats
-from analysis.inference.noise.sway import Swayed
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import Floor
 
+Floats = NDArray[np.float64]
+_ROUNDING = 1e-13
 _POINTS = 128  # over the fitted stretch: what matters turns slowly
 
 
-def sway_left_std_m(noise: Swayed, time_s: Floats, used: NDArray[np.bool_], derivatives: Floats) -> Floats:
-    """Return the std of what stays of the sway in a fit's residual, at ``time_s``, shape (n,).
+def sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats:
+    """Return the std of what stays of the sway in a fit's residual, on the motion's own grid, shape (n,).
 
-    ``used`` says which of those samples were fitted, ``derivatives``, shape (n, p), are by the parameters that were.
-    Cost about 5 ms.
+    ``derivatives`` are those of the averaged displacement by the fit's parameters.  Cost about 5 ms.
     """
-    rows = np.flatnonzero(used)
-    points = rows[np.unique(np.linspace(0, rows.size - 1, _POINTS).astype(np.intp))]
-    sines = noise.sines_at(time_s[points])
-    columns = derivatives[points]
+    assert shot.sway is not None
+    rows = np.flatnonzero(shot.valid)
+    some = np.unique(np.linspace(0, rows.size - 1, _POINTS).astype(np.intp))
+    size = np.exp(0.5 * np.asarray(noise.site))[shot.sway.band]
+    sines = shot.sway.basis[some] @ (shot.sway.factors * size)
+    columns = derivatives[rows[some]]
     columns = columns[:, np.abs(columns).max(axis=0) > 0.0]
-    every = noise.std_m**2 * points.size / rows.size  # what a point knows, as if it were all samples about it
-    root = np.linalg.cholesky(sines @ sines.T + every * np.eye(points.size))
+    every = (noise.white_m * shot.weight) ** 2 * some.size / rows.size  # a point stands for all samples about it
+    covariance = sines @ sines.T
+    every = max(every, _ROUNDING * float(np.trace(covariance)))
+    root = np.linalg.cholesky(covariance + every * np.eye(some.size))
     whitened = np.linalg.solve(root, columns)
     taken = root @ np.linalg.qr(whitened / np.linalg.norm(whitened, axis=0))[0]
     left_m2 = np.sum(sines**2, axis=1) - np.sum(taken**2, axis=1)
-    return np.asarray(np.interp(time_s, time_s[points], np.sqrt(np.maximum(left_m2, 0.0))))
+    return np.asarray(np.interp(shot.time_s, shot.centre_s[rows[some]], np.sqrt(np.maximum(left_m2, 0.0))))

@@ -11,13 +11,19 @@ from analysis.compiled.side_by_side import side_by_side
 from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.samples import RATE_HZ, Samples, together
 from analysis.inference.fit.search_vector import JointData
-from analysis.inference.noise.on_frame import can_tell
 from analysis.inference.noise.site import Site, on_site, site_of
+from analysis.inference.noise.sway import BELOW_HZ
 from analysis.reading.read import shaking_in
 from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
+_FEWEST_A_TURN = 10.0  # samples of what shakes fastest
+
+
+def can_tell(motion: Motion) -> bool:
+    """Return whether a motion's samples are close enough to tell the frame's motion from the optics' noise."""
+    return motion.sample_rate_hz >= _FEWEST_A_TURN * BELOW_HZ
 
 
 def shakings_of(
@@ -32,9 +38,11 @@ def shakings_of(
     return tuple(known if known is not None else side_by_side(shaking_in, motions))
 
 
-def site_under(motions: Sequence[Motion], shakings: Sequence[Shaking | None], least_nm: float) -> Site | None:
-    """Return the site that shots with these shakings tell of, None where less than ``least_nm`` rms shakes."""
-    return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm)
+def site_under(
+    motions: Sequence[Motion], shakings: Sequence[Shaking | None], least_nm: float, *, whole: bool = False
+) -> Site | None:
+    """Return the site that shots with these shakings tell of; arguments as ``site_of``'s."""
+    return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
 
 
 def joint_data(motions: Sequence[Motion], begin: Begin, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:

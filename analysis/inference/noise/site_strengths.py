@@ -10,6 +10,7 @@ at once; the shape is searched for about that.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,23 +33,28 @@ _ADDS = 2.0, 0.2  # of a search for a shape: what a sample adds over white, of t
 _TAU_S = (4e-3,), (5e-4, 5e-2)  # ... memories that are tried
 _SIDE, _CLOSER, _NEAR, _ALIKE = 0.7, 0.3, 0.1, 0.3  # ... its simplex, one from nearby, where it ends, in ln L there
 _TRIALS = 15  # ... for each part
+_PAIRS = 16  # of points that stand for all likely strengths
+_LEAST_LEVEL = 0.05  # of the curvature: a strength nobody knows is known to a factor of some hundred
 
 
 @dataclass(frozen=True, slots=True)
 class _Shot:
-    """What is left of a shot under noise of a fixed shape: ``along`` its whitened directions, shape (r,), and beside.
+    """What is left of a shot, and its derivatives by q parameters, under noise of a fixed shape.
 
-    ``factors``, shape (r, m), are what unit normal numbers do along these, ``shares``, shape (bands, r r), the
-    covariance along them that each band has at no strength; ``logs`` is ln det of what whitened it.
+    ``along``, shape (r, 1 + q), are both along the shot's whitened directions, ``beside``, shape (1 + q, 1 + q), the
+    products of what lies beside these; ``places``, shape (q,), says which parameters they are.  ``factors``, shape
+    (r, m), are what unit normal numbers do along the directions, ``shares``, shape (bands, r r), the covariance along
+    them that each band has at no strength; ``logs`` is ln det of what whitened it.
     """
 
     factors: Floats
     band: NDArray[np.int64]
     shares: Floats
     along: Floats
-    beside: float
+    beside: Floats
     samples: int
     logs: float
+    places: NDArray[np.intp]
 
 
 @dataclass(slots=True)
@@ -56,6 +62,15 @@ class _Curvature:
     """The expected curvature of the log-likelihood by (ln white^2, strengths), as it was where it was last computed."""
 
     value: Floats | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """What parameters of all shots take of what is left: values (q,), covariance (q, q), half ln det of its inverse."""
+
+    values: Floats
+    covariance: Floats
+    logs: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,21 +92,25 @@ class _Found:
 
 @dataclass(frozen=True, slots=True)
 class _Set:
-    """What is left of shots at a site (``series``, in m, one a shot)."""
+    """What is left of shots at a site, in m, and its derivatives beside it: ``columns``, shape (n, 1 + q), a shot."""
 
-    series: Sequence[Floats]
+    columns: Sequence[Floats]
     shots: Sequence[Samples]
     site: Site
     precision: Floats
     curve: _Curvature = field(default_factory=_Curvature)
 
+    def under(self, shape: Floor) -> list[_Shot]:
+        """Return the shots under noise of this shape."""
+        return side_by_side(lambda k: _under(shape, self.columns[k], self.shots[k]), range(len(self.shots)))
+
     def found(self, shape: Floor, start: Floats | None) -> _Found:
         """Return the likeliest strengths beside parts of this shape, from ``start``; some 20 ms for three shots."""
-        parts = side_by_side(lambda k: _under(shape, self.series[k], self.shots[k]), range(len(self.shots)))
+        parts = self.under(shape)
         if start is None:
             start = np.zeros(1 + self.site.bands)
-            freedom = sum(part.samples - part.along.size for part in parts)
-            start[0] = math.log(max(sum(part.beside for part in parts) / freedom, 1e-40))
+            freedom = sum(part.samples - part.along.shape[0] for part in parts)
+            start[0] = math.log(max(sum(float(part.beside[0, 0]) for part in parts) / freedom, 1e-40))
         at, value = _likeliest(start, parts, self.precision, self.curve)
         return _Found(shape, at, value)
 
@@ -121,7 +140,7 @@ def learn(
     site.  Without ``parts`` the wandering ones keep the shape that they have in ``start``.  Cost: some 10 ms for three
     shots, a second for each part.
     """
-    left = _Set(series, shots, site, _prior(site))
+    left = _Set([values[:, None] for values in series], shots, site, _prior(site))
     spacing_s = shots[0].spacing_s
     start = start if start is not None and start.site else None
     at = np.array([2.0 * math.log(start.white_m), *start.site]) if start is not None else None
@@ -144,6 +163,59 @@ def learn(
             break
         best = trial
     return best.floor, best.value
+
+
+@dataclass(frozen=True, slots=True)
+class Likely:
+    """What all likely strengths make of a fit's parameters: the likeliest ``noise``, their covariance (q, q) under all.
+
+    ``moves``, shape (q,), is where the likeliest would move the parameters to.
+    """
+
+    noise: Floor
+    covariance: Floats
+    moves: Floats
+
+
+def over_likely(
+    series: Sequence[Floats], tangents: Sequence[Floats], shots: Sequence[Samples], site: Site, start: Floor
+) -> Likely:
+    """Return what strengths of greatest restricted likelihood, and all likely ones, make of a fit's parameters.
+
+    ``series`` is what the fit leaves of each shot, ``tangents``, shape (n, q), the displacement's derivatives by its
+    parameters; what wanders keeps the shape it has in ``start``.  What a fit leaves has less of every slow band than
+    there was, as its parameters make up for some of it: the restricted likelihood (Patterson & Thompson, Biometrika 58,
+    1971) allows for that.  The covariance is that of the mixture of all likely strengths: the mean of the covariances
+    and the covariance of where each would put the values (law of total variance).  Cost: some 30 ms a shot.
+    LinAlgError where the parameters are not determined.
+    """
+    columns = [np.column_stack(both) for both in zip(series, tangents, strict=True)]
+    left = _Set(columns, shots, site, _prior(site))
+    found = left.found(_shape_of(start), np.array([2.0 * math.log(start.white_m), *start.site]))
+    parts = left.under(found.shape)
+    level, turn = np.linalg.eigh(_curvature(found.at, parts, left.precision))
+    points = found.at + _normal(found.at.size) @ (turn / np.sqrt(np.maximum(level, _LEAST_LEVEL))).T
+    likely = [_fit_at(point, parts) for point in points]
+    here = _fit_at(found.at, parts)
+    apart = np.stack([one.values - here.values for one in likely])
+    covariance = np.mean([one.covariance for one in likely], axis=0) + apart.T @ apart / len(likely)
+    unseen = tangents[0].shape[1] - here.values.size
+    return Likely(found.floor, np.pad(covariance, (0, unseen)), np.pad(here.values, (0, unseen)))
+
+
+@lru_cache(maxsize=8)
+def _normal(size: int) -> Floats:
+    """Return points that stand for a standard normal distribution, shape (n, size), in pairs about nothing."""
+    half = np.random.default_rng(size).standard_normal((_PAIRS, size))
+    half /= np.sqrt(np.mean(half**2, axis=0))
+    return np.concatenate([half, -half])
+
+
+def _fit_at(at: Floats, shots: Sequence[_Shot]) -> _Fitted:
+    """Return what the parameters take under (ln white^2, strengths)."""
+    size = np.exp(at[1:] - at[0])
+    both = [(shot, np.asarray(cho_solve((_root(shot, size), True), shot.along))) for shot in shots]
+    return _fitted(both, math.exp(at[0]))
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
@@ -179,18 +251,20 @@ def _shape_at(z: Floats, spacing_s: float) -> Floor:
     return Floor(1.0, (float(one), float(two)), (float(first), float(second)), spacing_s)
 
 
-def _under(shape: Floor, values: Floats, shot: Samples) -> _Shot:
-    """Return what is left of a shot as noise of this shape whitens it."""
+def _under(shape: Floor, columns: Floats, shot: Samples) -> _Shot:
+    """Return what is left of a shot, and its derivatives, as noise of this shape whitens them."""
     assert shot.sway is not None
-    white = shape.whiten(values[:, None], shot.valid, shot.weight)[:, 0]
+    places = np.flatnonzero(np.abs(columns[:, 1:]).max(axis=0, initial=0.0) > 0.0)
+    white = shape.whiten(columns[:, [0, *(1 + places)]], shot.valid, shot.weight)
     seen = shot.sway.seen(shape)
     along = seen.along(white)
-    beside = max(float(white @ white - along @ along), 0.0)
+    beside = white.T @ white - along.T @ along
+    beside[0, 0] = max(float(beside[0, 0]), 0.0)
     factors, band = seen.root @ shot.sway.factors, shot.sway.band
     every = [factors[:, band == k] for k in range(int(band.max()) + 1)]
     shares = np.stack([(some @ some.T).ravel() for some in every])
     logs = shape.log_variances(shot.valid, shot.weight)
-    return _Shot(factors, band, shares, along, beside, white.size, logs)
+    return _Shot(factors, band, shares, along, beside, white.shape[0], logs, places)
 
 
 def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Curvature) -> tuple[Floats, float]:
@@ -231,6 +305,7 @@ def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Cu
 def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> tuple[float, Floats]:
     """Return log-likelihood with the prior's and its gradient by (ln white^2, strengths); below all where it has none.
 
+    Restricted to what the parameters cannot make up for, where there are derivatives by any.
     Cost: (bands + r) r^2 multiply-adds a shot, r directions.
     """
     pull = precision @ at[1:]
@@ -239,20 +314,26 @@ def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> tuple[
     variance = math.exp(at[0])
     size = np.exp(at[1:] - at[0])
 
-    def weighed(shot: _Shot) -> tuple[float, float, Floats, Floats]:
+    def weighed(shot: _Shot) -> tuple[float, Floats, Floats]:
         root = _root(shot, size)
         inverse = np.asarray(cho_solve((root, True), np.eye(root.shape[0]), check_finite=False))
-        pulled = inverse @ shot.along
-        seen = size * (shot.shares @ np.outer(pulled, pulled).ravel()) / variance
-        told = size * (shot.shares @ inverse.ravel())
-        square = (float(shot.along @ pulled) + shot.beside) / variance
-        return 2.0 * float(np.log(np.diag(root)).sum()), square, seen, told
+        return 2.0 * float(np.log(np.diag(root)).sum()), inverse, inverse @ shot.along
 
     try:
         weights = side_by_side(weighed, shots)
+        fitted = _fitted([(shot, pulled) for shot, (_, _, pulled) in zip(shots, weights, strict=True)], variance)
     except np.linalg.LinAlgError:  # a motion a billion times the white noise: rounding decides
         return -math.inf, slope
-    for shot, (logs, square, seen, told) in zip(shots, weights, strict=True):
+    value -= fitted.logs
+    slope[0] += 0.5 * fitted.values.size
+    for shot, (logs, inverse, pulled) in zip(shots, weights, strict=True):
+        beside = np.concatenate([[1.0], -fitted.values[shot.places]])
+        alone = pulled @ beside
+        square = float(beside @ (shot.beside + shot.along.T @ pulled) @ beside) / variance
+        taken = pulled[:, 1:] @ fitted.covariance[np.ix_(shot.places, shot.places)] @ pulled[:, 1:].T
+        known = inverse - taken / variance
+        seen = size * (shot.shares @ np.outer(alone, alone).ravel()) / variance
+        told = size * (shot.shares @ known.ravel())
         logs += shot.logs + shot.samples * math.log(2 * math.pi * variance)
         value -= 0.5 * (logs + square)
         slope[1:] += 0.5 * (seen - told)
@@ -260,34 +341,62 @@ def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> tuple[
     return value, slope
 
 
+def _fitted(shots: Sequence[tuple[_Shot, Floats]], variance: float) -> _Fitted:
+    """Return what the parameters take, of shots with what the inverse covariance makes of ``along``, (r, 1 + q)."""
+    size = max((int(shot.places.max(initial=-1)) + 1 for shot, _ in shots), default=0)
+    normal, pull = np.zeros((size, size)), np.zeros(size)
+    for shot, pulled in shots:
+        products = (shot.beside + shot.along.T @ pulled) / variance
+        normal[np.ix_(shot.places, shot.places)] += products[1:, 1:]
+        pull[shot.places] += products[1:, 0]
+    if not size:
+        return _Fitted(pull, normal, 0.0)
+    scale = np.sqrt(np.diag(normal))
+    scale[scale == 0.0] = 1.0
+    root = np.linalg.cholesky(normal / np.outer(scale, scale) + np.diag((np.diag(normal) == 0.0).astype(np.float64)))
+    inverse = np.asarray(cho_solve((root, True), np.eye(size), check_finite=False)) / np.outer(scale, scale)
+    return _Fitted(inverse @ pull, inverse, float(np.log(np.diag(root)).sum() + np.log(scale).sum()))
+
+
 def _root(shot: _Shot, size: Floats) -> Floats:
     """Return the Cholesky factor of the covariance along a shot's directions over the white variance, shape (r, r)."""
-    r = shot.along.size
+    r = shot.along.shape[0]
     covariance = (size @ shot.shares).reshape(r, r)
     covariance[np.diag_indices_from(covariance)] += 1.0
     return np.asarray(np.linalg.cholesky(covariance))
 
 
 def _curvature(at: Floats, shots: Sequence[_Shot], precision: Floats) -> Floats:
-    """Return the expected curvature by (ln white^2, strengths); cost: (r + m) r m multiply-adds a shot."""
+    """Return the expected curvature by (ln white^2, strengths); cost: (r + m) r m multiply-adds a shot.
+
+    What shots tell of each other's parameters is left out.
+    """
     curve = np.zeros((1 + precision.shape[0],) * 2)
     curve[1:, 1:] = precision
-    size = np.exp(at[1:] - at[0])
+    size, variance = np.exp(at[1:] - at[0]), math.exp(at[0])
+    roots = [_root(shot, size) for shot in shots]
+    both = [(shot, cho_solve((root, True), shot.along)) for shot, root in zip(shots, roots, strict=True)]
+    fitted = _fitted(both, variance)
+    curve[0, 0] -= 0.5 * fitted.values.size
 
-    def of_shot(shot: _Shot) -> Floats:
-        root = _root(shot, size)
+    def of_shot(index: int) -> Floats:
+        shot, root = shots[index], roots[index]
         waves = solve_triangular(root, shot.factors * np.sqrt(size)[shot.band], lower=True, check_finite=False)
+        gram = waves.T @ waves
+        if shot.places.size:
+            taken = waves.T @ solve_triangular(root, shot.along[:, 1:], lower=True, check_finite=False)
+            gram -= taken @ fitted.covariance[np.ix_(shot.places, shot.places)] @ taken.T / variance
         of = (shot.band[:, None] == np.arange(precision.shape[0])).astype(np.float64)
-        shared = of.T @ (waves.T @ waves) ** 2 @ of
-        told = of.T @ np.einsum("ij,ij->j", waves, waves)
+        shared = of.T @ gram**2 @ of
+        told = of.T @ np.diag(gram)
         across = 0.5 * (told - shared.sum(axis=1))
-        both = np.empty_like(curve)
-        both[1:, 1:] = 0.5 * shared
-        both[0, 1:] = both[1:, 0] = across
-        both[0, 0] = 0.5 * (shot.samples - 2.0 * float(told.sum()) + float(shared.sum()))
-        return both
+        out = np.empty_like(curve)
+        out[1:, 1:] = 0.5 * shared
+        out[0, 1:] = out[1:, 0] = across
+        out[0, 0] = 0.5 * (shot.samples - 2.0 * float(told.sum()) + float(shared.sum()))
+        return out
 
-    return np.asarray(curve + sum(side_by_side(of_shot, shots)))
+    return np.asarray(curve + sum(side_by_side(of_shot, range(len(shots)))))
 
 
 def _prior(site: Site) -> Floats:

@@ -208,6 +208,20 @@ def _linear(
     return out
 
 
+def apart(listed: Sequence[Score]) -> list[Score]:
+    """Return starts that lie apart: the best, and the next that is not its neighbour on a frequency grid."""
+    out = list(listed[:1])
+    for score in listed[1:]:
+        mine = score.start[0]
+        scales = [k for k in mine if k in ("frequency_hz", "relaxation_time_s", "range_m", "order")]
+        near = any(all(abs(math.log(mine[k] / other.start[0][k])) < 0.12 for k in scales) for other in out)
+        if score.gain > 0.3 * listed[0].gain and scales and not near:
+            out.append(score)
+            if len(out) == 3:
+                break
+    return out
+
+
 def within(start: Mapping[str, float], shots: Sequence[Samples]) -> bool:
     """Return whether a start's line, if it has one, lies within what the records can show."""
     f = start.get("frequency_hz")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.shot_fit import fit_shots
 from tests.analysis.diagnosis.shots import shots
 from tests.bench.blind import drawn
 

@@ -13,7 +13,6 @@ from analysis.collision.parameters import Variant
 from analysis.inference.fit.base import Base
 from analysis.inference.fit.response import Model, ShotData, respond
 from analysis.inference.fit.starts import Course
-from analysis.inference.noise.noise import Noise
 from instrument.bench import frame
 from instrument.bench.mechanics import Trajectory
 from tests.bench.blind import Truth, clean_m, drawn, run
@@ -43,9 +42,7 @@ def vectors(truth: Truth, trajectory: Trajectory) -> tuple[np.ndarray, np.ndarra
 def shot_of(x: np.ndarray, truth: Truth) -> ShotData:
     t = np.arange(x.size) * 1e-5
     course = Course(0.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0, slice(0), slice(0))
-    return ShotData(
-        t, x, np.ones(x.size, bool), truth.bodies.block_mass_kg, course, Noise(1e-10, 0.0, 0.0, np.ones(1), 1e-5, 0)
-    )
+    return ShotData(t, x, np.ones(x.size, bool), truth.bodies.block_mass_kg, course)
 
 
 @pytest.mark.parametrize("hz", [47.0, 90.0, 165.0, 700.0])

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.inference.fit import base_fit as begin
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.free_parameters import trial_effects
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.samples import together
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings

@@ -8,10 +8,10 @@ import pytest
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.diagnosis.learning import curve_fit
 from analysis.diagnosis.learning.curve_motion import Ground, ground_of
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.base_fit import base_fit
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
-from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.samples import together
 from tests.law_rigs import LawRig
 

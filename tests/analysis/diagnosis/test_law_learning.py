@@ -8,11 +8,11 @@ import pytest
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law, may_reach
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws, learn_two
 from analysis.diagnosis.verdict.cross_validation import choose
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.base_fit import base_fit
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.samples import together
 from tests.law_rigs import LawRig
 

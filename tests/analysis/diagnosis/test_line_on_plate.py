@@ -9,8 +9,8 @@ from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.search.from_base import accept
-from analysis.inference.fit.fitting import fit_shots
 from analysis.inference.fit.free_parameters import trial_effects
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.shot.motion import Motion
 from tests.analysis.diagnosis.shots import base_fit
 from tests.analysis.diagnosis.shots import shots as shots_of

@@ -11,13 +11,13 @@ from analysis.collision.effects.row import Sensed
 from analysis.collision.parameters import PAPER
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Verdict
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.fitting import fit_shots
 from analysis.inference.fit.free_parameters import trial_effects
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import fit
-from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.samples import together
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import projector
 from analysis.inference.screen.screening import scores

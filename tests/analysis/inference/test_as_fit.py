@@ -4,7 +4,7 @@ import pytest
 
 from analysis.diagnosis.search.from_base import accept
 from analysis.inference.fit.as_fit import as_fit
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.shot_fit import fit_shots
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 

@@ -4,10 +4,10 @@ import pytest
 
 from analysis.diagnosis.search.from_base import explored
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.base_fit import base_fit
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
-from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.samples import together
 from tests.analysis.diagnosis.shots import KINDS, calm, shots
 

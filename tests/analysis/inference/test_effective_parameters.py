@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER, Infeasible
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.samples import together
 from tests.analysis.diagnosis.shots import KINDS, shots
 

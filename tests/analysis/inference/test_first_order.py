@@ -11,11 +11,11 @@ from analysis.collision.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.collision.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.collision.first_order import along
 from analysis.collision.parameters import PAPER
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import fit
-from analysis.inference.fit.prepare import base_named
 from analysis.inference.fit.quick_shot import Optics, respond
 from analysis.inference.fit.samples import together
 from analysis.inference.noise.floor import Floor

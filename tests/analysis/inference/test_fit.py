@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit.fitting import fit_shots
-from analysis.inference.fit.prepare import prepare
+from analysis.inference.fit.samples import take
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.fit.starts import NoCollision
+from analysis.inference.noise.flights import noise_of_flights
 from analysis.shot.shot import Cancelled
 from tests.analysis.collision.simulated import shot
 from tests.analysis.synthetic_collision import PLATE_N_PER_M, Synthetic, motion_of
@@ -53,9 +54,12 @@ def test_truth_is_found_from_the_data_alone(
 
 def test_a_wandering_floor_is_learned_and_owned_up_to() -> None:
     motion = shot(white_m=1e-10, floor_m=5e-10, seed=3)
-    noise = prepare(motion).noise
-    assert noise.floor_std_m > 2e-10
-    assert noise.white_std_m == pytest.approx(1e-10, rel=0.15)
+    samples = take(motion)
+    noise, _ = noise_of_flights([samples])
+    assert noise.rms_m[0] > 2e-10
+    step_m2 = 2 * 5e-10**2 * samples.spacing_s / 3e-3
+    averaged_m = np.sqrt(1e-10**2 / samples.factor - step_m2 / 6)  # means of what wanders step as if they had less
+    assert noise.white_m == pytest.approx(averaged_m, rel=0.2)
     fit = fit_shots([motion])
     for name in NAMES:
         assert abs(fit.parameters[name].value - getattr(PAPER, name)) < SIGMAS * fit.parameters[name].std

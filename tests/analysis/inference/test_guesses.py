@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER, Collision
-from analysis.inference.fit import base_minimum, guesses
-from analysis.inference.fit.base_minimum import first_guesses
-from analysis.inference.fit.prepare import base_named, prepare
+from analysis.inference.fit import first_guesses as guessed
+from analysis.inference.fit import guesses
+from analysis.inference.fit.base import base_named
+from analysis.inference.fit.first_guesses import first_guesses
+from analysis.inference.fit.samples import take
 from tests.analysis.collision.simulated import shot
 
 BASE = base_named("paper")
@@ -16,11 +18,11 @@ BASE = base_named("paper")
 
 def ranked(collision: Collision, displacement_gap: slice | None = None) -> list[guesses.Guess]:
     motion = shot(collision, white_m=1e-10)
-    data = prepare(motion)
+    course = take(motion).course
     x = motion.displacement_m.copy()
     if displacement_gap is not None:
         x[displacement_gap] = np.nan
-    return guesses.rank(data.course, data.time_s, x, data.block_mass_kg, BASE.variant, BASE.one_body)
+    return guesses.rank(course, motion.time_s, x, motion.moving_mass_kg, BASE.variant, BASE.one_body)
 
 
 def test_a_rig_of_another_scale_has_the_same_pattern_of_bounces() -> None:
@@ -54,8 +56,8 @@ def test_one_search_is_enough_where_the_pattern_of_bounces_is_plain(monkeypatch:
         searches.append(arguments)
         return search(*arguments, **options)
 
-    search = base_minimum.search
-    monkeypatch.setattr(base_minimum, "search", counted)
-    found = first_guesses(BASE, [prepare(shot(PAPER))], lambda: False)
+    search = guessed.search
+    monkeypatch.setattr(guessed, "search", counted)
+    found = first_guesses(BASE, [take(shot(PAPER))], lambda: False)
     assert len(searches) == 1
     assert found[0] == pytest.approx(PAPER.vector[:4], rel=1e-3)

@@ -10,8 +10,8 @@ from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.foretold import foretell
-from analysis.inference.fit.fitting import fit_shots
 from analysis.inference.fit.samples import together
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.fit.starts import read
 from analysis.inference.noise.own_flights import own_flights
 from analysis.shot.motion import Motion

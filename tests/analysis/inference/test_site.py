@@ -12,9 +12,9 @@ from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.begin import begin_of
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.fitting import fit_shots
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import residuals
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.joint_data import joint_data, shakings_of, site_under, with_plates
@@ -86,10 +86,10 @@ def test_the_likeliest_plate_is_the_conditional_mean_wherever_it_was_taken_to_be
     moved, left = columns * sizes, random.standard_normal(60)
     numbers = moved.T @ np.linalg.solve(moved @ moved.T + covariance_of(noise, 60), left)
     expected = (numbers * sizes)[-2:] * sway.plate_std
-    np.testing.assert_allclose(sway.likely_plate(left, (0.0, 0.0), noise), expected, rtol=1e-6)
+    np.testing.assert_allclose(sway.likely_plate(left, noise), expected, rtol=1e-6)
     known = (3e-7, -2e-4)  # what it does is taken off the remainder then
     beside = left - columns[:, -2:] @ np.divide(known, sway.plate_std)
-    np.testing.assert_allclose(sway.likely_plate(beside, known, noise), expected, rtol=1e-6)
+    np.testing.assert_allclose(beside + sway.of_plate_m(known), left, atol=1e-9)
 
 
 def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shaking:

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.collision.exact import solve
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.sway import STILL, plate_swing_std, responses
 from analysis.pipeline import analyse
 from analysis.shot.disturbance import Shaking, VibrationLine

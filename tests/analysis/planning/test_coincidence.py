@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.verdict.coincidence import by_chance, unforetold
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning.contest import Contest, contest
 from analysis.planning.distances import nearest, refitted, screened
 from analysis.planning.next_shot import NextShot, contact_s

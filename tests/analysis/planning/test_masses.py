@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.shot_fit import fit_shots
 from instrument.bench.noise import Noise, NoiseKind
 from tests.analysis.diagnosis.shots import WHITE_M, motions_of
 from tests.bench.blind import Take, Truth, drawn
@@ -27,7 +28,8 @@ def fitted():
 
 def test_a_joint_fit_takes_every_shots_own_mass(fitted):
     truth, fit = fitted
-    assert fit.converged and 0.97 < fit.reduced_chi2 < 1.03
+    # chi^2 of so many samples, and the noise known from no more of them
+    assert fit.converged and abs(fit.reduced_chi2 - 1.0) < 3 * np.sqrt(4 / fit.samples)
     true = {
         "plate_stiffness_n_per_m": truth.bodies.plate_stiffness_n_per_m,
         "plate_mass_kg": truth.bodies.plate_mass_kg,

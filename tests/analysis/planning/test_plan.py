@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.result import FoundEffect
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning import foreseen
 from analysis.planning.contest import Contest, again, contest
 from analysis.planning.distances import Distances, nearest, refitted, screened

@@ -11,10 +11,13 @@ from analysis.diagnosis.model_file import saved
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.foretold import foretell
 from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
-from analysis.inference.fit.fitting import fit_shots
-from analysis.inference.fit.prepare import base_of, prepare_set
-from analysis.inference.fit.response import Model
-from analysis.inference.fit.search import Problem, own_start
+from analysis.inference.fit.base import base_of
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.hypothesis_fit import square_of, whitened_residual
+from analysis.inference.fit.samples import together
+from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.noise.flights import noise_of_flights
 from analysis.planning.contest import again
 from analysis.planning.foreseen import blank, foretold
 from analysis.planning.next_shot import Reach, contact_s, next_shots
@@ -106,17 +109,18 @@ def test_each_shot_reads_the_contact_on_its_own_plate(five):
 
 def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
     motions, _, found = five
-    base, shots = base_of("paper", motions), prepare_set(motions)
-    model = Model(base)
-    problem = Problem.of(model, shots)
-    shared = [found.fit_before.parameters[name].value * 1.0001 for name in model.shared_names]
-    here = np.concatenate([shared, *(own_start(shot, model) for shot in shots)])
-    gradient = problem.square(here).gradient
+    base, shots = base_of("paper", motions), together(motions)
+    hypothesis = Hypothesis(JointData(shots, base), ())
+    noise, _ = noise_of_flights(shots)
+    shared = np.array([found.fit_before.parameters[name].value * 1.0001 for name in base.names])
+    here = hypothesis.pack(Point(shared, np.array([shot.course.own for shot in shots]), ({},) * len(shots)))
+    gradient = square_of(hypothesis, noise, here).gradient
     for place in range(len(shared)):
         step = np.zeros(here.size)
-        step[place] = 1e-5 * here[place]
-        slope = (problem.chi2(here + step) - problem.chi2(here - step)) / (2 * step[place])
-        assert slope == pytest.approx(2 * gradient[place], rel=2e-3), model.shared_names[place]
+        step[place] = 1e-5 * abs(here[place])
+        left = [whitened_residual(hypothesis, noise, here + sign * step) for sign in (1.0, -1.0)]
+        slope = (left[0] @ left[0] - left[1] @ left[1]) / (2 * step[place])
+        assert slope == pytest.approx(2 * gradient[place], rel=2e-3), base.names[place]
 
 
 def test_the_next_shot_is_planned_on_the_plate_that_is_on_the_rig(five):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning.contest import again
 from analysis.planning.next_shot import Reach, contact_s
 from analysis.planning.precision import ALL, sharpen

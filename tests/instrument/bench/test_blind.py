@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from analysis.inference.fit.fitting import fit_shots
+from analysis.inference.fit.shot_fit import fit_shots
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
@@ -146,6 +146,7 @@ def test_two_formulations_agree():
         motion = motion_from_displacement(record.time_s, record.displacement_m, None, None, record.moving_mass_kg)
         shown.append(replace(motion, displacement_std_m=np.full(record.time_s.size, record.noise_m)))
     fit = fit_shots(shown)
-    assert fit.converged and fit.reduced_chi2 == pytest.approx(1.0, abs=0.05)
+    # chi^2 of so many samples, by a noise that is known from no more of them
+    assert fit.converged and fit.reduced_chi2 == pytest.approx(1.0, abs=3 * np.sqrt(4 / fit.samples))
     for name in ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m"):
         assert fit.parameters[name].value == pytest.approx(getattr(truth.bodies, name), rel=1e-5)

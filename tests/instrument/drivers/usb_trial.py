@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.shot.recording import Role
 from app.command_line import acquire
-from instrument.devices import byte_clock, hantek6022
+from instrument.devices import hantek6022, streamed_codes
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.found_devices import found_devices
 from instrument.devices.hantek6022 import Hantek6022
@@ -26,7 +26,7 @@ ROLES = (Role.SWITCH, Role.MEASUREMENT)
 
 def without_clock() -> None:
     """Let the byte clock tell nothing: on a busy computer the emulator lags as no device does."""
-    byte_clock.SOON_STEP_S = byte_clock.LASTING_STEP_S = 1e9
+    streamed_codes.SOON_STEP_S = streamed_codes.LASTING_STEP_S = 1e9
 
 
 def read(scope: Digitizer, seconds: float, gap_after: int | None = None) -> dict:
@@ -210,10 +210,11 @@ def hang() -> dict:
         bed.plug(model, number)
         said = io.StringIO()
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
-            status = acquire.acquire(
-                1, source="hantek6022?roles=switch,measurement", out=Path(sys.argv[2]) / what, rate_hz=None,
+            taking = acquire.Taking(
+                source="hantek6022?roles=switch,measurement", out=Path(sys.argv[2]) / what, rate_hz=None,
                 samples=None, timeout_s=timeout_s,
             )  # fmt: skip
+            status = acquire.acquire(1, taking)
         assert model.hung_s is not None
         ended[what] = (status, time.monotonic() - model.hung_s, said.getvalue())
         bed.unplug(number)

@@ -1,0 +1,111 @@
+"""First guesses of the shared parameters of a set: what the fastest shot's contact resembles, and short fits of it."""
+
+import contextlib
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.parameters import Infeasible
+from analysis.compiled.side_by_side import side_by_side
+from analysis.inference.fit import guesses, starts
+from analysis.inference.fit.base import Base
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.hypothesis_fit import search
+from analysis.inference.fit.least_squares import Minimum
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import white_floor
+from analysis.shot.shot import Cancelled, Stop
+
+Floats = NDArray[np.float64]
+_TRIED = 6
+_EVALUATIONS = 18
+_SAME_PATTERN = 0.03  # of what another pattern of bounces leaves: what missing effects do is smaller, a wrong one more
+_SWAYED_PATTERN = 0.2  # ... where the frame's motion may be all that is left
+_APART = 0.03  # of a parameter: nearer ones are one guess
+
+
+def resembled(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
+    """Return the shared parameters of collisions that the fastest shot's contact resembles, best first.
+
+    Nothing is fitted: a fit that knows of no frame, however short, may be led far away by what the frame does.  None
+    where there are several plates.
+    """
+    return [base.shared(guess.collision) for guess in _ranked(base, shots)[1][:most]] if base.plates == 1 else []
+
+
+def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: float = 0.0) -> list[Floats]:
+    """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact.
+
+    ``sways_m`` is the rms of the frame's motion: a pattern of bounces that leaves no more is the right one.  Of several
+    plates one set, the best of each, with the contact that the plate of most shots suggests.
+    """
+    if base.plates > 1:
+        return [_plate_by_plate(base, shots, stop, sways_m)]
+    shot, ranked = _ranked(base, shots)
+    contact = _contact_of(shot)
+    hypothesis = Hypothesis(JointData((contact,), base), ())
+    white = white_floor(max(contact.course.noise_std_m, 1e-15), contact.spacing_s)
+
+    def tried(guess: guesses.Guess) -> tuple[Minimum, Floats] | None:
+        if stop():
+            raise Cancelled
+        with contextlib.suppress(Infeasible):
+            z = hypothesis.pack(Point(base.shared(guess.collision), contact.course.own[None, :], ({},)))
+            found = search(hypothesis, z, white, evaluations=_EVALUATIONS, tolerance=1e-6, cancelled=stop)
+            return found, hypothesis.unpack(found.parameters).base
+        return None
+
+    first = tried(ranked[0]) if ranked else None
+    usual = guesses.usual(ranked)
+    enough = max(_SAME_PATTERN * usual, min(sways_m, _SWAYED_PATTERN * usual))
+    if first is not None and white.white_m * math.sqrt(first[0].square.chi2 / first[0].square.samples) < enough:
+        return [first[1]]
+    trials = [trial for trial in (first, *side_by_side(tried, ranked[1:_TRIED])) if trial is not None]
+    if not trials:
+        raise starts.NoCollision("no trajectory of the base model resembles this contact")
+    trials.sort(key=lambda trial: trial[0].square.chi2)
+    out: list[Floats] = []
+    for _, shared in trials:
+        if all(np.any(np.abs(shared - other) > _APART * np.abs(other)) for other in out):
+            out.append(shared)
+    return out
+
+
+def _plate_by_plate(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: float) -> Floats:
+    one = replace(base, plates=1)
+    of_plate = [[replace(s, plate_number=0) for s in shots if s.plate_number == k] for k in range(base.plates)]
+    best = [first_guesses(one, those, stop, sways_m)[0] for those in of_plate]
+    most = max(range(base.plates), key=lambda k: len(of_plate[k]))
+    out = np.empty(len(base.names))
+    out[base.contact_at] = best[most][one.contact_at]
+    for k, shared in enumerate(best):
+        out[list(base.places(k)[:2])] = shared[:2]
+    return out
+
+
+def _ranked(base: Base, shots: Sequence[Samples]) -> tuple[Samples, list[guesses.Guess]]:
+    """Return the fastest shot and what its contact resembles, best first."""
+    shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
+    seen_m = np.where(shot.valid, shot.displacement_m, np.nan)
+    mass_kg = shot.moving_mass_kg
+    return shot, guesses.rank(shot.course, shot.centre_s, seen_m, mass_kg, base.variant, base.one_body)
+
+
+def _contact_of(shot: Samples) -> Samples:
+    """Return the averaged samples of the contact and a little flight alone."""
+    near = guesses.around_contact(shot.course, shot.centre_s)
+    fine = slice(near.start * shot.factor, near.stop * shot.factor)
+    return replace(
+        shot,
+        time_s=shot.time_s[fine],
+        used=shot.used[fine],
+        centre_s=shot.centre_s[near],
+        displacement_m=shot.displacement_m[near],
+        valid=shot.valid[near],
+        weight=1.0,
+        sway=None,
+    )

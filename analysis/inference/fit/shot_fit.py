@@ -1,0 +1,222 @@
+"""Fit a model to one shot or to several at once, weighed by what their own flights show of the noise.
+
+A diagnosis fits its hypotheses in the same way, with a noise that it learns from what each leaves over; here the
+flights alone say what noise is, so that chi^2 tells whether the model lacks something.
+"""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.effects import MOST_AT_ONCE, findings, named
+from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.as_fit import as_fit
+from analysis.inference.fit.base_fit import slow_enough
+from analysis.inference.fit.begin import Begin
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.first_fit import STRONG, first_fit, likely_plates
+from analysis.inference.fit.free_parameters import trials_named
+from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.hypothesis_fit import Fitted, residuals, search
+from analysis.inference.fit.least_squares import Minimum, covariance
+from analysis.inference.fit.likely_noises import likely_beside
+from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
+from analysis.inference.fit.with_effect import with_effect
+from analysis.inference.noise.flights import noise_of_flights
+from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.joint_data import can_tell, joint_data, site_under, with_plates
+from analysis.inference.noise.site import Site, on_site
+from analysis.shot.disturbance import Shaking
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop
+
+Floats = NDArray[np.float64]
+_EVALUATIONS, _AT_LAST = 60, 120  # of a search, and of one more where it was cut short
+_TOLERANCE = 1e-6  # of chi^2: a thousandth of a standard deviation
+_DOUBTED = 1.15  # reduced chi^2, above which quicker motion than a building's may be the frame's, as a knock's is
+_TURNS = 4  # of a fit and what a frame does about the motion at which it began
+_NEAR = 1.0  # standard deviations: what a frame does there is what it does here
+_STRENGTH_TURNS = 3  # of a fit and what it says of a frame's strengths
+_SETTLED = 0.1  # standard deviations: a fit that moved less says the same
+
+
+def fit_shots(
+    motions: Sequence[Motion],
+    *,
+    model: str = "paper",
+    effects: Sequence[str] = (),
+    progress: Progress | None = None,
+    cancelled: Stop | None = None,
+    shakings: Sequence[Shaking | None] = (),
+) -> Fit:
+    """Fit base ``model`` and ``effects`` (at most three) to the displacement of ``motions``.
+
+    Contact and effects are shared, the plate by the shots that state the same; each shot has its own start (and own
+    effect parameters where the catalogue says so).  ``shakings`` say what shook the frame of each shot: the fit of two
+    bodies then weighs what that does in flight and in contact, and lets the plate swing before it is touched as far as
+    the frame can have made it.
+    Raises ValueError for unknown names, NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError
+    where no motion of the model comes near, Cancelled when asked to stop.
+    A search that did not end in a minimum comes back with ``converged`` False: its numbers are no result.
+    """
+    began = time.perf_counter()
+    if not motions:
+        raise ValueError("no shot to fit")
+    if len(findings(effects)) > MOST_AT_ONCE or len(set(effects)) != len(effects):
+        raise ValueError(f"effects must be at most {MOST_AT_ONCE} different ones")
+    tell, stop = progress or (lambda _what, _fraction: None), cancelled or (lambda: False)
+    asked = _Asked(motions, model, tuple(effects), tell, stop)
+    shaken = model == "paper" and "plate_motion" not in effects and all(can_tell(motion) for motion in motions)
+    site = site_under(motions, shakings, 0.0) if shaken and any(shakings) else None
+    best = asked.under(site)
+    if site is not None and _DOUBTED < best.reduced_chi2 < STRONG:
+        whole = asked.under(site_under(motions, shakings, 0.0, whole=True))
+        best = whole if whole.found.converged and whole.reduced_chi2 < best.reduced_chi2 else best
+    tell("uncertainties", 0.8)
+    fit = best.as_fit(motions, model, began, stop)
+    tell("fitted", 1.0)
+    return fit
+
+
+@dataclass(frozen=True, slots=True)
+class _Ended:
+    """Where a search ended under a noise that flights show, whether they are long enough to be trusted.
+
+    ``undecided`` is what turns to and fro left of the parameters, shape (p,), a standard deviation each.
+    """
+
+    hypothesis: Hypothesis
+    found: Minimum
+    noise: Floor
+    trusted: bool
+    undecided: Floats
+
+    @property
+    def reduced_chi2(self) -> float:
+        """Get chi^2 a degree of freedom."""
+        return self.found.square.chi2 / max(1, self.found.square.samples - self.hypothesis.size)
+
+    def as_fit(self, motions: Sequence[Motion], model: str, began: float, stop: Stop) -> Fit:
+        """Return the fit of this end, under what all of each shot says of its frame."""
+        hypothesis, found = self.hypothesis, self.found
+        fitted = _weighed(hypothesis, found, self.noise, stop)
+        undecided = np.pad(self.undecided, (0, hypothesis.size - self.undecided.size))
+        fitted = replace(fitted, inverse=fitted.inverse + np.outer(undecided, undecided))
+        flags = [f"{name}_at_bound" for name, shot in (hypothesis.names[k] for k in found.at_bound) if shot < 0]
+        flags += [] if self.trusted else ["noise_not_known"]
+        seconds, chi2 = time.perf_counter() - began, found.square.chi2
+        return as_fit(fitted, motions, model, seconds, how="fit", by=self.noise, chi2=chi2, flags=flags)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is fitted to which motions."""
+
+    motions: Sequence[Motion]
+    model: str
+    effects: tuple[str, ...]
+    tell: Progress
+    stop: Stop
+
+    def under(self, site: Site | None) -> _Ended:
+        """Return where the search ends if the frame moves as a site says.  AnalysisError, Cancelled as above."""
+        self.tell("finding a start", 0.1)
+        begin = first_fit(self.motions, self.model, site, self.stop)
+        finely = any(named(name).ripples for name in self.effects)
+        data = joint_data(self.motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
+        noise, trusted = noise_of_flights(data.shots, data.site)
+        self.tell("fitting", 0.3)
+        try:
+            hypothesis, found, undecided = _base(data, begin, noise, self.stop)
+            if self.effects:
+                self.tell("fitting the effects", 0.6)
+                hypothesis, found = _with_effects(hypothesis, found, noise, self.effects, self.stop)
+        except Infeasible as why:
+            raise AnalysisError(f"no motion of the {self.model} model comes near these shots: {why}") from why
+        return _Ended(hypothesis, found, noise, trusted, undecided)
+
+
+def _base(data: JointData, begin: Begin, noise: Floor, stop: Stop) -> tuple[Hypothesis, Minimum, Floats]:
+    """Return the base model's minimum, with what a frame does about the motion at which that ends.
+
+    The last is what that leaves undecided of the parameters, shape (p,), a standard deviation each: where a plate
+    swings so far that what it does is another thing at each end, the turns come to no end.
+    """
+    values: tuple[dict[str, dict[str, float]], ...] = tuple({} for _ in data.shots)
+    here = begin
+    for turn in range(_TURNS):
+        hypothesis = Hypothesis(data, ())
+        z = hypothesis.pack(slow_enough(hypothesis, Point(here.shared, here.own, values)))
+        found = _searched(hypothesis, z, noise, stop)
+        move = found.parameters - z
+        if data.site is None or float(move @ found.square.curvature @ move) < _NEAR**2:
+            undecided = np.zeros(z.size)
+            break
+        undecided = move * math.sqrt(0.5)
+        end = hypothesis.unpack(found.parameters)
+        there = replace(begin, shared=end.base, own=end.own, plates=likely_plates(hypothesis, found, noise))
+        # A plate that swings far bends what it does to the shot: from end to end the way leads to and fro.
+        here = _between(here, there) if turn else there
+        shots = on_site(with_plates(data.shots, here.plates), data.site, data.base, here.shared, here.own)
+        data = replace(data, shots=shots)
+    return hypothesis, found, undecided
+
+
+def _between(here: Begin, there: Begin) -> Begin:
+    """Return the beginning half-way between two."""
+    both = zip(here.plates or there.plates, there.plates, strict=True)
+    plates = tuple((0.5 * (x + y), 0.5 * (v + w)) for (x, v), (y, w) in both)
+    shared, own = 0.5 * (here.shared + there.shared), 0.5 * (here.own + there.own)
+    return replace(there, shared=shared, own=own, plates=plates)
+
+
+def _searched(hypothesis: Hypothesis, z: Floats, noise: Floor, stop: Stop, evaluations: int = _EVALUATIONS) -> Minimum:
+    found = search(hypothesis, z, noise, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
+    if stop():
+        raise Cancelled
+    return found
+
+
+def _with_effects(
+    hypothesis: Hypothesis, of_base: Minimum, noise: Floor, names: Sequence[str], stop: Stop
+) -> tuple[Hypothesis, Minimum]:
+    """Return the minimum with the effects of these names, one joined after the other."""
+    here = with_effect(hypothesis, of_base.parameters, noise, trials_named(names), stop)
+    found = _searched(here.hypothesis, here.z, noise, stop)
+    if not found.converged:
+        found = _searched(here.hypothesis, found.parameters, noise, stop, _AT_LAST)
+    return here.hypothesis, found
+
+
+def _weighed(hypothesis: Hypothesis, found: Minimum, noise: Floor, stop: Stop) -> Fitted:
+    """Return the fit under what all of each shot says of its frame.
+
+    The flights tell the slow motion of a frame badly, and what struck it during the contact they do not tell at all.
+    """
+    free = np.ones(hypothesis.size, dtype=np.bool_)
+    free[[*found.at_bound, *hypothesis.unseen]] = False
+    inverse = covariance(found.square, free)
+    unknown = np.full((hypothesis.size, hypothesis.size), math.nan)
+
+    def at(end: Minimum, weighed: Floor, inverse: Floats | None) -> Fitted:
+        left, known = residuals(hypothesis, end.parameters), unknown if inverse is None else inverse
+        return Fitted(hypothesis, end.parameters, weighed, math.nan, left, known, end.converged)
+
+    fitted = at(found, noise, inverse)
+    if hypothesis.data.site is None or not found.converged:
+        return fitted
+    for _ in range(_STRENGTH_TURNS):
+        likely = likely_beside(fitted, free)
+        if likely is None:
+            break
+        ended = _searched(hypothesis, fitted.z, likely.noise, stop)
+        move = ended.parameters - fitted.z
+        fitted = at(ended if ended.converged else found, likely.noise, likely.covariance)
+        if float(move @ ended.square.curvature @ move) < _SETTLED**2:
+            break
+    return fitted

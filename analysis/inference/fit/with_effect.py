@@ -1,0 +1,70 @@
+"""Join effects to a fit, one after the other, each from where it explains most of what is left."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.added_effect import refit
+from analysis.inference.fit.effective_parameters import Point, to_effective
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.hypothesis import Hypothesis
+from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit, search
+from analysis.inference.noise.floor import Floor
+from analysis.inference.screen.projector import projector
+from analysis.inference.screen.screening import apart, fixed_of, scores
+from analysis.shot.shot import Stop
+
+Floats = NDArray[np.float64]
+_FOLLOWED = 3  # starts of an effect
+_EVALUATIONS = 30
+_SHORT = 16
+
+
+def with_effect(hypothesis: Hypothesis, z: Floats, noise: Floor, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
+    """Return the fit of a hypothesis at ``z`` with effects of these ``kinds`` joined, the floor learnt beside each.
+
+    Infeasible where an effect has no motion from any start.
+    """
+    found = search(hypothesis, z, noise, evaluations=1, cancelled=stop)
+    return joined(finish(hypothesis, found, noise, anew=True), kinds, stop)
+
+
+def joined(here: Fitted, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
+    """Return a fit with effects of these kinds joined, one after the other."""
+    for kind in kinds:
+        here = _with_one(here, kind, stop)
+    return here
+
+
+def _with_one(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
+    at = projector(here)
+    starts = [score.start for score in apart(scores(at, kind))[:_FOLLOWED]]
+    if here.floor.wanders:  # the floor was learnt from what is left and may have taken the effect for noise
+        starts += [score.start for score in apart(scores(at.under(here.floor.still), kind))[:1]]
+    trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
+    if not trials or min(trial.bic for trial in trials) > here.bic:
+        natural = (_natural(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])
+        trials += [trial for trial in natural if trial is not None]
+    if not trials:
+        raise Infeasible(f"no start of {kind.name} gives a trajectory")
+    trials.sort(key=lambda trial: trial.bic)
+    best = trials[0]
+    return fit(best.hypothesis, best.z, best.floor, evaluations=_SHORT, cancelled=stop)
+
+
+def _natural(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
+    """Return the fit from an effect's natural size: what other parameters have swallowed a linear step cannot see."""
+    before = here.hypothesis
+    fixed = {**before.fixed, kind.name: fixed_of(kind, start)}
+    hypothesis = Hypothesis(before.data, (*before.effects, kind), fixed)
+    effective = to_effective(here.point)
+    values = tuple({**v, kind.name: dict(start)} for v in effective.values)
+    low, high = hypothesis.bounds
+    try:
+        z = np.clip(hypothesis.pack_effective(Point(effective.base, effective.own, values)), low, high)
+        found = search(hypothesis, z, here.floor, evaluations=_EVALUATIONS, cancelled=stop)
+        return finish(hypothesis, found, here.floor)
+    except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
+        return None

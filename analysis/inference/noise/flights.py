@@ -1,0 +1,175 @@
+"""The noise of the displacement as quiet flight shows it: white noise, and a part that wanders.
+
+The likelihood of the flights' periodograms (Whittle, J. R. Stat. Soc. B 15, 1953) decides about both.  What it says
+rests on no model of the collision: a fit that leaves more lacks something.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import Floor, white_floor
+from analysis.inference.noise.site import Site
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Spectrum = tuple[Floats, Floats]  # angles, powers a sample
+FEWEST = 24  # samples of a flight that shows its noise
+_TREND = 2  # degree of the polynomial that is taken out: the flight, and drags too slow to tell from it
+_CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # a corner between 160 and 5 Hz
+_WEIGHT = 0.5  # degrees of freedom a bin: a Hann taper makes about two neighbouring bins say the same
+_PAYS = 4.0  # of log-likelihood, for the two numbers of a part that wanders
+_AS_LIKELY = 1.0  # of log-likelihood
+_LEAST_WHITE = 0.1  # of the density at the quickest: a mean of samples that wander looks as if it had less than none
+_LINE = 16.0  # times what noise is there: above what chance does in thousands of bins (e^-16 each)
+_BESIDE_A_LINE = 4.0  # bins: a Hann taper's window, and what a line known to a bin may be off
+_NO_LINES = np.empty(0)
+_QUICK = 0.1 * np.pi  # per sample: a wandering part lies below
+
+
+def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tuple[Floor, bool]:
+    """Return the noise that the quiet flights of shots show, and whether they are long enough to be trusted.
+
+    At a ``site`` only what is quicker than the frame's motion is looked at, and the frame moves as strongly as its
+    spectrum was read.  Where flights are too short to show the corner of what wanders, the longest correlation time
+    they allow is taken, which errs towards larger uncertainties.  Outgoing flights are learned from where they are as
+    quiet as the incoming ones, or wander without a line where these are too short to show that: what rings there may
+    be an effect.  With no flight of ``FEWEST`` samples, white noise from third differences.
+    """
+    spacing_s = shots[0].spacing_s
+    turn = 2 * np.pi * spacing_s
+    above = 0.0 if site is None else turn * float(site.shaking.frequency_hz[site.shaking.random][-1])
+    lines = np.empty(0) if site is None else turn * site.shaking.frequency_hz[~site.shaking.random]
+    flights = [[_flight(shot, part) for part in (shot.course.quiet_in, shot.course.quiet_out)] for shot in shots]
+    spectra = [[spectrum_of(f, above, lines) for f in side if f.size >= FEWEST] for side in zip(*flights, strict=True)]
+    incoming, outgoing = ([s for s in side if s[0].size] for side in spectra)
+    strengths = () if site is None else (0.0,) * site.bands
+    if not incoming and not outgoing:
+        return replace(white_floor(_by_differences(shots), spacing_s), site=strengths), False
+    noise = likeliest_noise(incoming or outgoing, spacing_s)
+    if incoming and outgoing:
+        noise = _with_outgoing(noise, incoming, outgoing, spacing_s)
+    return replace(noise, site=strengths), True
+
+
+def _flight(shot: Samples, part: slice) -> Floats:
+    """Return the longest stretch of averaged samples without a gap in a ``part`` of the motion's, in m."""
+    first, last = -(-part.start // shot.factor), part.stop // shot.factor
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], shot.valid[first:last].astype(np.int8), [0]])))
+    if edges.size == 0:
+        return np.empty(0)
+    longest = int(np.argmax(edges[1::2] - edges[::2]))
+    return np.asarray(shot.displacement_m[first:last][edges[2 * longest] : edges[2 * longest + 1]] / shot.weight)
+
+
+def _by_differences(shots: Sequence[Samples]) -> float:
+    quick = [np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] / s.weight for s in shots]
+    return max(float(1.4826 * np.median(np.abs(np.concatenate(quick))) / math.sqrt(20.0)), 1e-15)
+
+
+def _with_outgoing(noise: Floor, incoming: list[Spectrum], outgoing: list[Spectrum], spacing_s: float) -> Floor:
+    """Return the noise of both flights where they are alike, that of the incoming ones where not."""
+    both = likeliest_noise([*incoming, *outgoing], spacing_s)
+    angle, power = (np.concatenate(part) for part in zip(*outgoing, strict=True))
+    before = np.concatenate([angles for angles, _ in incoming])
+    ratio, slow = power / _density(noise, angle), angle < _QUICK
+    if not _alike(ratio, ~slow, before >= _QUICK):
+        return noise
+    if _alike(ratio, slow, before < _QUICK):
+        return both
+    wanders_there = noise.rms_m[0] == 0.0 and both.rms_m[0] > 0.0
+    return both if wanders_there and float(np.max(power / _density(both, angle))) < _LINE else noise
+
+
+def _alike(ratio: Floats, part: Mask, of_noise: Mask) -> bool:
+    """Return whether the power in ``part`` exceeds its noise by no more than three standard errors of both."""
+    bins = int(part.sum())
+    if bins == 0:
+        return True
+    return float(np.mean(ratio[part])) < 1 + 3 * math.sqrt(2 / bins + 2 / max(4, int(of_noise.sum())))
+
+
+def spectrum_of(values: Floats, above: float = 0.0, lines: Floats = _NO_LINES) -> Spectrum:
+    """Return (angles, power a sample) of a flight, without the bins that its polynomial and known ``lines`` take up.
+
+    With an angle ``above`` it is of second differences, divided by what these do, so that what is slower does not leak.
+    """
+    moved = values if above == 0.0 else np.diff(values, 2)
+    taper = np.sin(np.pi * (np.arange(moved.size) + 0.5) / moved.size) ** 2
+    degree = _TREND if above == 0.0 else 0
+    power = np.abs(np.fft.rfft(detrended(moved, degree) * taper)) ** 2 / np.sum(taper**2)
+    angle = 2 * np.pi * np.arange(power.size) / moved.size
+    inside = slice(degree + 1, power.size - 1)
+    angle, power = angle[inside], power[inside]
+    if above > 0.0:
+        kept = angle >= above
+        for line in lines:
+            kept &= np.abs(angle - line) > _BESIDE_A_LINE * 2 * np.pi / moved.size
+        angle, power = angle[kept], power[kept] / (2 * np.sin(angle[kept] / 2)) ** 4
+    return angle, power
+
+
+def detrended(values: Floats, degree: int) -> Floats:
+    """Return ``values``, shape (n,), without their least-squares polynomial of ``degree``."""
+    grid = np.linspace(-1.0, 1.0, values.size)
+    basis = np.polynomial.legendre.legvander(grid, degree)
+    coefficients, *_ = np.linalg.lstsq(basis, values, rcond=None)
+    return np.asarray(values - basis @ coefficients)
+
+
+def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
+    """Return white noise with a wandering part of greatest Whittle likelihood, or white alone where that part costs."""
+    angle, power = (np.concatenate(part) for part in zip(*spectra, strict=True))
+    flat = float(np.mean(power))
+    alone = _WEIGHT * float(np.sum(np.log(flat) + power / flat))
+    tried: list[tuple[float, float, float, float]] = []
+    for tau_s in _CORRELATION_TIMES_S:
+        shape = _wandering(angle, 1.0, math.exp(-spacing_s / tau_s))
+        white, floor = _two_levels(power, shape)
+        model = white + floor * shape
+        tried.append((_WEIGHT * float(np.sum(np.log(model) + power / model)), tau_s, white, floor))
+    least = min(t[0] for t in tried)
+    if alone - least < _PAYS:
+        return white_floor(math.sqrt(flat), spacing_s)
+    _, tau_s, white, floor = [t for t in tried if t[0] < least + _AS_LIKELY][-1]
+    quickest = float(_wandering(np.array([np.pi]), floor, math.exp(-spacing_s / tau_s))[0])
+    white = max(white, _LEAST_WHITE * (white + quickest))
+    return Floor(math.sqrt(white), (math.sqrt(floor), 0.0), (float(tau_s), 1e-2), spacing_s)
+
+
+def _density(noise: Floor, angle: Floats) -> Floats:
+    """Return a noise's power a sample."""
+    memory = math.exp(-noise.spacing_s / noise.tau_s[0])
+    return np.asarray(noise.white_m**2 + _wandering(angle, noise.rms_m[0] ** 2, memory))
+
+
+def _wandering(angle: Floats, variance: float, memory: float) -> Floats:
+    return np.asarray(variance * (1 - memory**2) / (1 - 2 * memory * np.cos(angle) + memory**2))
+
+
+def _two_levels(power: Floats, shape: Floats) -> tuple[float, float]:
+    """Return the levels (a, b) of greatest Whittle likelihood for a density a + b shape, both positive.
+
+    Fisher scoring on the logarithms: positive by construction, and stable from any start.
+    """
+    a = float(np.mean(power[power.size // 2 :])) + 1e-300
+    b = max(float(np.sum(power) / np.sum(shape)) * 0.5, 1e-6 * a / float(np.mean(shape)))
+    for _ in range(60):
+        model = a + b * shape
+        first = a / model
+        second = 1 - first
+        excess = power / model - 1
+        # Two unknowns: the normal equations are solved by hand, which is quicker than calling for it.
+        score_a, score_b = float(first @ excess), float(second @ excess)
+        aa, ab, bb = float(first @ first) + 1e-9, float(first @ second), float(second @ second) + 1e-9
+        determinant = aa * bb - ab * ab
+        step_a = min(max((bb * score_a - ab * score_b) / determinant, -1.0), 1.0)
+        step_b = min(max((aa * score_b - ab * score_a) / determinant, -1.0), 1.0)
+        a, b = a * math.exp(step_a), b * math.exp(step_b)
+        if max(abs(step_a), abs(step_b)) < 1e-6:
+            break
+    return a, b

@@ -1,0 +1,167 @@
+"""A law off the catalogue is refused or accepted: its curve, its form, the held-out shots, what else it may be."""
+
+import math
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from analysis.diagnosis.learning import law_instead, law_learning
+from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.learning.law_learning import Discovery, FormFit, learn_law
+from analysis.diagnosis.limit import SECONDS, Limit
+from analysis.diagnosis.verdict.cross_validation import Prediction
+from analysis.diagnosis.verdict.identifiability import Separation
+from analysis.diagnosis.verdict.residual import Residual
+from tests.analysis.diagnosis.shots import calm
+
+START = 1000.0  # of the criterion, where no law is in the model
+NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, "")
+SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, "a shape", size=10.0)
+PLACE = SimpleNamespace(name="place", where="block", factor="")
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit by its criterion."""
+
+    bic: float
+    shots: int = 3
+    converged: bool = True
+    floor: str = "of this fit"
+
+    @property
+    def hypothesis(self) -> Any:
+        """Get the data, of so many shots."""
+        return SimpleNamespace(data=SimpleNamespace(shots=[None] * self.shots))
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is found on the way to a law, each by its criterion; as it stands it is accepted."""
+
+    curve: float = 900.0
+    form: float = 890.0
+    led_on: float | None = None  # the form brought to its end
+    surprise: float = 9.0  # of the held-out shots; 10 without the law
+    shots: int = 3
+    held: tuple[int, ...] = (0, 1, 2)
+    beat: float = math.inf
+
+    def law(self, patch: pytest.MonkeyPatch) -> tuple[Discovery | None, list[bool]]:
+        """Return what is learned, and whether each law that is told is told with its form."""
+        curve = SimpleNamespace(bic=self.curve, at_best=self.curve, terms=[SimpleNamespace(argument=PLACE)])
+        form = SimpleNamespace(form=SimpleNamespace(name="power"), distance=1.0)
+        one = FormFit(cast(Any, Fit(self.form)), cast(Any, curve), cast(Any, form))
+        end = one if self.led_on is None else replace(one, fitted=cast(Any, Fit(self.led_on)))
+        named: list[bool] = []
+
+        def told(_start: Fit, _fits: list[FormFit], named_by_form: bool, *_: object) -> str:
+            named.append(named_by_form)
+            return "law"
+
+        def predict(fitted: Fit, held: tuple[int, ...], floor: str, _stop: object) -> Prediction:
+            assert held == self.held and floor == "of this fit"
+            return Prediction((), 10.0 if fitted.bic == START else self.surprise, 1.0)
+
+        patch.setattr(law_learning, "arguments_of", lambda _start: [PLACE])
+        patch.setattr(law_learning, "_screened", lambda *_: [curve])
+        patch.setattr(law_learning, "compress", lambda _learned: [form])
+        patch.setattr(law_learning, "_refined", lambda _start, _learned, forms, *_: [one] * len(forms))
+        patch.setattr(law_learning, "_led_on", lambda _one, _stop: end)
+        patch.setattr(law_learning, "over_kinks", lambda fitted, _stop: fitted)
+        patch.setattr(law_learning, "projector", lambda _fitted: None)
+        patch.setattr(law_learning, "judge", lambda *_: NOTHING_LEFT)
+        patch.setattr(law_learning, "predict", predict)
+        patch.setattr(law_learning, "told", told)
+        start = cast(Any, Fit(START, self.shots, floor="of the start"))
+        return learn_law(start, self.held, lambda _what, _fraction: None, calm, beat=self.beat), named
+
+
+@pytest.mark.parametrize(
+    ("case", "accepted"),
+    [
+        (Case(), True),
+        (Case(curve=971.9, form=965.0), True),  # 28 of the criterion
+        (Case(curve=972.1, form=965.0), False),
+        (Case(curve=970.0, form=971.9), True),
+        (Case(curve=970.0, form=972.1), False),
+        (Case(curve=970.0, form=972.1, led_on=971.9), True),
+        (Case(surprise=9.9), True),  # likelier held-out shots
+        (Case(surprise=10.1), False),
+        (Case(shots=1), False),  # a single shot shows no law
+        (Case(held=()), False),
+        (Case(beat=801.0), True),  # as much again as the curve gained
+        (Case(beat=799.0), False),
+    ],
+)
+def test_a_law_is_learned_where_curve_form_and_held_out_shots_agree(
+    case: Case, accepted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, _ = case.law(monkeypatch)
+    assert (found is not None) is accepted
+
+
+@pytest.mark.parametrize(("behind", "named"), [(11.9, True), (12.1, False)])
+def test_a_form_that_is_far_behind_its_curve_is_not_the_law(
+    behind: float, named: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, told = Case(curve=900.0, form=900.0 + behind).law(monkeypatch)
+    assert found is not None and told == [named]
+
+
+def discovery(bic: float = 900.0, rest: Residual = NOTHING_LEFT, *forms: str | None, converged: bool = True) -> Any:
+    laws = tuple(SimpleNamespace(name="law", form=form) for form in forms or ("power",))
+    told = Prediction((), 10.0, 1.0), Prediction((), 9.0, 1.0)
+    fitted = Fit(bic, converged=converged)
+    return Discovery(cast(Any, Fit(START)), cast(Any, laws), cast(Any, fitted), rest, told)
+
+
+@pytest.mark.parametrize(
+    ("found", "explains"),
+    [
+        (discovery(), True),
+        (discovery(converged=False), False),
+        (discovery(900.0, SHAPE_LEFT), False),
+        (discovery(900.0, NOTHING_LEFT, "power", "power"), True),
+        (discovery(900.0, NOTHING_LEFT, "power", None), False),
+    ],
+)
+def test_a_law_explains_all_in_forms_that_meet_it_and_leave_nothing(found: Discovery, explains: bool) -> None:
+    assert found.explains is explains
+
+
+def alone(found: Discovery | None, patch: pytest.MonkeyPatch, nearest: float = 50.0, size: float = 100.0) -> LawAlone:
+    """Return a law that the shots show, with its size and how far the nearest row of the catalogue is from it."""
+    patch.setattr(law_instead, "learn_law", lambda *_: found)
+    patch.setattr(law_instead, "projector", lambda _fitted: None)
+    patch.setattr(law_instead, "separation", lambda *_: Separation(size, {"cubic": nearest}, {}))
+    return LawAlone(cast(Any, Fit(START)), (0,), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
+
+
+@pytest.mark.parametrize(
+    ("found", "nearest", "size", "instead"),
+    [
+        (discovery(871.9), 50.0, 100.0, True),  # 28 of the criterion below the effects' 900
+        (discovery(872.1), 50.0, 100.0, False),
+        (discovery(800.0, SHAPE_LEFT), 50.0, 100.0, False),
+        (discovery(800.0), 50.1, 900.0, True),  # five norms and a twentieth of its size from a row
+        (discovery(800.0), 49.9, 900.0, False),
+        (None, 50.0, 100.0, False),
+    ],
+)
+def test_a_law_stands_instead_of_effects_where_it_explains_all_and_is_no_row_of_the_catalogue(
+    found: Discovery | None, nearest: float, size: float, instead: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law = alone(found, monkeypatch, nearest, size)
+    assert law.explains_instead(cast(Any, Fit(900.0)), ()) is instead
+
+
+@pytest.mark.parametrize(
+    ("found", "ahead"), [(discovery(889.9), True), (discovery(890.1), False), (None, False)]
+)
+def test_a_law_takes_the_place_of_named_effects_that_the_shots_exclude(
+    found: Discovery | None, ahead: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert alone(found, monkeypatch).ahead_of(cast(Any, Fit(900.0))) is ahead

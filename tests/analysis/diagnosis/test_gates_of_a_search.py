@@ -1,0 +1,292 @@
+"""What a search found is refused or passed: by held-out shots, by what it leaves over, by chance, by lack of fit."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from analysis.diagnosis.limit import SECONDS, Limit
+from analysis.diagnosis.search.forward_selection import Trail
+from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
+from analysis.diagnosis.verdict.acceptance import Settled, paying, settle
+from analysis.diagnosis.verdict.coincidence import Unforetold, by_chance
+from analysis.diagnosis.verdict.cross_validation import Prediction
+from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, worst
+from analysis.diagnosis.verdict.residual import Residual
+from analysis.inference.noise.floor import Floor
+from tests.analysis.diagnosis.shots import calm
+from tests.analysis.diagnosis.test_acceptance import CALM, WANDERING, Fit
+
+HELD = (1,)
+NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, "")
+SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, "a shape", size=10.0)
+START = Fit(())
+ONE, OTHER, BOTH = Fit(("tilt",)), Fit(("adhesion",)), Fit(("tilt", "adhesion"))
+
+
+def trail() -> Trail:
+    return Trail(cast(Any, START), (), calm)
+
+
+def predicted(surprise: float) -> Prediction:
+    return Prediction((), surprise, 1.0)
+
+
+@pytest.fixture
+def foretold(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Floor]]:
+    """Return a function that sets each fit's surprise on the held-out shot and returns the floors compared under."""
+
+    def set_to(surprises: dict[tuple[str, ...], float | None]) -> list[Floor]:
+        floors: list[Floor] = []
+
+        def predict(fit: Fit, held: tuple[int, ...], floor: Floor, _stop: object) -> Prediction | None:
+            assert held == HELD
+            floors.append(floor)
+            surprise = surprises[tuple(sorted(fit.names))]
+            return None if surprise is None else predicted(surprise)
+
+        def without(fit: Fit, name: str, _trail: Trail) -> Fit:
+            return Fit(tuple(other for other in fit.names if other != name))
+
+        monkeypatch.setattr(acceptance, "predict", predict)
+        monkeypatch.setattr(acceptance, "without", without)
+        return floors
+
+    return set_to
+
+
+@pytest.mark.parametrize(("surprise", "passes"), [(9.9, True), (10.1, False)])
+def test_one_effect_makes_the_held_out_shots_likelier(
+    surprise: float, passes: bool, foretold: Callable[..., list[Floor]]
+) -> None:
+    floors = foretold({(): 10.0, ("tilt",): surprise})
+    best, told = paying(cast(Any, Fit(("tilt",), WANDERING)), HELD, trail())
+    assert best.names == (("tilt",) if passes else ())
+    assert told == (predicted(10.0), predicted(surprise if passes else 10.0))
+    assert floors == [WANDERING, WANDERING]
+
+
+@pytest.mark.parametrize(
+    ("alone", "left"),
+    [
+        ({("tilt",): 9.0, ("adhesion",): 9.0}, ("tilt", "adhesion")),  # neither does as well as both
+        ({("tilt",): 8.0, ("adhesion",): 9.0}, ("tilt",)),  # better without the other
+        ({("tilt",): 9.0, ("adhesion",): 8.0}, ("adhesion",)),
+        ({("tilt",): 11.0, ("adhesion",): 8.0}, ("adhesion",)),
+    ],
+)
+def test_each_of_two_effects_pays_on_the_held_out_shots(
+    alone: dict[tuple[str, ...], float], left: tuple[str, ...], foretold: Callable[..., list[Floor]]
+) -> None:
+    foretold({(): 10.0, ("adhesion", "tilt"): 8.5, **alone})
+    best, told = paying(cast(Any, BOTH), HELD, trail())
+    assert best.names == left
+    assert told == (predicted(10.0), predicted(8.5 if len(left) == 2 else 8.0))
+
+
+def test_where_no_effect_of_two_pays_nothing_is_left(foretold: Callable[..., list[Floor]]) -> None:
+    foretold({(): 10.0, ("adhesion", "tilt"): 12.0, ("tilt",): 11.0, ("adhesion",): 11.0})
+    found = trail()
+    assert paying(cast(Any, BOTH), HELD, found) == (found.start, (predicted(10.0), predicted(10.0)))
+
+
+def test_where_nothing_can_be_foretold_nothing_is_claimed_of_it(foretold: Callable[..., list[Floor]]) -> None:
+    foretold({(): 10.0, ("tilt",): None})
+    assert paying(cast(Any, ONE), HELD, trail()) == (ONE, None)
+    assert paying(cast(Any, ONE), (), trail()) == (ONE, None)
+
+
+class Stages:
+    """Stands in for what ``settle`` asks one after the other: each lets pass until a test says otherwise."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, left: dict[Any, Residual], other: Fit) -> None:
+        self.left, self.asked = left, 0
+        self.paid: dict[Any, Any] = {}
+        self.bright: dict[Any, Any] = {}
+        self.instead: dict[Any, Any] = {}
+        self.clean: dict[Any, Any] = {}
+
+        def another_way(_best: Fit, _trail: Trail) -> Fit:
+            self.asked += 1
+            return other
+
+        def challenged(best: Fit, at: object, *_: object) -> tuple[Fit, object, dict[str, object]]:
+            return self.instead.get(best, best), at, {}
+
+        def unmissed(best: Fit, at: object, rest: Residual, *_: object) -> tuple[Fit, object, Residual]:
+            clean = self.clean.get(best, best)
+            return clean, at, rest if clean is best else left[clean]
+
+        patch.setattr(acceptance, "paying", lambda best, *_: (self.paid.get(best, best), None))
+        patch.setattr(acceptance, "without_the_faint", lambda best, *_: (self.bright.get(best, best), None))
+        patch.setattr(acceptance, "challenged", challenged)
+        patch.setattr(acceptance, "judge", lambda best, _at: left[best])
+        patch.setattr(acceptance, "unmissed", unmissed)
+        patch.setattr(acceptance, "apart", lambda *_: {})
+        patch.setattr(acceptance, "another_way", another_way)
+
+
+def settled(found: Trail, judged: Residual | None = None) -> Settled:
+    return settle(cast(Any, ONE), found, HELD, lambda _what, _fraction: None, Limit(SECONDS, calm), judged)
+
+
+@pytest.mark.parametrize("stage", ["paid", "bright", "instead"])
+def test_what_one_stage_refuses_does_not_stand(stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    stages = Stages(monkeypatch, {ONE: NOTHING_LEFT, START: NOTHING_LEFT}, ONE)
+    assert settled(trail()).best == ONE
+    getattr(stages, stage)[ONE] = START
+    assert settled(trail()).best == START
+    assert stages.asked == 0
+
+
+LIKELIER, AS_LIKELY = Fit(("adhesion",), worth=201.5), Fit(("adhesion",), worth=200.5)
+
+
+@pytest.mark.parametrize(
+    ("rest", "other", "taken"),
+    [
+        (SHAPE_LEFT, LIKELIER, True),
+        (SHAPE_LEFT, AS_LIKELY, False),  # by no more than where a search happens to stop
+        (NOTHING_LEFT, LIKELIER, False),  # nothing asks for another way
+    ],
+)
+def test_another_way_is_taken_where_something_is_left_and_it_is_likelier(
+    rest: Residual, other: Fit, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stages = Stages(monkeypatch, {ONE: rest, other: SHAPE_LEFT}, other)
+    assert settled(trail()).best == (other if taken else ONE)
+    assert stages.asked == (0 if rest is NOTHING_LEFT else 1)
+
+
+@pytest.mark.parametrize(
+    ("stands", "left", "taken"),
+    [
+        (Fit(("line",), worth=150.0), NOTHING_LEFT, True),  # less likely, but it explains all
+        (Fit(("line",), worth=150.0), SHAPE_LEFT, False),
+        (Fit(("line",), worth=250.0), SHAPE_LEFT, True),
+        (START, NOTHING_LEFT, False),  # nothing at all explains nothing
+    ],
+)
+def test_what_stands_of_another_way_explains_more(
+    stands: Fit, left: Residual, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = trail()
+    stages = Stages(monkeypatch, {ONE: SHAPE_LEFT, stands: left}, LIKELIER)
+    stages.paid[LIKELIER] = found.start if stands is START else stands
+    assert settled(found).best == (stands if taken else ONE)
+
+
+@pytest.mark.parametrize(("rest", "clean"), [(SHAPE_LEFT, True), (NOTHING_LEFT, False)])
+def test_a_rival_that_leaves_nothing_takes_the_place_of_what_leaves_something(
+    rest: Residual, clean: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stages = Stages(monkeypatch, {ONE: rest, OTHER: NOTHING_LEFT}, ONE)
+    stages.clean[ONE] = OTHER
+    stands = settled(trail())
+    assert stands.best == (OTHER if clean else ONE) and not stands.rest.significant
+    assert stands.passed == ONE  # of which the held-out shots were foretold
+
+
+def test_what_is_known_to_be_left_counts_for_the_fit_that_left_it_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    stages = Stages(monkeypatch, {ONE: SHAPE_LEFT, START: SHAPE_LEFT}, ONE)
+    assert settled(trail(), NOTHING_LEFT).rest is NOTHING_LEFT
+    stages.paid[ONE] = START
+    assert settled(trail(), NOTHING_LEFT).rest is SHAPE_LEFT
+
+
+@pytest.mark.parametrize(("surprise", "may"), [(9.9, True), (10.1, False)])
+def test_what_is_named_instead_is_foretold_better_than_nothing(
+    surprise: float, may: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Stages(monkeypatch, {ONE: NOTHING_LEFT, OTHER: NOTHING_LEFT}, ONE)
+    monkeypatch.setattr(acceptance, "paying", lambda best, *_: (best, (predicted(10.0), predicted(5.0))))
+    monkeypatch.setattr(acceptance, "predict", lambda *_: predicted(surprise))
+    monkeypatch.setattr(
+        acceptance, "challenged", lambda best, at, _trail, foretells: (OTHER if foretells(OTHER) else best, at, {})
+    )
+    assert settled(trail()).best == (OTHER if may else ONE)
+
+
+SHARED, OWN = "tilt", "plate_motion"
+
+
+class Shown(Fit):
+    """A fit with a chi^2."""
+
+    def chi2(self, _floor: Floor) -> float:
+        """Return minus its worth."""
+        return -self.worth
+
+
+@pytest.mark.parametrize(
+    ("rival", "instead", "nats", "rival_chi2", "refused"),
+    [
+        (OWN, SHARED, 12.6, 0.0, True),  # 2 x 12.6 > 5^2
+        (OWN, SHARED, 12.4, 0.0, False),
+        (OWN, SHARED, 13.6, -2.0, True),  # a better chi^2 counts for the rival
+        (OWN, SHARED, 13.4, -2.0, False),
+        (SHARED, SHARED, 20.0, 0.0, False),  # one number of all shots is no coincidence in each
+        (OWN, OWN, 20.0, 0.0, False),
+        (OWN, SHARED, None, 0.0, False),
+    ],
+)
+def test_numbers_of_every_shot_that_fall_where_one_number_foretells_them_are_chance(
+    rival: str,
+    instead: str,
+    nats: float | None,
+    rival_chi2: float,
+    refused: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    theirs, ours = Shown((rival, ""), worth=-rival_chi2), Shown((instead,), worth=0.0)
+    cost = {theirs: None if nats is None else nats + 3.0, ours: 3.0}
+
+    def unforetold(fitted: Shown, _effect: str) -> Unforetold | None:
+        known = cost[fitted]
+        return None if known is None else Unforetold(known, np.ones(1))
+
+    monkeypatch.setattr(coincidence, "unforetold", unforetold)
+    assert by_chance(cast(Any, theirs), rival, cast(Any, ours), instead) is refused
+    assert not by_chance(None, rival, cast(Any, ours), instead)
+
+
+def lacking(
+    gains: dict[str, tuple[float, int, Floor]], monkeypatch: pytest.MonkeyPatch, slow: float = 1.0
+) -> LackOfFit:
+    """Return the worst of shapes with these gains, widths and floors beside them, of one shot without effects."""
+    kinks, *laws = gains
+    data = SimpleNamespace(shots=[SimpleNamespace(course=SimpleNamespace(velocity_in_m_per_s=-0.3))], count=4)
+    hypothesis = SimpleNamespace(data=data, free_parameters=(), offset=7, size=7)
+    monkeypatch.setattr(lack_of_fit, "_kinks", lambda _shot: kinks)
+    monkeypatch.setattr(lack_of_fit, "free_laws", lambda *_: {name: [name] for name in laws})
+    monkeypatch.setattr(lack_of_fit, "gain", lambda _fitted, _at, columns: gains[columns[0]])
+    fitted = SimpleNamespace(hypothesis=hypothesis, point=None)
+    return worst(cast(Any, fitted), cast(Any, None), slow)
+
+
+@pytest.mark.parametrize(("floor", "times"), [(CALM, 1.0), (WANDERING, 3.0)])
+@pytest.mark.parametrize("slow", [1.0, 1.7])
+@pytest.mark.parametrize(("share", "missed"), [(1.01, True), (0.99, False)])
+def test_a_freedom_is_missed_where_it_gains_more_than_chance(
+    share: float, missed: bool, slow: float, floor: Floor, times: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    limit = times * slow * float(chi2.isf(3e-3 / 3, 4))  # of three shapes each has a third of the chance
+    found = lacking(
+        {"kinks": (0.0, 9, CALM), "place": (share * limit, 4, floor), "speed": (0.0, 5, CALM)}, monkeypatch, slow
+    )
+    assert found.shape == "place" and found.width == 4
+    assert found.significant is missed
+    assert Residual(0.0, 57.0, 0.03, 1.1, "", misfit=found).significant is missed
+
+
+def test_the_freedom_is_named_that_exceeds_its_limit_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    gains = {"kinks": (90.0, 60, CALM), "place": (60.0, 4, CALM), "speed": (70.0, 4, WANDERING)}
+    assert lacking(gains, monkeypatch).shape == "place"
+
+
+def test_shapes_that_the_fit_has_already_are_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert lacking({"kinks": (0.0, 0, CALM), "place": (0.0, 0, CALM)}, monkeypatch) is NOTHING
+    assert not NOTHING.significant

@@ -158,9 +158,7 @@ def test_a_law_stands_instead_of_effects_where_it_explains_all_and_is_no_row_of_
     assert law.explains_instead(cast(Any, Fit(900.0)), ()) is instead
 
 
-@pytest.mark.parametrize(
-    ("found", "ahead"), [(discovery(889.9), True), (discovery(890.1), False), (None, False)]
-)
+@pytest.mark.parametrize(("found", "ahead"), [(discovery(889.9), True), (discovery(890.1), False), (None, False)])
 def test_a_law_takes_the_place_of_named_effects_that_the_shots_exclude(
     found: Discovery | None, ahead: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

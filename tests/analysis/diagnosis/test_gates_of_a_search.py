@@ -156,7 +156,7 @@ LIKELIER, AS_LIKELY = Fit(("adhesion",), worth=201.5), Fit(("adhesion",), worth=
 def test_another_way_is_taken_where_something_is_left_and_it_is_likelier(
     rest: Residual, other: Fit, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stages = Stages(monkeypatch, {ONE: rest, other: SHAPE_LEFT}, other)
+    stages = Stages(monkeypatch, {ONE: rest, other: NOTHING_LEFT}, other)
     assert settled(trail()).best == (other if taken else ONE)
     assert stages.asked == (0 if rest is NOTHING_LEFT else 1)
 

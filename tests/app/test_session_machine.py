@@ -248,6 +248,20 @@ class Sessions(RuleBasedStateMachine):
             self.shown.done.append(self.shown.undone.pop())
             self.shown.done[-1][0]()
 
+    @precondition(lambda self: self.shown.lines)
+    @rule(data=st.data())
+    def diagnose_and_undo_what_was_before(self, data: st.DataObject) -> None:
+        self.diagnose(data, every=True)
+        self.undo()
+
+    @precondition(lambda self: self.shown.lines)
+    @rule(data=st.data())
+    def undo_and_go_another_way(self, data: st.DataObject) -> None:
+        self.undo()
+        if self.shown.lines:
+            self.note(data, "another way")
+        self.redo()
+
     @rule(full=st.booleans())
     def disk_fills_or_is_freed(self, full: bool) -> None:
         self.disk_full = full
@@ -258,11 +272,20 @@ class Sessions(RuleBasedStateMachine):
         self.path = self.folder / f"session-{self.count}.json"
         assert (self.bench.save_session(self.path) is not None) == self.disk_full
 
-    @rule()
-    def start_anew(self) -> None:
+    @rule(busy=st.booleans())
+    def start_anew(self, busy: bool) -> None:
+        """``busy``: a person writes a note before any recording is read, and starts once more."""
         self.bench.close()
         self.written = None  # what is there is what was written before
         self.bench = self._bench()
+        kept = self.kept.get(self.path)
+        if busy and kept is not None and kept.lines:
+            self.bench.set_note(kept.lines[0].number, "early")
+            if not self.disk_full:
+                kept.lines[0].note = "early"
+            self.written = None
+            self.bench.close()
+            self.bench = self._bench()
         self.bench.read_unread()
         self._reopened()
 
@@ -320,7 +343,7 @@ class Sessions(RuleBasedStateMachine):
 
 
 Sessions.TestCase.settings = settings(
-    max_examples=15, stateful_step_count=12, deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=40, stateful_step_count=20, deadline=None, suppress_health_check=list(HealthCheck)
 )
 TestSessions = Sessions.TestCase
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from analysis.shot.recording import Role, Setup
 from instrument.files.foreign.contents import ForeignContents
 from instrument.files.foreign.mapping import (
@@ -18,6 +20,8 @@ from instrument.files.foreign.mapping import (
     write_mapping,
 )
 from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.motion_columns import LENGTHS_M, MotionColumns, length_unit
+from instrument.files.motion_file import keep_columns, read_motion
 from instrument.files.recording_error import RecordingError
 
 
@@ -30,6 +34,12 @@ class Given:
     rest_hz: float | None = None
     wavelength_m: float | None = None
     bits: int | None = None
+    unit: str | None = None  # of a displacement
+    model: str | None = None  # of the program; only with a displacement
+
+
+DISPLACEMENT = "displacement"
+_MODELS = {"paper": "plate", "contact": "contact"}  # the program's names, the motion record's
 
 
 def map_foreign(
@@ -44,11 +54,15 @@ def map_foreign(
 
     Returns the exit status: 1 where the file cannot be read so, 2 where an option says nothing that can be understood.
     """
+    if any(item.startswith(f"{DISPLACEMENT}=") for item in channels or ()):
+        return _map_displacement(path, channels or (), bool(volts) or for_folder, given)
     try:
         roles, scales = _pairs(channels), _pairs(volts)
         factors = {role: _number(role, text) for role, text in scales.items()}
         if channels is not None and (Role.MEASUREMENT not in roles or given.mass_kg is None):
             raise ValueError("a mapping needs at least --channel measurement=NAME and --mass KG")
+        if given.unit is not None or given.model is not None:
+            raise ValueError("--unit and --model go with --channel displacement=NAME")
         if given.bits is not None and given.bits > 16:
             raise ValueError(f"--bits {given.bits}: not from 1 to 16")
         if channels is None and (factors or for_folder or replace(given, rate_hz=None) != Given()):
@@ -83,6 +97,38 @@ def map_foreign(
         return 1
     trigger = "" if shot.trigger_sample is None else f", light switch at sample {shot.trigger_sample}"
     print(f"{path}: {shot.samples} samples at {shot.sample_rate_hz:g} samples/s{trigger}")
+    print(f"remembered in {kept}")
+    return 0
+
+
+def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given: Given) -> int:
+    """Write which column of a table is the displacement and in which unit, and try it; the exit status as above."""
+    own = replace(given, mass_kg=None, rate_hz=None, unit=None, model=None)
+    try:
+        if len(channels) > 1 or of_beats or own != Given():
+            raise ValueError("a displacement goes with --unit, --model, --mass and --rate alone")
+        if given.model is not None and given.model not in _MODELS:
+            raise ValueError(f"--model: a displacement without a force has {' or '.join(_MODELS)}")
+        if given.unit is not None and given.unit not in LENGTHS_M:
+            raise ValueError(f"--unit {given.unit}: none of {', '.join(LENGTHS_M)}")
+    except ValueError as error:
+        print(f"levimass: --map: {error}", file=sys.stderr)
+        return 2
+    try:
+        channel = foreign_channels(path).channel(channels[0].partition("=")[2])
+        unit = given.unit or length_unit(channel)
+        if unit is None:
+            print("levimass: --map: the header states no unit of the displacement: --unit mm", file=sys.stderr)
+            return 2
+        model = _MODELS[given.model or "contact"]
+        kept = keep_columns(path, MotionColumns(channel.name, unit, model, given.mass_kg, given.rate_hz))
+        record = read_motion(path)
+    except RecordingError as error:
+        print(f"levimass: {error}", file=sys.stderr)
+        return 1
+    assert record.displacement_m is not None
+    span = float(np.ptp(record.displacement_m))
+    print(f"{path}: {record.time_s.size} rows, displacement in {unit} over {span:.6g} m")
     print(f"remembered in {kept}")
     return 0
 
@@ -139,8 +185,12 @@ def _positions(held: ForeignContents) -> list[str]:
     if held.format != "csv":
         return []
     table = Path(held.path)
+    channel = next((c for c in held.channels if length_unit(c)), held.channels[0])
+    name, unit = shlex.quote(channel.name), "" if length_unit(channel) else " --unit mm"
     return [
-        "are these positions, not beats? Then it is a motion record: name its columns time_s and displacement_m (or",
+        "are these positions, not beats? Then say which column is the displacement (and its unit: m, mm, um or nm)",
+        f"  levimass --map {shlex.quote(str(table))} --channel displacement={name}{unit} --mass 0.1",
+        "or make it a motion record: name its columns time_s and displacement_m (or",
         f"velocity_m_per_s, force_n), and write {table.with_suffix('.toml').name} beside it, for example",
         '  model = "contact"        # or "plate" (two bodies), "driven" (a slider under the measured force_n)',
         "  moving_mass_kg = 0.1",

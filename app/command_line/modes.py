@@ -112,7 +112,9 @@ def _simulate(options: argparse.Namespace) -> Run:
 def _map(options: argparse.Namespace) -> Run:
     from app.command_line.map_foreign import Given, map_foreign
 
-    given = Given(options.mass, options.rate, options.rest, options.wavelength, options.bits)
+    given = Given(
+        options.mass, options.rate, options.rest, options.wavelength, options.bits, options.unit, options.model
+    )
     return partial(map_foreign, options.map, options.channel, options.volts, given, for_folder=options.for_folder)
 
 

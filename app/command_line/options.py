@@ -200,7 +200,8 @@ GROUPS = (
         Option("--run-up", "free flight before the plate", "M", _positive),
     )),
     Group("with --map (and --rate)", ("map",), (
-        Option("--channel", "measurement, reference or switch", "ROLE=NAME", str, _EACH),
+        Option("--channel", "measurement, reference or switch; or displacement", "ROLE=NAME", str, _EACH),
+        Option("--unit", "of a displacement: m, mm, um or nm (as its header says)", "UNIT", _name),
         Option("--volts", "volts of one stored unit", "ROLE=VOLTS", str, _EACH),
         Option("--mass", "mass of the moving part", "KG", _positive),
         Option("--rest", "rest frequency, where no channel is the reference", "HZ", _positive),
@@ -226,6 +227,7 @@ _ALSO = {  # commands that take single options of another's group
     "source": ("doctor",),
     "jobs": ("prepare",),
     "rate": ("map",),
+    "model": ("map",),
 }
 _ONE_CALL = "are of one call's shots: leave --jobs and --scheduler out"
 EXCLUDED = (  # an option, those it does not go with, and why

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.files.checked import Checked
+from instrument.files.motion_columns import MotionColumns, motion_toml, read_mapped, write_columns
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.recording_metadata import MASSES_KG
 from instrument.files.recording_search import TABLES, motion_table
@@ -57,11 +58,28 @@ def read_motion(path: Path | str) -> MotionRecord:
         raise head.refuse("model", "missing" if model is None else f"{model[:20]!r} is none of {', '.join(MODELS)}")
     mass = head.number("moving_mass_kg", *MASSES_KG)
     mass_u = head.number("moving_mass_u_kg", 0.0, 1e6)
-    columns = _columns(table)
+    mapped = head.object("columns")
+    columns = _columns(table) if mapped is None else _checked(table, read_mapped(table, mapped), 1)
     return MotionRecord(
         table.stem, str(table), model, columns["time_s"], columns.get("displacement_m"),
         columns.get("velocity_m_per_s"), columns.get("force_n"), mass, mass_u, head.unread(),
     )  # fmt: skip
+
+
+def keep_columns(table: Path, columns: MotionColumns) -> Path:
+    """Write the .toml that makes a table a motion record, unless it cannot be read so; return where it is.
+
+    Raises RecordingError.
+    """
+    about = motion_toml(table)
+    before = about.read_bytes() if about.exists() else None
+    write_columns(columns, about)
+    try:
+        read_motion(table)
+    except RecordingError:
+        about.unlink() if before is None else about.write_bytes(before)
+        raise
+    return about
 
 
 def _columns(table: Path) -> dict[str, Floats]:
@@ -90,18 +108,21 @@ def _columns(table: Path) -> dict[str, Floats]:
         raise RecordingError(table, _bad_cell(body, parted, wanted) or one_line(str(error), 150)) from None
     if values.shape[0] < 2:
         raise RecordingError(table, f"{values.shape[0]} rows, at least 2 are needed")
-    columns: dict[str, Floats] = {}
-    for position, name in enumerate(wanted):
-        column = np.ascontiguousarray(values[:, position])
+    found = {name: np.ascontiguousarray(values[:, position]) for position, name in enumerate(wanted)}
+    return _checked(table, found, 2)
+
+
+def _checked(table: Path, columns: dict[str, Floats], first_row: int) -> dict[str, Floats]:
+    """Return the columns read-only; RecordingError, its rows counted from ``first_row``, where one spoils them."""
+    for name, column in columns.items():
         with np.errstate(invalid="ignore"):
             bad = np.flatnonzero(~(np.abs(column) <= _LARGEST))
         if bad.size:
-            raise RecordingError(table, f"row {bad[0] + 2} is not a finite number a rig could give", name)
+            raise RecordingError(table, f"row {bad[0] + first_row} is not a finite number a rig could give", name)
         column.flags.writeable = False
-        columns[name] = column
     back = np.flatnonzero(np.diff(columns["time_s"]) <= 0)
     if back.size:
-        raise RecordingError(table, f"time does not rise at row {back[0] + 3}", "time_s")
+        raise RecordingError(table, f"time does not rise at row {back[0] + first_row + 1}", "time_s")
     return columns
 
 

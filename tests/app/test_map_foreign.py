@@ -105,3 +105,32 @@ def test_a_motion_in_hdf5_is_the_motion(tmp_path: Path) -> None:
         result = json.loads(file.attrs["result"])
         assert result["cor_quasi_static"]["value"] == pytest.approx(0.987556)
     assert [p.name for p in tmp_path.iterdir()] == ["a_b.h5"]
+
+
+def test_a_displacement_in_mm_gives_the_numbers_of_the_same_in_m(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    time_s = np.arange(2000) / 20e3
+    x_m = np.where(time_s < 0.04, 0.2 * (0.04 - time_s), 0.15 * (time_s - 0.04))
+    table, own = tmp_path / "logger.csv", tmp_path / "own.csv"
+    rows = [f"{1e3 * t:.6f};{1e3 * x:.9f}" for t, x in zip(time_s, x_m, strict=True)]
+    table.write_text("time (ms);Weg (mm)\n" + "\n".join(rows).replace(".", ",") + "\n")
+    rows = [f"{t:.9f},{x:.12f}" for t, x in zip(time_s, x_m, strict=True)]
+    own.write_text("time_s,displacement_m\n" + "\n".join(rows) + "\n")
+    own.with_suffix(".toml").write_text('model = "contact"\nmoving_mass_kg = 0.1\n')
+    assert main(["--map", str(table)]) == 0
+    assert "--channel displacement=Weg --mass" in capsys.readouterr().out
+    asked = ["--map", str(table), "--channel", "displacement=Weg", "--mass", "0.1"]
+    assert main([*asked, "--unit", "furlong"]) == 2
+    assert main([*asked, "--volts", "measurement=1"]) == 2
+    assert main([*asked, "--model", "driven"]) == 2
+    assert not table.with_suffix(".toml").exists()
+    assert main(asked) == 0
+    assert "displacement in mm over 0.0089925 m" in capsys.readouterr().out
+    first, second = load_and_analyse(table), load_and_analyse(own)
+    assert first.motion is not None and second.motion is not None
+    np.testing.assert_allclose(first.motion.displacement_m, second.motion.displacement_m, atol=1e-12)
+    assert main([*asked, "--unit", "um"]) == 0  # a person's unit goes before the header's
+    third = load_and_analyse(table)
+    assert third.motion is not None
+    np.testing.assert_allclose(third.motion.displacement_m, 1e-3 * second.motion.displacement_m, atol=1e-12)

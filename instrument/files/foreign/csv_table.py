@@ -19,6 +19,7 @@ _LOOKED_AT_BYTES, _LONGEST_HEADER = 2**18, 200  # of the beginning
 _ROWS = 2**19  # read at once
 _TIME_NAME = re.compile(r"(time|zeit|t|seconds?)\b", re.IGNORECASE)
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+_TIME_SUFFIX = re.compile(r"(?:time|zeit|t)_([mun\u00b5\u03bc]?s)$", re.IGNORECASE)
 _UNIT = re.compile(r"^(.*?)\s*[\[(]([^\])]{1,12})[\])]$")
 
 
@@ -76,6 +77,23 @@ def columns(path: Path, names: Sequence[str], timed: bool = True) -> list[Foreig
     return [ForeignColumn(np.ascontiguousarray(table[:, i]), None, 0.0, rate) for i in range(len(wanted))]
 
 
+def timed_column(path: Path, name: str, rate_hz: float | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the time in s and the numbers of one column, each of shape (n,).
+
+    Without ``rate_hz`` the time is the table's own column, whose steps need not be equal, else the step its header
+    states.  Raises RecordingError.
+    """
+    layout = _layout(path)
+    if rate_hz is None and layout.time_column is not None:
+        time, values = columns(path, [layout.names[layout.time_column], name], False)
+        return np.asarray(time.values, np.float64) * _seconds(layout), np.asarray(values.values, np.float64)
+    step_s = 1.0 / rate_hz if rate_hz else layout.step_s
+    if step_s is None:
+        raise RecordingError(path, "no column is the time; give the rate (--rate)")
+    values = columns(path, [name], False)[0]
+    return step_s * np.arange(values.values.size), np.asarray(values.values, np.float64)
+
+
 def _even_rate(path: Path, layout: _Layout, time: NDArray[np.float64]) -> float:
     step = float(time[-1] - time[0]) / (time.size - 1)
     if not (np.isfinite(step) and step > 0.0):
@@ -118,6 +136,8 @@ def _layout(path: Path) -> _Layout:
     for index, name in enumerate(names):
         if (match := _UNIT.match(name)) and not units[index]:
             names[index], units[index] = match[1] or name, match[2]
+        elif (match := _TIME_SUFFIX.match(name)) and not units[index]:
+            units[index] = match[1]
     names = [one_line(name, 60) or f"column {n + 1}" for n, name in enumerate(names)]
     seen: dict[str, int] = {}
     for index, name in enumerate(names):

@@ -79,35 +79,36 @@ def read_mapping(path: Path) -> ForeignMapping:
 
 def write_mapping(mapping: ForeignMapping, path: Path) -> None:
     """Write a mapping so that ``read_mapping`` gives it again.  Raises RecordingError."""
-    lines = [_HEAD, f"format = {_toml(mapping.format)}"]
+    lines = [_HEAD, f"format = {toml_value(mapping.format)}"]
     if mapping.sample_rate_hz is not None:
-        lines.append(f"sample_rate_hz = {_toml(mapping.sample_rate_hz)}")
+        lines.append(f"sample_rate_hz = {toml_value(mapping.sample_rate_hz)}")
     if mapping.trigger_sample is not None:
         lines.append(f"trigger_sample = {mapping.trigger_sample}")
     for channel in mapping.channels:
-        lines += ["", f"[channels.{channel.role}]", f"name = {_toml(channel.name)}"]
+        lines += ["", f"[channels.{channel.role}]", f"name = {toml_value(channel.name)}"]
         for key in ("volts_per_unit", "offset_v"):
             if (value := getattr(channel, key)) is not None:
-                lines.append(f"{key} = {_toml(value)}")
+                lines.append(f"{key} = {toml_value(value)}")
     rig = setup_json(mapping.setup)
     inner = {key: value for key, value in rig.items() if isinstance(value, Mapping)}
-    lines += ["", "[setup]", *(f"{_key(k)} = {_toml(v)}" for k, v in rig.items() if k not in inner)]
+    lines += ["", "[setup]", *(f"{_key(k)} = {toml_value(v)}" for k, v in rig.items() if k not in inner)]
     for name, values in inner.items():
-        lines += ["", f"[setup.{_key(name)}]", *(f"{_key(k)} = {_toml(v)}" for k, v in values.items())]
+        lines += ["", f"[setup.{_key(name)}]", *(f"{_key(k)} = {toml_value(v)}" for k, v in values.items())]
     write_text_beside(path, "\n".join(lines) + "\n", sync=True)
 
 
 def _key(name: str) -> str:
-    return name if name.isascii() and name.replace("_", "").isalnum() else _toml(name)
+    return name if name.isascii() and name.replace("_", "").isalnum() else toml_value(name)
 
 
-def _toml(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """Return a value as TOML writes it."""
     if isinstance(value, float):
         return repr(value)
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_key(str(k))} = {_toml(v)}" for k, v in value.items()) + "}"
+        return "{" + ", ".join(f"{_key(str(k))} = {toml_value(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
     return json.dumps(value)  # a string, a whole number or a truth value reads the same in TOML, \u escapes included
 
 

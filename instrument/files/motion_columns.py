@@ -20,6 +20,7 @@ from instrument.files.recording_writer import write_text_beside
 from instrument.files.text_file import read_toml
 
 LENGTHS_M = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
+TABLE = ".csv"  # the ending of a table that can be read so
 MODELS = ("contact", "plate")  # of a motion record whose force was not measured
 _MICRO = str.maketrans("\u00b5\u03bc\ufffd", "uuu")  # the last: a micro sign of another encoding
 _SUFFIX = re.compile(r"_(m|mm|.m)$")
@@ -60,8 +61,8 @@ def read_mapped(table: Path, columns: Checked) -> dict[str, NDArray[np.float64]]
 
 def motion_toml(table: Path) -> Path:
     """Return where the columns of a table are kept; RecordingError where they cannot be, or another record's are."""
-    if table.suffix.lower() != ".csv":
-        raise RecordingError(table, "only a .csv can be read as a displacement")
+    if table.suffix.lower() != TABLE:
+        raise RecordingError(table, f"only a {TABLE} can be read as a displacement")
     about = table.with_suffix(".toml")
     if about.exists() and "columns" not in read_toml(about):
         raise RecordingError(about, "is there already and describes this table; it is not overwritten")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from pytestqt.qtbot import QtBot
 
 from analysis.shot.recording import Role
@@ -14,6 +15,7 @@ from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter, is_unmapped
 from app.window.theme import Theme
+from instrument.files.motion_file import read_motion
 
 
 def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_path: Path) -> None:
@@ -55,5 +57,47 @@ def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_pa
         sheet.apply()
         qtbot.waitUntil(lambda: pulled(lambda: opened == [path]), timeout=20_000)
         assert not sheet.isVisible() and not is_unmapped(path)
+    finally:
+        workbench.close()
+
+
+@pytest.mark.parametrize("header", ["x (mm)", "x"])
+def test_a_displacement_is_opened_in_the_unit_of_its_header_or_the_one_chosen(
+    header: str, qtbot: QtBot, tmp_path: Path
+) -> None:
+    path = tmp_path / "logger.csv"
+    path.write_text(f"time (ms),{header}\n" + "\n".join(f"{0.1 * n:.1f},{0.5 * n:.1f}" for n in range(400)) + "\n")
+    choices = Choices(tmp_path / "settings.json")
+    panels = Layout(Theme("light"))
+    qtbot.addWidget(panels)
+    panels.resize(1200, 800)
+    panels.show()
+    workbench = Workbench(Session(), choices.analysis)
+    opened: list[Path] = []
+    workbench.open_paths = lambda paths: opened.extend(paths) or len(paths)  # type: ignore[method-assign,func-returns-value]
+    try:
+        presenter = MappingPresenter(workbench, choices, panels)
+        sheet = panels.mapping
+        presenter.ask([path])
+
+        def pulled(ready) -> bool:  # type: ignore[no-untyped-def]
+            presenter.refresh()
+            return bool(ready())
+
+        qtbot.waitUntil(lambda: pulled(sheet.isVisible), timeout=20_000)
+        if header == "x":
+            assert sheet.displacement.currentData() is None and sheet.boxes[Role.MEASUREMENT].isEnabled()
+            sheet.displacement.setCurrentIndex(sheet.displacement.findData("x"))
+            sheet.apply()
+            assert "unit of the displacement is missing" in sheet.problem
+            sheet.unit.setCurrentIndex(sheet.unit.findData("mm"))
+        assert (sheet.displacement.currentData(), sheet.unit.currentData()) == ("x", "mm")
+        assert not sheet.boxes[Role.MEASUREMENT].isEnabled()
+        sheet.apply()
+        qtbot.waitUntil(lambda: pulled(lambda: opened == [path]), timeout=20_000)
+        record = read_motion(path)
+        assert record.displacement_m is not None
+        np.testing.assert_allclose(record.displacement_m, 0.5e-3 * np.arange(400), rtol=1e-12)
+        assert record.moving_mass_kg == choices.settings.moving_mass_kg and not is_unmapped(path)
     finally:
         workbench.close()

@@ -22,9 +22,12 @@ from app.window.theme import MARKS, Colours, Tone
 from app.words.wording import local, number, typed_number
 from instrument.files.foreign.contents import ForeignContents
 from instrument.files.foreign.mapping import ForeignMapping, MappedChannel
+from instrument.files.motion_columns import LENGTHS_M, MODELS, TABLE, MotionColumns, length_unit
 
 ROLES = {Role.MEASUREMENT: "PD1, moving beat", Role.REFERENCE: "PD0, rest beat", Role.SWITCH: "Light switch"}
 NONE = "not in this file"
+UNITS = {unit: unit.replace("u", "µ") for unit in LENGTHS_M}
+MODEL_WORDS = dict(zip(MODELS, ("contact: one body, spring", "paper: block and plate"), strict=True))
 NUMBERS = {
     "mass_kg": ("Moving mass (g)", 1e-3),
     "rest_hz": ("Rest frequency (MHz)", 1e6),
@@ -37,7 +40,7 @@ NUMBERS = {
 class Answer:
     """What a person said of a file."""
 
-    mapping: ForeignMapping
+    mapping: ForeignMapping | MotionColumns
     for_folder: bool
 
 
@@ -90,6 +93,12 @@ class MappingSheet(SideSheet):
             box.setAccessibleName(words)
             box.setToolTip(HOVERS[role])
             form.addRow(words, box)
+        self.displacement = self._box(form, "Displacement", "A column that is the motion itself, already demodulated")
+        self.displacement.currentIndexChanged.connect(self._chosen)
+        self.unit = self._box(form, "Displacement in", "As the header states it; choose where it states none")
+        self.model = self._box(form, "Base model", "What the block of the displacement hits")
+        for key, words in MODEL_WORDS.items():
+            self.model.addItem(words, key)
         self.edits: dict[str, QLineEdit] = {}
         for key, (words, _) in NUMBERS.items():
             self.edits[key] = edit = QLineEdit(self)
@@ -113,6 +122,30 @@ class MappingSheet(SideSheet):
         apply.clicked.connect(self.apply)
         column.addWidget(apply)
         column.addStretch(1)
+
+    def _box(self, form: QFormLayout, words: str, hover: str) -> QComboBox:
+        box = QComboBox(self)
+        box.setAccessibleName(words)
+        box.setToolTip(hover)
+        form.addRow(words, box)
+        return box
+
+    @Slot()
+    def _chosen(self) -> None:
+        """Offer what belongs to a displacement, or to beats; the unit is the one its header states."""
+        name = self.displacement.currentData()
+        moved = name is not None
+        self.unit.setEnabled(moved)
+        self.model.setEnabled(moved)
+        for widget in (*self.boxes.values(), self.edits["rest_hz"], self.edits["bits"], self.for_folder):
+            widget.setDisabled(moved)
+        unit = length_unit(self._held.channel(name)) if moved and self._held is not None else None
+        self.unit.clear()
+        if unit is None:
+            self.unit.addItem("choose" if moved else "", None)
+        for key, words in UNITS.items():
+            self.unit.addItem(words, key)
+        self.unit.setCurrentIndex(max(0, self.unit.findData(unit)) if unit is not None else 0)
 
     @property
     def problem(self) -> str:
@@ -145,11 +178,19 @@ class MappingSheet(SideSheet):
             box.setCurrentIndex(place + (role is not Role.MEASUREMENT) if one_each else 0)
             if role in proposal:
                 box.setCurrentIndex(box.findData(proposal[role]))
+        self.displacement.clear()
+        self.displacement.addItem(NONE, None)
+        columns = [channel for channel in held.channels if held.path.suffix.lower() == TABLE]
+        for channel in columns:
+            self.displacement.addItem(channel.name, channel.name)
+        lengths = [channel.name for channel in columns if length_unit(channel)]
+        self.displacement.setCurrentIndex(self.displacement.findData(lengths[0]) if lengths and not proposal else 0)
+        self._chosen()
         self.edits["mass_kg"].setText(local(f"{1e3 * mass_kg:.10g}"))
         self.edits["rest_hz"].setText("" if rest_hz is None else local(f"{1e-6 * rest_hz:.10g}"))
         self.edits["rate_hz"].setText("")
         self.edits["bits"].setText("16")
-        self.open_at(self.boxes[Role.MEASUREMENT])
+        self.open_at(self.unit if lengths and not proposal else self.boxes[Role.MEASUREMENT])
 
     def refuse(self, problem: str) -> None:
         """Say why the file cannot be read so."""
@@ -163,9 +204,19 @@ class MappingSheet(SideSheet):
         if held is None:
             return
         try:
+            if self.displacement.currentData() is not None:
+                self.applied.emit(Answer(self._columns(), False))
+                return
             self.applied.emit(Answer(self._mapping(held), self.for_folder.isChecked()))
         except ValueError as error:
             self.refuse(str(error))
+
+    def _columns(self) -> MotionColumns:
+        unit = self.unit.currentData()
+        if unit is None:
+            raise ValueError("the unit of the displacement is missing")
+        name, model = self.displacement.currentData(), self.model.currentData()
+        return MotionColumns(str(name), unit, model, self._number("mass_kg"), self._number("rate_hz"))
 
     def _mapping(self, held: ForeignContents) -> ForeignMapping:
         chosen = {role: box.currentData() for role, box in self.boxes.items() if box.currentData() is not None}

@@ -22,6 +22,8 @@ from instrument.files.foreign.mapping import (
     write_mapping,
 )
 from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.motion_columns import MotionColumns
+from instrument.files.motion_file import keep_columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +107,9 @@ class MappingPresenter(QObject):
             return
 
         def work(_: Report, __: Asked) -> Path:
+            if isinstance(answer.mapping, MotionColumns):
+                keep_columns(path, answer.mapping)
+                return path
             read_foreign(path, answer.mapping)  # a mapping that does not work is not remembered
             write_mapping(answer.mapping, path.with_name(OF_FOLDER) if answer.for_folder else own_mapping(path))
             return path

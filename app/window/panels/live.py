@@ -12,7 +12,7 @@ from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours, sized
-from app.words.wording import DASH, local
+from app.words.wording import DASH, local, number
 from instrument.live.snapshot import LiveView
 
 WINDOW_MS = 2000.0  # fixed, so that the axis never moves; older parts (after lost samples) run out of it
@@ -32,6 +32,12 @@ def _digits(form: str, value: float) -> str:
     """Return the value; what is rounded to zero has no sign that could flicker."""
     text = form.format(value)
     return text if float(text) else form.replace("+", " ").format(0.0)
+
+
+def _levels(thresholds_v: tuple[float | None, float | None]) -> dict[str, float]:
+    """Return the trigger's thresholds that were set, each under its name and value."""
+    named = zip(("low", "high"), thresholds_v, strict=True)
+    return {f"trigger {name}, {number(v, 3)} V": v for name, v in named if v is not None}
 
 
 class LivePanel(QWidget):
@@ -180,8 +186,16 @@ class LivePanel(QWidget):
         for readout in self._readouts:
             readout.refresh()
 
-    def show_raw(self, view: LiveView, channels: tuple[Channel, ...]) -> None:
-        """Show the newest raw samples; ``channels`` names the columns."""
+    def show_raw(
+        self,
+        view: LiveView,
+        channels: tuple[Channel, ...],
+        thresholds_v: tuple[float | None, float | None] = (None, None),
+    ) -> None:
+        """Show the newest raw samples; ``channels`` names the columns.
+
+        ``thresholds_v`` are the low and the high one of the trigger, None where the signal determines them.
+        """
         if self.hold.isChecked() or len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
@@ -195,5 +209,7 @@ class LivePanel(QWidget):
                 name = NAMES[channels[index].role]
                 if plot.title != name:
                     plot.call(name)
+                of_switch = channels[index].role is Role.SWITCH
+                plot.show_levels(_levels(thresholds_v) if of_switch else {})
                 curve.show_samples(0.0, step, view.raw_v[-RAW_SHOWN:, index])
                 plot.fit_y()

@@ -10,6 +10,7 @@ from app.window.pens import thin
 from app.window.plots.pyramid import Pyramid
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from app.words.wording import number
 
 NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 
@@ -33,6 +34,19 @@ def curves_of(recording: Recording) -> RawCurves:
             values += np.float32(channel.offset_v)
             volts[role] = Pyramid(values)
     return RawCurves(recording, volts)
+
+
+def trigger_level_v(recording: Recording) -> float | None:
+    """Return the light switch's level in V where the recording was triggered, between that sample and the one before.
+
+    None without a light switch or a trigger.
+    """
+    at, column = recording.trigger_sample, recording.column(Role.SWITCH)
+    if at is None or column is None or not 0 < at < recording.samples:
+        return None
+    channel = recording.channels[column]
+    before, after = (float(count) for count in recording.counts[at - 1 : at + 1, column])
+    return 0.5 * (before + after) * channel.volts_per_count + channel.offset_v
 
 
 class RawView:
@@ -76,6 +90,8 @@ class RawView:
             self._plots[role].setVisible(pyramid is not None)
             if pyramid is not None:
                 curve.show_samples(-1e3 * self._zero, 1e3 / curves.recording.sample_rate_hz, pyramid)
+        level = trigger_level_v(curves.recording)
+        self._plots[Role.SWITCH].show_levels({} if level is None else {f"trigger, {number(level, 3)} V": level})
         self.reset()
         return True
 

@@ -1,6 +1,7 @@
 """One plot over time: fixed axis width, the y range fitted to what is in view, nothing that costs frames."""
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import pyqtgraph as pg
@@ -93,6 +94,7 @@ class TimePlot(FramedPlot):
         self.bands: list[Band] = []
         self.marks: list[pg.InfiniteLine] = []
         self._levels: list[pg.InfiniteLine] = []
+        self.levels: dict[str, float] = {}  # of ``show_levels``
         self.minimum_span = 0.0
         self.steady = False  # for curves that run: the value axis moves only when it has to
         self._y_by_hand = False
@@ -158,6 +160,18 @@ class TimePlot(FramedPlot):
         self.addItem(line, ignoreBounds=True)
         self._levels.append(line)
 
+    def show_levels(self, levels: Mapping[str, float]) -> None:
+        """Show these levels by their words, in place of those before; they stay in view."""
+        if dict(levels) == self.levels:
+            return
+        for line in self._levels:
+            self.view.removeItem(line)
+        self._levels.clear()
+        self.levels = dict(levels)
+        for words, level in self.levels.items():
+            self.mark_level(level, words)
+        self._name_levels()
+
     @property
     def state(self) -> ViewState:
         """Get what is in view, and whether the value axis was set by hand."""
@@ -205,6 +219,9 @@ class TimePlot(FramedPlot):
     def _resized(self) -> None:
         for curve in self.sampled:
             curve.redraw()
+        self._name_levels()
+
+    def _name_levels(self) -> None:
         for line in self._levels:  # a low plot has no room for a name beside its curves
             line.label.setVisible(self.view.height() > LEAST_NAMED_LINES * line.label.boundingRect().height())
 
@@ -225,6 +242,7 @@ class TimePlot(FramedPlot):
                 low, high = min(low, -band.typical), max(high, band.typical)
         if not low <= high:
             return
+        low, high = min(low, high, *self.levels.values()), max(low, high, *self.levels.values())
         span = max(high - low, self.minimum_span, 1e-12 * max(abs(low), abs(high)), 1e-30)
         middle = 0.5 * (low + high)
         if self.steady:

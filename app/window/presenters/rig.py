@@ -67,10 +67,14 @@ class RigPresenter(QObject):
         p.signals.show_folder(str(snapshot.signal.folder or ""))
         if p.tabs.currentIndex() == Layout.LIVE:
             p.live.show_live(snapshot.live)
-            p.live.show_raw(snapshot.live, self._rig.channels)
+            p.live.show_raw(snapshot.live, self._rig.channels, self._thresholds_v())
         self._take_finished(snapshot)
         self._signal_trigger(snapshot)
         return snapshot
+
+    def _thresholds_v(self) -> tuple[float | None, float | None]:
+        settings = self._choices.settings
+        return settings.switch_low_v, settings.switch_high_v
 
     def _signal_trigger(self, snapshot: Snapshot) -> None:
         """Let the trigger be heard and seen, as was chosen, once a shot."""

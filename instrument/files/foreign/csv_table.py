@@ -91,7 +91,7 @@ def timed_column(path: Path, name: str, rate_hz: float | None) -> tuple[NDArray[
     if step_s is None:
         raise RecordingError(path, "no column is the time; give the rate (--rate)")
     values = columns(path, [name], False)[0]
-    return step_s * np.arange(values.values.size), np.asarray(values.values, np.float64)
+    return np.arange(values.values.size, dtype=np.float64) * step_s, np.asarray(values.values, np.float64)
 
 
 def _even_rate(path: Path, layout: _Layout, time: NDArray[np.float64]) -> float:

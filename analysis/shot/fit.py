@@ -87,6 +87,14 @@ class Fit:
     free_parameters: int = 0
     on_frames: bool = False  # whether what shook the frames was weighed, and the plates were let swing
 
+    @property
+    def correlations(self) -> Floats:
+        """Get the correlations of ``parameters``, shape (n, n); NaN with a parameter that has no variance."""
+        variance = np.diag(self.covariance)
+        with np.errstate(invalid="ignore"):
+            std = np.sqrt(np.where((variance > 0.0) & np.isfinite(variance), variance, np.nan))
+        return np.asarray(self.covariance / np.outer(std, std), np.float64)
+
     def of_shot(self, index: int) -> "Fit":
         """Return the fit as one shot's own: the shared parameters as all shots give them, the part of this one."""
         part = self.shots[index]

@@ -12,7 +12,7 @@ from analysis.shot.units import shown_in
 from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
 from analysis.uncertainty.numbers import Kind, number_of, of_collision, with_unit
 from app.report.markup import Markup, joined, table, tag
-from app.words.physics_words import effect_words, parameter_parts
+from app.words.physics_words import correlation_words, effect_words, parameter_parts
 
 SMALL = 0.02  # of the combined uncertainty: what is below is told in one line
 
@@ -51,7 +51,7 @@ def fitted(fit: Fit | None, tried: Collection[str] = (), of: Budget | None = Non
     rows = []
     for index, (name, value) in enumerate(fit.parameters.items()):
         words, unit = parameter_parts(name)
-        correlations = [_correlation(fit, index, other) for other in range(len(names))]
+        correlations = map(correlation_words, fit.correlations[index])
         entry = of.of(name) if of is not None else None
         noise = f"{value.std:.2g}" if entry is not None else "all of it"
         stated = entry.quantity if entry is not None else value
@@ -115,13 +115,6 @@ def _source(row: BudgetRow, factor: float) -> list[str]:
     std = "not known" if row.std is None else f"{row.std:.3g}{unit}"
     contribution = "" if row.std is None else f"{factor * row.contribution:.3g}"
     return [row.source, row.kind, std, f"{factor * row.sensitivity:.4g}", contribution, row.how]
-
-
-def _correlation(fit: Fit, one: int, other: int) -> str:
-    spread = fit.covariance[one, one] * fit.covariance[other, other]
-    if not (math.isfinite(spread) and spread > 0.0):
-        return "\u2013"
-    return f"{fit.covariance[one, other] / math.sqrt(spread):.2f}"
 
 
 def disturbance_section(disturbance: Disturbance) -> Markup:

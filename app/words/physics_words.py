@@ -1,5 +1,6 @@
 """What the program's names of effects and parameters mean, in words; used on the screen and in files (no Qt)."""
 
+import math
 from collections.abc import Collection
 
 from analysis.collision.effects import CATALOGUE, WIDER
@@ -53,6 +54,11 @@ def known_effect(name: str) -> bool:
 def model_effect_words(name: str, tried: Collection[str]) -> str:
     """Return an effect in the model in words, "(tried)" behind one that a person put in and no diagnosis named."""
     return f"{effect_words(name)} (tried)" if name in tried else effect_words(name)
+
+
+def correlation_words(correlation: float) -> str:
+    """Return a correlation to two decimals, a dash where it is not known."""
+    return f"{correlation:.2f}" if math.isfinite(correlation) else "\u2013"
 
 
 def parameter_parts(name: str) -> tuple[str, str]:

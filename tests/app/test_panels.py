@@ -14,6 +14,7 @@ from analysis.drive.curves import drive_curves
 from analysis.shot.disturbance import Disturbance, Shaking
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty.budget import budget
+from app.report.number_tables import fitted
 from app.session.session import Session
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.compare import ComparePanel
@@ -548,3 +549,21 @@ def test_a_number_of_which_little_is_known_is_marked(qtbot, shot):
     assert MARKS[Tone.WARNING] in panel._names["kinetic, flights"].text()
     assert "50 % of the value" in panel.hover("kinetic, flights")
     assert MARKS[Tone.WARNING] not in panel._names["kinetic, peaks"].text()
+
+
+def test_the_model_panel_unfolds_the_correlations_that_the_report_states(qtbot, shot):
+    spread = np.array([[4.0, -1.2, 0.0, 0.0], [-1.2, 1.0, 0.0, 0.0], [0.0, 0.0, 9.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    fit = replace(shot.fit, covariance=spread, converged=True)
+    panel = ModelPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show()
+    panel.show_shot(replace(shot, fit=fit))
+    assert not panel.correlations.isVisible()
+    panel.correlated.click()
+    assert panel.correlations.isVisible()
+    cells = re.findall(r"<td align='right'>(.*?)</td>", panel.correlations.text())
+    assert cells == ["-0.60", "0.00", "0.00", "–", "–", "–"]
+    page = str(fitted(fit))
+    assert page.count("-0.60") == 2 and page.count("1.00") >= 3
+    panel.show_shot(replace(shot, fit=replace(fit, converged=False)))
+    assert not panel.correlations.isVisible() and not panel.correlated.isEnabled()

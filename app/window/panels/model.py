@@ -1,16 +1,29 @@
 """The model in use in three lines, and the verdict of the last diagnosis, beside the numbers."""
 
+from html import escape
+
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from analysis.fitted.awaited_fit import awaits_fit
+from analysis.shot.fit import Fit
 from analysis.shot.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
-from app.words.physics_words import BASE_WORDS
+from app.words.physics_words import BASE_WORDS, correlation_words, parameter_parts
 from app.words.verdict import OUTDATED
 from app.words.wording import model_in_words, number, with_prefix
 
 LACKING_CHI2 = 1.5  # above, what is left over is more than noise by far
+
+
+def _matrix(fit: Fit) -> str:
+    """Return the correlations as a table below its diagonal; the columns have the numbers of the rows."""
+    head = "".join(f"<th align='right'>{n}</th>" for n in range(1, len(fit.parameters)))
+    rows = []
+    for index, name in enumerate(fit.parameters):
+        cells = "".join(f"<td align='right'>{correlation_words(r)}</td>" for r in fit.correlations[index, :index])
+        rows.append(f"<tr><td>{index + 1}</td><td>{escape(parameter_parts(name)[0])}</td>{cells}</tr>")
+    return f"<table cellspacing='4'><tr><th></th><th></th>{head}</tr>{''.join(rows)}</table>"
 
 
 class ModelPanel(QFrame):
@@ -49,6 +62,16 @@ class ModelPanel(QFrame):
             column.addWidget(label)
         self._verdict.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
         self._verdict.setAlignment(Qt.AlignmentFlag.AlignTop)
+        self.correlated = QPushButton("Correlations", self)
+        self.correlated.setCheckable(True)
+        self.correlated.setToolTip("Correlations of the fitted parameters of this shot")
+        self.correlated.toggled.connect(self._unfold)
+        top.insertWidget(1, self.correlated)
+        self.correlations = QLabel(self)
+        self.correlations.setAccessibleName("Correlations of the fitted parameters")
+        self.correlations.setWordWrap(True)
+        self.correlations.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        column.addWidget(self.correlations)
         self.diagnose.clicked.connect(self._diagnose)
         self.details.clicked.connect(self._details)
         self.show_shot(None)
@@ -66,6 +89,10 @@ class ModelPanel(QFrame):
         """Show the model of this shot's fit; ``tried`` are effects that no diagnosis named."""
         self._shot, self._tried = shot, tried
         fit = shot.fit if shot is not None else None
+        shown = fit is not None and fit.converged
+        self.correlations.setText(_matrix(fit) if fit is not None and shown else "")
+        self.correlated.setEnabled(shown)
+        self.correlations.setVisible(shown and self.correlated.isChecked())
         if fit is None:
             how = "fit to follow" if shot is not None and awaits_fit(shot) else "not fitted"
             base = shot.settings.model if shot is not None else ""
@@ -110,6 +137,10 @@ class ModelPanel(QFrame):
     def verdict(self) -> str:
         """Get the verdict shown."""
         return self._verdict.text()
+
+    @Slot(bool)
+    def _unfold(self, unfolded: bool) -> None:
+        self.correlations.setVisible(unfolded and self.correlated.isEnabled())
 
     @Slot()
     def _diagnose(self) -> None:

@@ -262,6 +262,22 @@ class Sessions(RuleBasedStateMachine):
             self.note(data, "another way")
         self.redo()
 
+    @precondition(lambda self: self.shown.lines and self.shown.highest)
+    @rule(data=st.data())
+    def take_off_the_list_and_back_and_off(self, data: st.DataObject) -> None:
+        self.take_off_the_list(data)
+        self.undo()
+        self.redo()
+
+    @precondition(lambda self: self.shown.lines)
+    @rule(data=st.data())
+    def note_while_the_disk_is_full_and_after(self, data: st.DataObject) -> None:
+        self.disk_full = True
+        self.note(data, "kept in memory")
+        self.what_is_not_saved_is_said()
+        self.disk_full = False
+        self.note(data, "on disk")
+
     @rule(full=st.booleans())
     def disk_fills_or_is_freed(self, full: bool) -> None:
         self.disk_full = full
@@ -300,6 +316,7 @@ class Sessions(RuleBasedStateMachine):
         assert self.bench.open_session(path) is None
         self.written = None
         self._reopened()
+        self.undo()  # nothing of the session before
 
     def _reopened(self) -> None:
         kept = self.kept.get(self.path)
@@ -343,7 +360,7 @@ class Sessions(RuleBasedStateMachine):
 
 
 Sessions.TestCase.settings = settings(
-    max_examples=40, stateful_step_count=20, deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=50, stateful_step_count=20, deadline=None, suppress_health_check=list(HealthCheck)
 )
 TestSessions = Sessions.TestCase
 

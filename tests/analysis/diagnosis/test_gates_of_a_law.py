@@ -9,7 +9,8 @@ import pytest
 
 from analysis.diagnosis.learning import law_instead, law_learning
 from analysis.diagnosis.learning.law_instead import LawAlone
-from analysis.diagnosis.learning.law_learning import Discovery, FormFit, learn_law
+from analysis.diagnosis.learning.law_learning import Discovery, learn_law
+from analysis.diagnosis.learning.law_telling import FormFit
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.identifiability import Separation

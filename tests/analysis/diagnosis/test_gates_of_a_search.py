@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
-from analysis.diagnosis.verdict.acceptance import Settled, paying, settle
+from analysis.diagnosis.verdict.acceptance import paying, settle
 from analysis.diagnosis.verdict.coincidence import Unforetold, by_chance
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, worst
@@ -27,7 +27,7 @@ START = Fit(())
 ONE, OTHER, BOTH = Fit(("tilt",)), Fit(("adhesion",)), Fit(("tilt", "adhesion"))
 
 
-def trail() -> Trail:
+def trail() -> Any:
     return Trail(cast(Any, START), (), calm)
 
 
@@ -95,8 +95,8 @@ def test_where_no_effect_of_two_pays_nothing_is_left(foretold: Callable[..., lis
 
 def test_where_nothing_can_be_foretold_nothing_is_claimed_of_it(foretold: Callable[..., list[Floor]]) -> None:
     foretold({(): 10.0, ("tilt",): None})
-    assert paying(cast(Any, ONE), HELD, trail()) == (ONE, None)
-    assert paying(cast(Any, ONE), (), trail()) == (ONE, None)
+    assert paying(cast(Any, ONE), HELD, trail()) == (cast(Any, ONE), None)
+    assert paying(cast(Any, ONE), (), trail()) == (cast(Any, ONE), None)
 
 
 class Stages:
@@ -129,7 +129,7 @@ class Stages:
         patch.setattr(acceptance, "another_way", another_way)
 
 
-def settled(found: Trail, judged: Residual | None = None) -> Settled:
+def settled(found: Trail, judged: Residual | None = None) -> Any:
     return settle(cast(Any, ONE), found, HELD, lambda _what, _fraction: None, Limit(SECONDS, calm), judged)
 
 

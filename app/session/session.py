@@ -258,7 +258,7 @@ class Session:
         self._path, self._entries, self._effects = other._path, other._entries, other._effects
         self._left_out = other._left_out
         self.give_free, self.problem = other.give_free, other.problem
-        self._undo, self._redo, self._next = [], [], 0
+        self._undo, self._redo, self._next = [], [], other._next
         self.revision += 1
 
     def move_to(self, path: Path, give_free: Callable[[], None]) -> None:
@@ -281,6 +281,7 @@ class Session:
                 raise document.refuse("schema", f"{shown(schema)} is not {SCHEMA}")
             unknown: set[str] = set()
             session._entries = tuple(_from_json(item, unknown) for item in document.objects("shots") or ())
+            session._next = max((entry.number for entry in session._entries), default=0)
             accepted = (known_effects(document.names(key)) for key in ("effects", "drive_effects", "tried"))
             session._effects = ModelEffects(*accepted)
             session._left_out = document.names("left_out")[-MOST_LEFT_OUT:]

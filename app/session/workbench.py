@@ -274,9 +274,14 @@ class Workbench:
         """Keep the operator's note in the session, and in the recording by an errand, which waits for no long work."""
         self.session.set_note(number, note)
         entry = self.session.entry(number)
-        if entry is None or entry.path is None or not entry.path.endswith(".sigmf-meta"):
+        if entry is not None:
+            self._write_note(entry)
+
+    def _write_note(self, entry: Entry) -> None:
+        """Write a shot's note into its recording, where that has one, by an errand."""
+        if entry.path is None or not entry.path.endswith(".sigmf-meta"):
             return
-        path = Path(entry.path)
+        path, note = Path(entry.path), entry.note
 
         def work(_: Report, __: Asked) -> None:
             rewrite_note(path, note)  # RecordingError, which the job's problem says, where it is read-only
@@ -293,7 +298,11 @@ class Workbench:
 
     def _stepped(self, step: Callable[[], str | None]) -> str | None:
         there = {entry.number for entry in self.session.entries} | set(self._captured.values())
+        notes = {entry.number: entry.note for entry in self.session.entries}
         what = step()
+        for entry in self.session.entries:
+            if notes.get(entry.number, entry.note) != entry.note:
+                self._write_note(entry)
         for entry in self.session.entries:  # its analysis may have come while it was off the list
             if entry.shot is None and entry.path is not None and entry.number not in there:
                 self._submit_fill(entry)

@@ -161,7 +161,10 @@ class Sessions(RuleBasedStateMachine):
     def _to_the_end(self) -> None:
         """Wait until all work has ended, and with it what that asked for."""
         end = time.monotonic() + LONGEST_S
-        while self.bench.poll() or self.bench.jobs.open_jobs or self.bench.errands.open_jobs:
+        while True:
+            busy = self.bench.jobs.open_jobs or self.bench.errands.open_jobs  # asked first: what ends later is polled
+            if not self.bench.poll() and not busy:
+                break
             assert time.monotonic() < end
             time.sleep(0.0005)
 
@@ -383,7 +386,7 @@ def test_undo_and_redo_of_a_note_reach_the_recording(monkeypatch: pytest.MonkeyP
     path = Path("/data/shot.sigmf-meta")
 
     def written() -> str:
-        while bench.poll() or bench.errands.open_jobs:
+        while bench.errands.open_jobs or bench.poll():
             time.sleep(0.0005)
         return in_recording[path]
 

@@ -1,6 +1,5 @@
 """Fit the base model at the diagnosis' rate: where a search for effects begins."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +12,7 @@ from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, first_floor, fit
 from analysis.inference.fit.quick_shot import too_fast
 from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import white_by_differences
 from analysis.shot.shot import AnalysisError, Stop
 
 _SAMPLES = 100  # at least
@@ -38,10 +38,9 @@ def base_fit(data: JointData, begin: Begin, stop: Stop, taken_along: Sequence[st
 
 def white_of(shots: Sequence[Samples]) -> float:
     """Return the white noise of an averaged sample in m, by third differences; AnalysisError where they are too few."""
-    quick = np.concatenate([np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] for s in shots])
-    if quick.size < _SAMPLES:
+    if sum(int(np.count_nonzero(s.valid[3:] & s.valid[:-3])) for s in shots) < _SAMPLES:
         raise AnalysisError("too few samples for a diagnosis")
-    return max(1.4826 * float(np.median(np.abs(quick))) / math.sqrt(20.0), 1e-15)
+    return max(white_by_differences([s.displacement_m for s in shots], [s.valid for s in shots]), 1e-15)
 
 
 def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.inference.fit.base import PLATE_START, Base, base_of
+from analysis.inference.fit.base import Base, base_of
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 
@@ -34,9 +34,4 @@ def begin_of(fit: Fit, motions: Sequence[Motion]) -> Begin:
     base = base_of(fit.model, motions)
     own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in fit.shots]
     shared = np.array([fit.parameters[name].value for name in base.names])
-    plates: Plates = ()
-    if fit.reduced_chi2 < TRUSTED:
-        each = [shot.own_parameters for shot in fit.shots]
-        x, v = PLATE_START
-        plates = tuple((of[x].value, of[v].value) for of in each if x in of)
-    return Begin(base, shared, np.array(own), plates, fit.reduced_chi2)
+    return Begin(base, shared, np.array(own), left=fit.reduced_chi2)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.inference.fit.samples import Samples
-from analysis.inference.noise.floor import Floor, white_floor
+from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import Site
 
 Floats = NDArray[np.float64]
@@ -67,8 +67,8 @@ def _flight(shot: Samples, part: slice) -> Floats:
 
 
 def _by_differences(shots: Sequence[Samples]) -> float:
-    quick = [np.diff(s.displacement_m, 3)[s.valid[3:] & s.valid[:-3]] / s.weight for s in shots]
-    return max(float(1.4826 * np.median(np.abs(np.concatenate(quick))) / math.sqrt(20.0)), 1e-15)
+    series = [shot.displacement_m / shot.weight for shot in shots]
+    return max(white_by_differences(series, [shot.valid for shot in shots]), 1e-15)
 
 
 def _with_outgoing(noise: Floor, incoming: list[Spectrum], outgoing: list[Spectrum], spacing_s: float) -> Floor:

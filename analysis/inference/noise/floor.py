@@ -203,10 +203,15 @@ def learn(
     return best, best_value
 
 
+def white_by_differences(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
+    """Return the white noise of a sample by third differences, in the units of ``series``; 0 where they are too few."""
+    quick = np.concatenate([np.diff(s, 3)[v[3:] & v[:-3]] for s, v in zip(series, valid, strict=True)])
+    return 1.4826 * float(np.median(np.abs(quick))) / math.sqrt(20.0) if quick.size else 0.0
+
+
 def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
     """Return the spread of the values over that of their white part (third differences)."""
-    quick = np.concatenate([np.diff(s, 3)[v[3:] & v[:-3]] for s, v in zip(series, valid, strict=True)])
-    white = 1.4826 * float(np.median(np.abs(quick))) / math.sqrt(20) if quick.size else 0.0
+    white = white_by_differences(series, valid)
     spread = math.sqrt(float(np.mean(np.concatenate([s[v] ** 2 for s, v in zip(series, valid, strict=True)]))))
     return spread / white if white > 0 else 1e3
 

@@ -20,6 +20,6 @@ def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collisi
     before = base_fit(JointData(together(motions), base_named("paper")), given, calm)
     assert given.left > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff
-    best, trail = explored(before, given, motions, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
+    best, trail = explored(before, given, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
     assert trail.start is before and best.names == ("cubic_stiffness",)
     assert abs(best.point.values[0]["cubic_stiffness"]["coefficient_n_per_m3"] / size - 1) < 1e-3

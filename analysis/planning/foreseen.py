@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
-from analysis.diagnosis.verdict.cross_validation import shared_places
+from analysis.inference.fit.base import OWN_NAMES
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, finish, search, square_of
@@ -151,7 +151,7 @@ def informs(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] 
     rows = shot.whitened(floor, np.column_stack([here - shot.displacement_m, columns]))
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
-    return eliminated(rows[:, 1:], rows[:, 0], shared_places(hypothesis), unshared)
+    return eliminated(rows[:, 1:], rows[:, 0], len(hypothesis.shared), [hypothesis.shared.index(k) for k in unshared])
 
 
 def coincidence_with(rival: Fitted, effect: str, scatter: Floats, shot: Samples, floor: Floor) -> float:
@@ -162,21 +162,21 @@ def coincidence_with(rival: Fitted, effect: str, scatter: Floats, shot: Samples,
     """
     hypothesis, z = with_shots(rival, [shot])
     last = len(hypothesis.data.shots) - 1
-    free = hypothesis.free_parameters
-    places = [hypothesis.offset + k for k, (name, _, index) in enumerate(free) if (name, index) == (effect, last)]
-    start = hypothesis.data.count + 3 * last + np.arange(3)
-    rows = shot.whitened(floor, hypothesis.of_shot(last, z)[1][:, [*start, *places]])
+    named = [hypothesis.names[place] for place in hypothesis.places[last]]
+    numbers = [k for k, (name, index) in enumerate(named) if index == last and name.rpartition(".")[0] == effect]
+    start = [k for k, (name, index) in enumerate(named) if index == last and name in OWN_NAMES]
+    rows = shot.whitened(floor, hypothesis.of_shot(last, z)[1][:, [*numbers, *start]])
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
-    of_numbers = eliminated(rows, np.zeros(len(rows)), range(3, rows.shape[1])).curvature
-    return float(np.linalg.slogdet(np.eye(len(places)) + of_numbers * np.outer(scatter, scatter))[1])
+    of_numbers = eliminated(rows, np.zeros(len(rows)), len(numbers)).curvature
+    return float(np.linalg.slogdet(np.eye(len(numbers)) + of_numbers * np.outer(scatter, scatter))[1])
 
 
 def at_hand(fitted: Fitted, floor: Floor) -> Informs:
     """Return what the shots at hand say of a fit's shared parameters."""
     hypothesis = fitted.hypothesis
     square = square_of(hypothesis, floor, fitted.z)
-    shared = shared_places(hypothesis)
+    shared = hypothesis.shared
     own = np.setdiff1d(np.arange(hypothesis.size), shared)
     of_own = np.linalg.pinv(square.curvature[own][:, own], hermitian=True)
     into: Floats = square.curvature[shared][:, own] @ of_own
@@ -187,15 +187,15 @@ def at_hand(fitted: Fitted, floor: Floor) -> Informs:
     )
 
 
-def eliminated(jacobian: Floats, left: Floats, shared: Sequence[int], unshared: Sequence[int] = ()) -> Informs:
-    """Return what whitened derivatives and a remainder say of the columns ``shared``, all others eliminated.
+def eliminated(jacobian: Floats, left: Floats, shared: int, unshared: Sequence[int] = ()) -> Informs:
+    """Return what whitened derivatives and a remainder say of the first ``shared`` columns, all others eliminated.
 
     ``unshared`` ones among them are eliminated, too.
     """
-    own = jacobian[:, [*np.setdiff1d(np.arange(jacobian.shape[1]), shared), *unshared]]
+    own = jacobian[:, [*range(shared, jacobian.shape[1]), *unshared]]
     own = own[:, np.any(own != 0.0, axis=0)]
     basis = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
-    beside = jacobian[:, shared] - basis @ (basis.T @ jacobian[:, shared])
+    beside = jacobian[:, :shared] - basis @ (basis.T @ jacobian[:, :shared])
     rest = left - basis @ (basis.T @ left)
     return Informs(beside.T @ beside, beside.T @ rest, float(rest @ rest))
 

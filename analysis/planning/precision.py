@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
-from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.planning.foreseen import at_hand, blank, foretold, informs
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
@@ -75,7 +74,7 @@ def sharpen(
     or ``ALL``.  Raises AnalysisError for a name that is not the fit's, Cancelled.
     """
     hypothesis = fitted.hypothesis
-    shared = shared_places(hypothesis)
+    shared = hypothesis.shared
     names = [hypothesis.names[place][0] for place in shared]
     if parameter != ALL and parameter not in names:
         raise AnalysisError(f"no shared parameter is called {parameter!r}; there are {', '.join(names)}")

@@ -230,9 +230,7 @@ class Session:
         if path is not None:
             self.save_by(lambda: self._write(path, entries, effects, left_out))
 
-    def _write(
-        self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects, left_out: tuple[str, ...]
-    ) -> None:
+    def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects, left_out: tuple[str, ...]) -> None:
         shots = [_to_json(entry) for entry in entries if entry.path]
         accepted = {
             "effects": list(effects.collision),

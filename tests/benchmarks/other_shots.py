@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from analysis.collision.effects import named
 from analysis.collision.effects.row import Acts, Sensed
 from analysis.collision.parameters import Infeasible
-from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.shot_fit import fit_shots
@@ -103,7 +102,7 @@ def _distance(said: Informs, true: Member) -> float:
 def _of_the_plate(fitted: Fitted) -> list[int]:
     """Return the places of what another plate would have for itself: its base parameters and its effects'."""
     out = []
-    for place in shared_places(fitted.hypothesis):
+    for place in fitted.hypothesis.shared:
         name = fitted.hypothesis.names[place][0]
         effect = name.partition(".")[0] if "." in name else ""
         if name in _PLATE or (effect and named(effect).acts is Acts.ON_PLATE):
@@ -116,7 +115,7 @@ def _at_rest(open_class: Contest, true: Member, rival: Member, floor: Floor) -> 
     like = blank(NextShot(0.1, 0.0, _REST_S / 2, _REST_S / 2), true.fitted)
     shown, _, _ = _sensed(true.fitted, like)
     made, columns, own = _sensed(rival.fitted, like)
-    shared = shared_places(rival.fitted.hypothesis)
+    shared = rival.fitted.hypothesis.shared
     jacobian = np.zeros((like.centre_s.size, rival.fitted.hypothesis.size + 1))
     jacobian[:, : columns.shape[1]] = columns
     jacobian[:, -1] = 1.0
@@ -143,7 +142,7 @@ def _sensed(fitted: Fitted, like: Samples) -> tuple[Floats, Floats, Floats]:
 
     here = seen(fitted.z)
     columns = np.zeros((time_s.size, hypothesis.size))
-    for place in shared_places(hypothesis)[hypothesis.data.count :]:
+    for place in hypothesis.shared[hypothesis.data.count :]:
         there = fitted.z.copy()
         there[place] += _STEP
         columns[:, place] = (seen(there) - here) / _STEP

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from analysis.collision.laws.arguments import Argument
 from analysis.collision.laws.forms import FORMS, Form
 from analysis.diagnosis.learning.curve_fit import Learned
-from analysis.inference.screen.projector import orthonormal
+from analysis.inference.fit.arrow import orthonormal
 
 Floats = NDArray[np.float64]
 _BEYOND = 1e60  # of a curve of size 1: no form of this range

@@ -83,7 +83,8 @@ def ground_of(fitted: Fitted) -> Ground:
     hypothesis = fitted.hypothesis
     lines = hypothesis.linearised(fitted.z)
     paths = [_path(hypothesis, fitted.point, (), index) for index in range(len(hypothesis.data.shots))]
-    return Ground(fitted, Motions(tuple(x for x, _ in lines), tuple(j for _, j in lines)), tuple(paths))
+    tangents = tuple(_spread(hypothesis, index, j) for index, (_, j) in enumerate(lines))
+    return Ground(fitted, Motions(tuple(x for x, _ in lines), tangents), tuple(paths))
 
 
 def displacements(hypothesis: Hypothesis, z: Floats, terms: Sequence[Term]) -> tuple[Floats, ...]:
@@ -103,10 +104,17 @@ def motions(hypothesis: Hypothesis, z: Floats, terms: Sequence[Term]) -> Motions
         shown, of_base = linearised_shot(hypothesis, index, point, slope, rows)
         path = _path(hypothesis, point, rows, index)
         of_terms = [_columns(term, row, path, shown.size) for term, row in zip(terms, rows, strict=True)]
-        return shown, np.hstack([of_base, *of_terms])
+        return shown, np.hstack([_spread(hypothesis, index, of_base), *of_terms])
 
     both = side_by_side(one, range(len(hypothesis.data.shots)))
     return Motions(tuple(x for x, _ in both), tuple(j for _, j in both))
+
+
+def _spread(hypothesis: Hypothesis, index: int, tangents: Floats) -> Floats:
+    """Return one shot's derivatives, shape (n, q), by the whole vector, shape (n, size)."""
+    out = np.zeros((tangents.shape[0], hypothesis.size))
+    out[:, hypothesis.places[index]] = tangents
+    return out
 
 
 def _rows(terms: Sequence[Term]) -> list[Effect]:

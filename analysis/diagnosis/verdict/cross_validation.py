@@ -78,7 +78,7 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Float
     own = [*(place for place in some.unseen if place not in one.unseen), *own]
     try:
         trained = search(some, begin, fitted.floor, evaluations=_TRAINED, cancelled=stop)
-        learnt = dict(zip(shared_places(one), shared_places(some), strict=True))
+        learnt = dict(zip(one.shared, some.shared, strict=True))
         shared = [place for place in learnt if place not in own]
         learnt_at = [learnt[place] for place in shared]
         there = z.copy()
@@ -114,7 +114,7 @@ def _of(fitted: Fitted, shots: list[int]) -> tuple[Hypothesis, Floats, list[int]
     at = {name: place for place, name in enumerate(whole.names)}
     places = [at[name, shots[shot] if shot >= 0 else shot] for name, shot in some.names]
     lines = whole.linearised(fitted.z)
-    some.remember(fitted.z[places], [(lines[i][0], lines[i][1][:, places]) for i in shots])
+    some.remember(fitted.z[places], [lines[i] for i in shots])
     return some, fitted.z[places], own
 
 
@@ -122,12 +122,6 @@ def _giving_way(square: Square, moved: Floats, own: list[int]) -> Floats:
     """Return how a shot's own parameters follow to first order where the shared ones have ``moved``."""
     pull = square.gradient[own] + square.curvature[own] @ moved
     return np.asarray(-np.linalg.pinv(square.curvature[np.ix_(own, own)], hermitian=True) @ pull)
-
-
-def shared_places(hypothesis: Hypothesis) -> list[int]:
-    """Return where the vector holds what all shots share."""
-    free_parameters = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.free_parameters) if shot < 0]
-    return [*range(hypothesis.data.count), *free_parameters]
 
 
 def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Floats | None) -> float:

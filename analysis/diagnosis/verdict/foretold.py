@@ -12,7 +12,6 @@ from analysis.collision.effects import findings
 from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.cross_validation import shared_places
 from analysis.diagnosis.verdict.residual import errors
 from analysis.drive.bandwidth import force_noise
 from analysis.drive.fit import chi2, foretold_force
@@ -187,7 +186,7 @@ def _own_fitted(hypothesis: Hypothesis, known: Parameters, start: Floats) -> tup
         raise AnalysisError(f"the model file has no parameter {missing[0]}")
     z = hypothesis.pack(Point(np.array([known[name].value for name in names]), start[None, :], (values,)))
     low, high = hypothesis.bounds
-    held = shared_places(hypothesis)
+    held = hypothesis.shared
     low[held] = high[held] = z[held]
     shot = hypothesis.data.shots[0]
     floor = white_floor(shot.white_m, shot.spacing_s)

@@ -10,7 +10,7 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.screen.projector import Projector, orthonormal
+from analysis.inference.screen.projector import Projector
 from analysis.inference.screen.screening import scores
 
 Floats = NDArray[np.float64]
@@ -40,8 +40,7 @@ def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
     """Return the projector of a fit whose ``left`` is what one of its effects does beside all other parameters."""
     hypothesis = fitted.hypothesis
     own = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.free_parameters) if effect == name]
-    keep = np.setdiff1d(np.arange(hypothesis.size), own)
-    basis = orthonormal(at.tangents[:, keep])
+    basis = at.tangents.without(own).span()
     point = fitted.point
     kind = next(k for k in hypothesis.effects if k.name == name)
     shots = hypothesis.data.shots
@@ -50,7 +49,7 @@ def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
     without = to_actual(Point(effective.base, effective.own, nothing))
     rows = [(hypothesis.coarse(i, point) - hypothesis.coarse(i, without))[:, None] for i in range(len(shots))]
     done = at.whitened(rows)[:, 0]
-    return replace(at, basis=basis, left=done - basis @ (basis.T @ done))
+    return replace(at, basis=basis, left=basis.projected(done))
 
 
 def snr(fitted: Fitted, at: Projector, name: str) -> float:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, learn_floor
@@ -67,53 +68,47 @@ def colour(white: Sequence[Floats]) -> float:
     return max(1.0, 1.0 + 2.0 * near / power)
 
 
-def gain(fitted: Fitted, at: Projector, columns: Sequence[Floats]) -> tuple[float, int, Floor]:
-    """Return twice the gain in log-likelihood of shapes (shot by shot, shape (n, k)), how many they really are.
+def gain(fitted: Fitted, at: Projector, shapes: Arrow) -> tuple[float, int, Floor]:
+    """Return twice the gain in log-likelihood of ``shapes`` (averaged, in m), and how many they really are.
 
     And the floor that is left beside them.
     """
-    bare = at.whitened(columns)
-    norm = np.linalg.norm(bare, axis=0)
-    some = np.linalg.norm(at.projected(bare), axis=0) > 1e-6 * norm
-    if not some.any():
+    whitened = shapes.whitened(fitted.hypothesis.data.shots, at.floor)
+    beside = at.basis.beside(whitened)
+    new = int(beside.new.sum())
+    if not new:
         return 0.0, 0, fitted.floor
-    full = np.column_stack([at.tangents, bare[:, some]])
-    scale = np.linalg.norm(full, axis=0)
-    scale[scale == 0] = 1.0
-    joint, *_ = np.linalg.lstsq(full / scale, at.whole, rcond=1e-12)
-    joint = joint / scale
-    left = [
-        residual - np.column_stack([tangent, shape[:, some]]) @ joint
-        for residual, (_, tangent), shape in zip(fitted.residual_m, at.lines, columns, strict=True)
-    ]
+    numbers = beside.solve(at.left)
+    moves = at.tangents.solve(at.whole - whitened.along(numbers))
+    both = zip(at.lines, at.tangents.places, shapes.blocks, shapes.places, strict=True)
+    taken = [tangent @ moves[of_fit] + shape @ numbers[of_shape] for (_, tangent), of_fit, shape, of_shape in both]
+    left = [residual - one for residual, one in zip(fitted.residual_m, taken, strict=True)]
     floor, value = learn_floor(fitted.hypothesis.data, left, fitted.floor)
-    return 2 * (value - fitted.log_likelihood), int(some.sum()), floor
+    return 2 * (value - fitted.log_likelihood), new, floor
 
 
 def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> LackOfFit:
     """Return the shape whose gain exceeds its limit most; ``slow`` is the noise's ``colour``."""
     shots = fitted.hypothesis.data.shots
     hypothesis = fitted.hypothesis
-    base = list(range(hypothesis.data.count))
-    effects = [hypothesis.offset + k for k, (_, _, shot) in enumerate(hypothesis.free_parameters) if shot < 0]
-    every = range(hypothesis.offset, hypothesis.size)
     fastest = max(abs(shot.course.velocity_in_m_per_s) for shot in shots)
     kinks = [_kinks(shot) for shot in shots]
-    shapes: dict[str, list[Floats]] = {"kinks where the bodies meet, turn or part": kinks}
+    shapes = {"kinks where the bodies meet, turn or part": shared(kinks)}
+    tangents = hypothesis.arrow([tangent for _, tangent in at.lines])
     if len(shots) > 1:
-        shapes["plate and contact that differ from shot to shot"] = _apart(at, base, len(shots))
-        shapes["kinks that grow with the speed"] = [
-            columns * abs(shot.course.velocity_in_m_per_s) / fastest for columns, shot in zip(kinks, shots, strict=True)
-        ]
-        if effects:
-            shapes["an effect that differs from shot to shot"] = _apart(at, effects, len(shots))
+        base, effects = slice(hypothesis.data.count), slice(hypothesis.data.count, len(hypothesis.shared))
+        shapes["plate and contact that differ from shot to shot"] = _apart(tangents, base)
+        speeds = [abs(shot.course.velocity_in_m_per_s) / fastest for shot in shots]
+        shapes["kinks that grow with the speed"] = shared([c * v for c, v in zip(kinks, speeds, strict=True)])
+        if len(hypothesis.shared) > hypothesis.data.count:
+            shapes["an effect that differs from shot to shot"] = _apart(tangents, effects)
     if hypothesis.free_parameters:
-        shapes["an effect that is another one after the turn"] = [
-            line[1][:, list(every)] * _after_turn(shot)[:, None] for line, shot in zip(at.lines, shots, strict=True)
-        ]
-    shapes |= free_laws(hypothesis, fitted.point)
+        of_effects = tangents.without(range(hypothesis.offset))
+        turned = of_effects.mapped(lambda k, block: block * _after_turn(shots[k])[:, None])
+        shapes["an effect that is another one after the turn"] = Arrow.of(turned.blocks, turned.shared)
+    shapes |= {name: shared(columns) for name, columns in free_laws(hypothesis, fitted.point).items()}
     found = []
-    gains = [gain(fitted, at, columns) for columns in shapes.values()]
+    gains = [gain(fitted, at, shape) for shape in shapes.values()]
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
         # A wandering floor is learnt from the same data, anew beside every shape.  Where a shape makes it cease to
         # wander, the floor was the shape, and white noise is the measure.
@@ -125,13 +120,15 @@ def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> LackOfFit:
     return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=NOTHING)
 
 
-def _apart(at: Projector, columns: Sequence[int], shots: int) -> list[Floats]:
-    """Return derivatives by shared parameters, free for all shots but the last."""
-    out = []
-    for shot, (_, tangent) in enumerate(at.lines):
-        blocks = [tangent[:, columns] * (shot == other) for other in range(shots - 1)]
-        out.append(np.concatenate(blocks, axis=1))
-    return out
+def shared(columns: Sequence[Floats]) -> Arrow:
+    """Return shapes that all shots share, shape (n, k) a shot."""
+    return Arrow.of(columns, columns[0].shape[1])
+
+
+def _apart(tangents: Arrow, some: slice) -> Arrow:
+    """Return derivatives by ``some`` shared parameters, free for all shots but the last."""
+    *free, last = (block[:, some] for block in tangents.blocks)
+    return Arrow.of([*free, last[:, :0]], 0)
 
 
 def _after_turn(shot: Samples) -> Floats:

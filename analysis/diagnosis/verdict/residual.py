@@ -10,7 +10,7 @@ from scipy.special import chdtri
 
 from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, worst
+from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, shared, worst
 from analysis.diagnosis.words import CALM
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.fit.samples import Samples
@@ -123,7 +123,7 @@ def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
     def gained(power: int) -> tuple[float, int, Floor]:
         parts = zip(bumps, shots, strict=True)
         columns = [bump * (abs(shot.course.velocity_in_m_per_s) / fastest) ** power for bump, shot in parts]
-        return gain(fitted, at, columns)
+        return gain(fitted, at, shared(columns))
 
     gains = [gained(power) for power in _POWERS]
     best = max(0.0, *(value for value, _, _ in gains))

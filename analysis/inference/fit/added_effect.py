@@ -1,12 +1,13 @@
 """A fit with one effect more: from where it scored best, or from where it was found alone."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
@@ -21,6 +22,7 @@ _SHORT = 7  # evaluations of a search that only compares
 _GIVEN_UP = 300.0  # of the criterion behind another fit: such a search is left where it promises little
 _OF_THE_START = (1.0, 0.3, 0.1)
 _ROOM = 4  # steps at most
+_HARDLY = 1e-4  # of what the parameters together do most: so little need not give way
 
 
 def refit(
@@ -77,7 +79,7 @@ def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
     chi2 = float(left @ left)
     for _ in range(_ROOM):
         there = z.copy()
-        there[moving] -= giving_way @ left
+        there[moving] -= giving_way(left)
         there = np.clip(there, low, high)
         try:
             left = whitened_residual(hypothesis, at.floor, there)
@@ -89,11 +91,17 @@ def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
     return z
 
 
-def _giving_way(tangents: Floats) -> Floats:
-    """Return what turns a remainder, shape (rows,), into the moves of the parameters that leave it."""
-    scale = np.linalg.norm(tangents, axis=0)
+def _giving_way(tangents: Arrow) -> Callable[[Floats], Floats]:
+    """Return what turns a remainder, shape (rows,), into the moves of the parameters that leave it.
+
+    What hardly shows does not move.
+    """
+    gram = tangents.gram()
+    scale = np.sqrt(np.diag(gram))
     scale[scale == 0] = 1.0
-    return np.asarray(np.linalg.pinv(tangents / scale, rcond=1e-4) / scale[:, None])
+    level, turn = np.linalg.eigh(gram / np.outer(scale, scale))
+    some = level > _HARDLY**2 * level[-1]
+    return lambda left: (turn[:, some] @ (turn[:, some].T @ (tangents.pull(left) / scale) / level[some])) / scale
 
 
 def times(kind: TrialEffect, values: Mapping[str, float], factor: float) -> Mapping[str, float]:

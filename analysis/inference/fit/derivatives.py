@@ -64,12 +64,14 @@ def solved(
 def linearised_shot(
     vector: SearchVector, index: int, point: Point, slope: Floats, laws: Sequence[Effect] = ()
 ) -> tuple[Floats, Floats]:
-    """Return one shot's averaged displacement, shape (n,), and its derivatives by a vector, shape (n, size).
+    """Return one shot's averaged displacement, shape (n,), and its derivatives by what of a vector it depends on.
 
-    ``point`` is that of the vector, ``slope`` the parameters' derivatives by it: for all shots the same.
+    These have shape (n, q), in the order of the vector's ``places``.  ``point`` is that of the vector, ``slope`` the
+    parameters' derivatives by it: for all shots the same.
     """
     _, response = solved(vector, index, point, derivatives=True, laws=laws)
-    return response.displacement_m, response.derivatives @ slope[vector.places(index)]
+    at = vector.places[index]
+    return response.displacement_m, response.derivatives @ slope[np.ix_(at, at)]
 
 
 def _chosen(vector: SearchVector, values: Values) -> tuple[tuple[str, float], ...]:

@@ -49,23 +49,24 @@ def to_actual(effective: Point) -> Point:
     return clamp.put(effective, own, effective.base[0] / left, clamp.swing * math.sqrt(left))
 
 
-def slope(effective: Point, size: int, at: Mapping[tuple[str, str], int], touches: list[int]) -> Floats:
-    """Return the derivatives of parameters as they are by those that are seen, shape (size, size).
+def chained(effective: Point, seen: Floats, at: Mapping[tuple[str, str], int], touches: list[int]) -> Floats:
+    """Return the derivatives of parameters as they are, from those of the parameters as they are ``seen``.
 
-    ``at`` says where in the vector an (effect, parameter) stands, ``touches`` where each shot's touch time does.
+    Both have shape (p, k), a row a parameter; ``at`` says in which an (effect, parameter) stands, ``touches`` in which
+    each shot's touch time does.
     """
-    out = np.eye(size)
+    out = seen.copy()
     for (name, parameter), place in at.items():
         if parameter == named(name).delays:
-            out[touches, place] = -1.0
+            out[touches] -= seen[place]
     clamp = _clamp(effective.values[0])
     if clamp is not None and (soft := at.get((clamp.name, clamp.compliance))) is not None:
         fast = at[clamp.name, clamp.frequency]
         stiffness, left = float(effective.base[0]), clamp.left(effective.base[0])
         root = math.sqrt(left)
         by_left = -0.5 * clamp.swing / root
-        out[0, [0, soft]] = 1 / left**2, (stiffness / left) ** 2
-        out[fast, [0, soft, fast]] = by_left * clamp.softness, by_left * stiffness, root
+        out[0] = seen[0] / left**2 + (stiffness / left) ** 2 * seen[soft]
+        out[fast] = by_left * (clamp.softness * seen[0] + stiffness * seen[soft]) + root * seen[fast]
     return out
 
 

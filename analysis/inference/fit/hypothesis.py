@@ -54,7 +54,7 @@ class Hypothesis(SearchVector):
         return side_by_side(lambda i: self.averaged(i, point), range(len(self.data.shots)))
 
     def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
-        """Return every shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size).
+        """Return every shot's averaged displacement, shape (n,), and its derivatives by its places in ``z``, (n, q).
 
         One of the last few is remembered: a search goes on where another ended, under another floor.
         """
@@ -73,7 +73,7 @@ class Hypothesis(SearchVector):
         self._lately[z.tobytes()] = lines
 
     def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
-        """Return one shot's averaged displacement, shape (n,), and its derivatives by ``z``, shape (n, size)."""
+        """Return one shot's averaged displacement, shape (n,), and its derivatives by its places in ``z``, (n, q)."""
         return linearised_shot(self, index, self.unpack(z), self.slope(z))
 
 

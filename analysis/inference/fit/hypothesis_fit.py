@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.least_squares import Hopeless, Minimum, Square, covariance, minimise
@@ -79,21 +80,25 @@ class Fitted:
 
 def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
     """Return the whitened sum of squares at ``z`` with its derivatives."""
-    data, lines = hypothesis.data, hypothesis.linearised(z)
-    left_m = data.left_m(x for x, _ in lines)
-    joined = data.whitened(floor, [np.column_stack([-left, j]) for left, (_, j) in zip(left_m, lines, strict=True)])
-    if not np.all(np.isfinite(joined)):
+    left, tangents = whitened_tangents(hypothesis, floor, hypothesis.linearised(z))
+    left = -left
+    if not all(np.all(np.isfinite(one)) for one in (left, *tangents.blocks)):
         raise Infeasible("the trajectory is not finite")
-    left, jacobian = joined[:, 0], joined[:, 1:]
-    return Square(
-        float(left @ left),
-        jacobian.T @ jacobian,
-        jacobian.T @ left,
-        left.size,
-        left,
-        lambda step: np.asarray(jacobian @ step),
-        lambda vector: np.asarray(jacobian.T @ vector),
-    )
+    chi2, pull = float(left @ left), tangents.pull(left)
+    return Square(chi2, tangents.gram(), pull, left.size, left, tangents.along, tangents.pull)
+
+
+def whitened_tangents(
+    hypothesis: Hypothesis, floor: Floor, lines: Sequence[tuple[Floats, Floats]]
+) -> tuple[Floats, Arrow]:
+    """Return measured minus modelled and the model's derivatives, whitened; ``lines`` as ``linearised`` returns them.
+
+    The first has all shots' rows one after another.
+    """
+    data = hypothesis.data
+    both = zip(data.shots, data.left_m(x for x, _ in lines), lines, strict=True)
+    rows = [shot.whitened(floor, np.column_stack([left, tangents])) for shot, left, (_, tangents) in both]
+    return np.concatenate([one[:, 0] for one in rows]), hypothesis.arrow([one[:, 1:] for one in rows])
 
 
 def whitened_residual(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Floats:

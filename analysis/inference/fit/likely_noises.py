@@ -30,7 +30,8 @@ def likely_beside(fitted: Fitted, free: NDArray[np.bool_]) -> Likely | None:
     """
     data = fitted.hypothesis.data
     assert data.site is not None
-    tangents = [np.where(free, slopes, 0.0) for _, slopes in fitted.hypothesis.linearised(fitted.z)]
+    tangents = fitted.hypothesis.arrow([line for _, line in fitted.hypothesis.linearised(fitted.z)])
+    tangents = tangents.without(np.flatnonzero(~free))
     try:
         likely = over_likely(fitted.residual_m, tangents, data.shots, data.site, fitted.floor)
     except np.linalg.LinAlgError:  # two parameters that do the same

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from analysis.collision.effects import named
 from analysis.collision.effects.row import Effect, Parameter
+from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.coordinates import Coordinates
-from analysis.inference.fit.effective_parameters import Point, slope, to_actual, to_effective
+from analysis.inference.fit.effective_parameters import Point, chained, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.quick_shot import Optics, Values
 from analysis.inference.fit.response import Model
@@ -104,9 +105,23 @@ class SearchVector:
         own = [(name, shot) for shot in range(len(self.data.shots)) for name in OWN_NAMES]
         return (*shared, *own, *((f"{name}.{free.name}", shot) for name, free, shot in self.free_parameters))
 
-    def places(self, index: int) -> list[int]:
-        """Return where the parameters that a shot depends on stand: the shared ones, then its own."""
-        return [place for of in (-1, index) for place, (_, shot) in enumerate(self.names) if shot == of]
+    @cached_property
+    def shared(self) -> list[int]:
+        """Get the places of what all shots share."""
+        return [place for place, (_, shot) in enumerate(self.names) if shot < 0]
+
+    @cached_property
+    def places(self) -> tuple[Places, ...]:
+        """Get where the parameters that a shot depends on stand, a shot: the shared ones, then its own; shape (q,)."""
+        own: list[list[int]] = [[] for _ in self.data.shots]
+        for place, (_, shot) in enumerate(self.names):
+            if shot >= 0:
+                own[shot].append(place)
+        return tuple(np.array([*self.shared, *mine], dtype=np.intp) for mine in own)
+
+    def arrow(self, blocks: Sequence[Floats]) -> Arrow:
+        """Return columns, shape (n, q) a shot, each of the parameter at that one of the shot's ``places``."""
+        return Arrow(tuple(blocks), len(self.shared), self.places, self.size)
 
     @cached_property
     def unseen(self) -> list[int]:
@@ -156,16 +171,14 @@ class SearchVector:
     def slope(self, z: Floats) -> Floats:
         """Return the derivatives of the parameters, in the vector's order, by the vector, shape (size, size)."""
         effective, of_base = self._effective(z)
-        out = np.diag(
-            [1.0] * self.offset
-            + [free.slope(float(z[self.offset + k])) for k, (_, free, _) in enumerate(self.free_parameters)]
-        )
+        of_free = [free.slope(float(z[self.offset + k])) for k, (_, free, _) in enumerate(self.free_parameters)]
+        out = np.diag([1.0] * self.offset + of_free)
         out[: self.offset, : self.offset] = of_base
         shared = {
             (name, free.name): self.offset + k for k, (name, free, shot) in enumerate(self.free_parameters) if shot < 0
         }
         touches = [self.data.count + 3 * i + 1 for i in range(len(self.data.shots))]
-        return np.asarray(slope(effective, self.size, shared, touches) @ out)
+        return chained(effective, out, shared, touches)
 
     def _effective(self, z: Floats) -> tuple[Point, Floats]:
         """Return the point of a vector as it is seen, and the derivatives of base and own parameters."""

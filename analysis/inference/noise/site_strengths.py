@@ -18,6 +18,7 @@ from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import minimize
 
 from analysis.compiled.side_by_side import side_by_side
+from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
@@ -92,9 +93,10 @@ class _Found:
 
 @dataclass(frozen=True, slots=True)
 class _Set:
-    """What is left of shots at a site, in m, and its derivatives beside it: ``columns``, shape (n, 1 + q), a shot."""
+    """What is left of shots at a site, in m, shape (n,) a shot, and its ``tangents`` by parameters."""
 
-    columns: Sequence[Floats]
+    series: Sequence[Floats]
+    tangents: Arrow
     shots: Sequence[Samples]
     site: Site
     precision: Floats
@@ -102,7 +104,12 @@ class _Set:
 
     def under(self, shape: Floor) -> list[_Shot]:
         """Return the shots under noise of this shape."""
-        return side_by_side(lambda k: _under(shape, self.columns[k], self.shots[k]), range(len(self.shots)))
+
+        def of_shot(index: int) -> _Shot:
+            columns = np.column_stack([self.series[index], self.tangents.blocks[index]])
+            return _under(shape, columns, self.tangents.places[index], self.shots[index])
+
+        return side_by_side(of_shot, range(len(self.shots)))
 
     def found(self, shape: Floor, start: Floats | None) -> _Found:
         """Return the likeliest strengths beside parts of this shape, from ``start``; some 20 ms for three shots."""
@@ -140,7 +147,7 @@ def learn(
     site.  Without ``parts`` the wandering ones keep the shape that they have in ``start``.  Cost: some 10 ms for three
     shots, a second for each part.
     """
-    left = _Set([values[:, None] for values in series], shots, site, _prior(site))
+    left = _Set(series, Arrow.of([values[:, None][:, 1:] for values in series], 0), shots, site, _prior(site))
     spacing_s = shots[0].spacing_s
     start = start if start is not None and start.site else None
     at = np.array([2.0 * math.log(start.white_m), *start.site]) if start is not None else None
@@ -178,19 +185,18 @@ class Likely:
 
 
 def over_likely(
-    series: Sequence[Floats], tangents: Sequence[Floats], shots: Sequence[Samples], site: Site, start: Floor
+    series: Sequence[Floats], tangents: Arrow, shots: Sequence[Samples], site: Site, start: Floor
 ) -> Likely:
     """Return what strengths of greatest restricted likelihood, and all likely ones, make of a fit's parameters.
 
-    ``series`` is what the fit leaves of each shot, ``tangents``, shape (n, q), the displacement's derivatives by its
+    ``series`` is what the fit leaves of each shot, ``tangents`` are the displacement's derivatives by its q
     parameters; what wanders keeps the shape it has in ``start``.  What a fit leaves has less of every slow band than
     there was, as its parameters make up for some of it: the restricted likelihood (Patterson & Thompson, Biometrika 58,
     1971) allows for that.  The covariance is that of the mixture of all likely strengths: the mean of the covariances
     and the covariance of where each would put the values (law of total variance).  Cost: some 30 ms a shot.
     LinAlgError where the parameters are not determined.
     """
-    columns = [np.column_stack(both) for both in zip(series, tangents, strict=True)]
-    left = _Set(columns, shots, site, _prior(site))
+    left = _Set(series, tangents, shots, site, _prior(site))
     found = left.found(_shape_of(start), np.array([2.0 * math.log(start.white_m), *start.site]))
     parts = left.under(found.shape)
     level, turn = np.linalg.eigh(_curvature(found.at, parts, left.precision))
@@ -199,7 +205,7 @@ def over_likely(
     here = _fit_at(found.at, parts)
     apart = np.stack([one.values - here.values for one in likely])
     covariance = np.mean([one.covariance for one in likely], axis=0) + apart.T @ apart / len(likely)
-    unseen = tangents[0].shape[1] - here.values.size
+    unseen = tangents.size - here.values.size
     return Likely(found.floor, np.pad(covariance, (0, unseen)), np.pad(here.values, (0, unseen)))
 
 
@@ -251,11 +257,14 @@ def _shape_at(z: Floats, spacing_s: float) -> Floor:
     return Floor(1.0, (float(one), float(two)), (float(first), float(second)), spacing_s)
 
 
-def _under(shape: Floor, columns: Floats, shot: Samples) -> _Shot:
-    """Return what is left of a shot, and its derivatives, as noise of this shape whitens them."""
+def _under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> _Shot:
+    """Return what is left of a shot, and its derivatives by the parameters at ``places``, as this noise whitens them.
+
+    ``columns``, shape (n, 1 + q), are both.
+    """
     assert shot.sway is not None
-    places = np.flatnonzero(np.abs(columns[:, 1:]).max(axis=0, initial=0.0) > 0.0)
-    white = shape.whiten(columns[:, [0, *(1 + places)]], shot.valid, shot.weight)
+    some = np.flatnonzero(np.abs(columns[:, 1:]).max(axis=0, initial=0.0) > 0.0)
+    white = shape.whiten(columns[:, [0, *(1 + some)]], shot.valid, shot.weight)
     seen = shot.sway.seen(shape)
     along = seen.along(white)
     beside = white.T @ white - along.T @ along
@@ -264,7 +273,7 @@ def _under(shape: Floor, columns: Floats, shot: Samples) -> _Shot:
     every = [factors[:, band == k] for k in range(int(band.max()) + 1)]
     shares = np.stack([(some @ some.T).ravel() for some in every])
     logs = shape.log_variances(shot.valid, shot.weight)
-    return _Shot(factors, band, shares, along, beside, white.shape[0], logs, places)
+    return _Shot(factors, band, shares, along, beside, white.shape[0], logs, places[some])
 
 
 def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Curvature) -> tuple[Floats, float]:

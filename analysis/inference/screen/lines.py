@@ -35,17 +35,14 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
         f += min(0.03 * f, 0.4 / length)
     grid = np.array(steps)
     total = np.zeros(grid.size)
-    before = 0
-    for shot in shots:
-        part = slice(before, before + int(shot.valid.sum()))
-        before = part.stop
-        key = f"lines {part.start}"
+    for index, (shot, left) in enumerate(zip(shots, at.tangents.parts(at.left), strict=True)):
+        key = f"lines {index}"
         make = partial(_waves, grid, shot.centre_s)
         bare = at.once(key, make, nearby=True)
         both = at.once(key, partial(shot.whitened, at.floor, bare))
         # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
-        inner = at.basis[part].T @ both
-        cross = both.T @ at.left[part]
+        inner = at.basis.of_shot(index).T @ both
+        cross = both.T @ left
         c, s = slice(0, grid.size), slice(grid.size, None)
         a = np.einsum("ij,ij->j", both[:, c], both[:, c]) - np.einsum("ij,ij->j", inner[:, c], inner[:, c])
         b = np.einsum("ij,ij->j", both[:, c], both[:, s]) - np.einsum("ij,ij->j", inner[:, c], inner[:, s])

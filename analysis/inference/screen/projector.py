@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.slots import swings
-from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.arrow import Arrow, Span
+from analysis.inference.fit.hypothesis_fit import Fitted, whitened_tangents
 from analysis.inference.fit.quick_shot import situation
 from analysis.inference.noise.floor import Floor
 
@@ -49,9 +50,9 @@ class Projector:
 
     fitted: Fitted
     floor: Floor
-    basis: Floats  # orthonormal columns, shape (rows, p)
+    basis: Span  # of the tangents
     left: Floats  # the whitened remainder, projected
-    tangents: Floats  # the whitened derivatives by the fitted parameters, shape (rows, p)
+    tangents: Arrow  # the whitened derivatives by the fitted parameters
     whole: Floats  # the whitened remainder, as it is
     lines: tuple[tuple[Floats, Floats], ...]  # averaged displacement and derivatives, shot by shot
     trajectories: Trajectories  # and columns of effects that are not whitened, which hold for others as well
@@ -77,26 +78,12 @@ class Projector:
         """Return the projector of the same fit beside another floor, which shares what does not depend on it."""
         return projector(self.fitted, floor, near=self)
 
-    def projected(self, rows: Floats) -> Floats:
-        """Return ``rows``, shape (rows, k), without what the fitted parameters span."""
-        return np.asarray(rows - self.basis @ (self.basis.T @ rows))
-
 
 def projector(fitted: Fitted, floor: Floor | None = None, *, near: Projector | None = None) -> Projector:
     """Linearise a fit about its best point; what is known of one ``near`` is taken over as far as it serves."""
     floor = floor or fitted.floor
-    data = fitted.hypothesis.data
     lines = near.lines if near and near.fitted is fitted else tuple(fitted.hypothesis.linearised(fitted.z))
-    left_m = data.left_m(x for x, _ in lines)
-    rows = data.whitened(floor, [np.column_stack([left, j]) for left, (_, j) in zip(left_m, lines, strict=True)])
-    basis = orthonormal(rows[:, 1:])
-    left = rows[:, 0] - basis @ (basis.T @ rows[:, 0])
+    whole, tangents = whitened_tangents(fitted.hypothesis, floor, lines)
+    basis = tangents.span()
     trajectories = near.trajectories if near and near.trajectories.serve(fitted) else Trajectories(fitted)
-    return Projector(fitted, floor, basis, left, rows[:, 1:], rows[:, 0], lines, trajectories)
-
-
-def orthonormal(columns: Floats) -> Floats:
-    """Return orthonormal columns that span what ``columns``, shape (rows, k), do; at most k."""
-    scale = np.linalg.norm(columns, axis=0)
-    basis, triangle = np.linalg.qr(columns / np.where(scale > 0, scale, 1.0))
-    return np.asarray(basis[:, np.abs(np.diag(triangle)) > 1e-9])
+    return Projector(fitted, floor, basis, basis.projected(whole), tangents, whole, lines, trajectories)

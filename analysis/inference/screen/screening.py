@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from analysis.collision.effects import named
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
+from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
@@ -180,9 +181,8 @@ def _linear(
 ) -> list[Score]:
     """Return the scores of columns in whose amplitude the displacement is linear (signs kept physical)."""
     shots = at.fitted.hypothesis.data.shots
-    spanned = at.basis.T @ bare
     whole = np.einsum("ij,ij->j", bare, bare)
-    power = whole - np.einsum("ij,ij->j", spanned, spanned)
+    power = whole - at.basis.power(bare)
     # What the fitted parameters do as well leaves rounding, which would look like anything.
     power[power < SPANNED**2 * whole] = 0.0
     along = bare.T @ at.left  # which has nothing of what is spanned
@@ -249,14 +249,8 @@ def _own_amplitudes(
         found = [at.once(f"column of {kind.name} {p}", m, nearby=True) for p, m in zip(parts, makes, strict=True)]
         if any(f is None for f in found):
             continue
-        blocks = []
-        for s in range(len(shots)):
-            row = [np.zeros((shots[q].valid.size, len(parts))) for q in range(len(shots))]
-            row[s] = np.concatenate([f[s] for f in found if f is not None], axis=1)
-            blocks.append(at.whitened(row))
-        rows = at.projected(np.concatenate(blocks, axis=1))
-        solution, *_ = np.linalg.lstsq(rows, at.left, rcond=1e-9)
-        gain = float((rows @ solution) @ at.left)
+        bare = [np.concatenate([f[s] for f in found if f is not None], axis=1) for s in range(len(shots))]
+        gain, power, solution = _own_columns(at, bare)
         starts = []
         for s in range(len(shots)):
             mine = solution[s * len(parts) : (s + 1) * len(parts)]
@@ -267,10 +261,17 @@ def _own_amplitudes(
                 starts.append({**start, name: start[name] * size, "phase_rad": phase})
             else:
                 starts.append({n: start[n] * float(mine[k]) for k, n in enumerate(kind.amplitude)})
-        power = float(rows[:, 0] @ rows[:, 0])
         out.append(Score(kind, tuple(starts), gain, freedom, power, start[kind.amplitude[0]]))
     out.sort(key=lambda score: -score.gain)
     return out
+
+
+def _own_columns(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats]:
+    """Return what columns of each shot's own, shape (n, k) a shot, explain: gain, power of the first, their numbers."""
+    columns = Arrow.of(bare, 0).whitened(at.fitted.hypothesis.data.shots, at.floor)
+    beside = at.basis.beside(columns)
+    numbers = beside.solve(at.left)
+    return float(numbers @ columns.pull(at.left)), float(beside.products[0, 0]), numbers
 
 
 def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
@@ -284,16 +285,9 @@ def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
     for k in np.argsort(-total)[:8]:
         f = float(grid[int(k)])
         omega = 2 * math.pi * f
-        blocks = []
-        for index, shot in enumerate(shots):
-            row = [np.zeros((q.valid.size, 2)) for q in shots]
-            row[index] = np.stack([np.cos(omega * shot.centre_s), np.sin(omega * shot.centre_s)], axis=1)
-            blocks.append(at.whitened(row))
-        rows = at.projected(np.concatenate(blocks, axis=1))
-        solution, *_ = np.linalg.lstsq(rows, at.left, rcond=1e-9)
-        gain = float((rows @ solution) @ at.left)
-        starts = tuple(wave(f, np.asarray(solution, dtype=np.float64).reshape(-1, 2)))
-        power = float(rows[:, 0] @ rows[:, 0])
+        bare = [np.stack([np.cos(omega * s.centre_s), np.sin(omega * s.centre_s)], axis=1) for s in shots]
+        gain, power, solution = _own_columns(at, bare)
+        starts = tuple(wave(f, solution.reshape(-1, 2)))
         out.append(Score(kind, starts, gain, freedom, power, omega))
     out.sort(key=lambda score: -score.gain)
     return out

@@ -54,6 +54,7 @@ class TablesPresenter(QObject):
         if self._paper_of is not None and self._paper_of[0] is shot:
             return
         self._paper_of = (shot,)
+
         def work(report: Report, _: Asked) -> Reproduction:
             report("the paper's simulation", 0.2)
             return reproduce(shot)

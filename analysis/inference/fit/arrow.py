@@ -1,0 +1,201 @@
+"""Columns over the samples of several shots, of which each shot has some to itself: a block-arrow matrix.
+
+Shots are coupled through shared parameters alone.  Kept and solved shot by shot, what several shots cost in time and
+memory grows with their number, not with its square.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from analysis.inference.fit.samples import Samples
+    from analysis.inference.noise.floor import Floor
+
+Floats = NDArray[np.float64]
+Places = NDArray[np.intp]
+_DEPENDENT = 1e-9  # of a column's length is left beside others: a mixture of these
+_SPANNED = 1e-6  # ... beside everything that is fitted
+_ROUNDING = 1e-12  # of the largest singular value
+
+
+@dataclass(frozen=True, slots=True)
+class Arrow:
+    """``blocks``, shape (n, s + q) a shot: first the ``shared`` columns, in the same order for all, then its own.
+
+    ``places``, shape (s + q,) a shot, say which of ``size`` numbers each column belongs to.
+    """
+
+    blocks: tuple[Floats, ...]
+    shared: int
+    places: tuple[Places, ...]
+    size: int
+
+    @classmethod
+    def of(cls, blocks: Sequence[Floats], shared: int) -> "Arrow":
+        """Return columns whose numbers are counted through: shared ones, then shot by shot."""
+        ends = np.cumsum([shared, *(block.shape[1] - shared for block in blocks)])
+        places = [np.concatenate([np.arange(shared), np.arange(*ends[k : k + 2])]) for k in range(len(blocks))]
+        return cls(tuple(blocks), shared, tuple(place.astype(np.intp) for place in places), int(ends[-1]))
+
+    def mapped(self, turn: Callable[[int, Floats], Floats]) -> "Arrow":
+        """Return the columns with ``turn`` (shot, block) in each block's place, its columns as they were."""
+        return replace(self, blocks=tuple(turn(k, block) for k, block in enumerate(self.blocks)))
+
+    def whitened(self, shots: Sequence["Samples"], noise: "Floor") -> "Arrow":
+        """Return the columns, whose rows are all averaged samples, at the valid ones and whitened by a noise."""
+        return self.mapped(lambda k, block: shots[k].whitened(noise, block))
+
+    def without(self, numbers: Iterable[int]) -> "Arrow":
+        """Return the columns without those of these numbers; what is left keeps its places."""
+        gone = np.fromiter(numbers, np.intp)
+        kept = [~np.isin(place, gone) for place in self.places]
+        blocks = tuple(block[:, keep] for block, keep in zip(self.blocks, kept, strict=True))
+        places = tuple(place[keep] for place, keep in zip(self.places, kept, strict=True))
+        shared = int(kept[0][: self.shared].sum())
+        return Arrow(blocks, shared, places, self.size)
+
+    def parts(self, rows: Floats) -> list[Floats]:
+        """Return ``rows`` of all shots, one after another, shot by shot."""
+        edges = np.cumsum([0, *(len(block) for block in self.blocks)])
+        return [rows[begin:end] for begin, end in pairwise(edges)]
+
+    def along(self, numbers: Floats) -> Floats:
+        """Return the columns times ``numbers``, shape (size,): all rows."""
+        return np.concatenate([block @ numbers[at] for block, at in zip(self.blocks, self.places, strict=True)])
+
+    def pull(self, rows: Floats) -> Floats:
+        """Return each column's product with ``rows``, shape (size,)."""
+        out = np.zeros(self.size)
+        for block, at, part in zip(self.blocks, self.places, self.parts(rows), strict=True):
+            out[at] += block.T @ part
+        return out
+
+    def gram(self) -> Floats:
+        """Return the columns' products with each other, shape (size, size)."""
+        out = np.zeros((self.size, self.size))
+        for block, at in zip(self.blocks, self.places, strict=True):
+            out[np.ix_(at, at)] += block.T @ block
+        return out
+
+    def span(self) -> "Span":
+        """Return what the columns span; cost: 4 n (s + q)^2 multiply-adds a shot."""
+        norm = np.sqrt(sum((np.sum(block[:, : self.shared] ** 2, axis=0) for block in self.blocks), np.zeros(1)))
+        norm = np.where(norm > 0, norm, 1.0)
+        own = tuple(orthonormal(block[:, self.shared :]) for block in self.blocks)
+        beside = [_beside(basis, block[:, : self.shared] / norm) for basis, block in zip(own, self.blocks, strict=True)]
+        return Span(own, tuple(self.parts(_independent(np.concatenate(beside)))))
+
+    def solve(self, rows: Floats) -> Floats:
+        """Return the numbers that make the columns' sum come nearest to ``rows``, shape (size,).
+
+        Least squares; of what the columns do not determine, the smallest.
+        """
+        out = np.zeros(self.size)
+        own = [orthonormal(block[:, self.shared :]) for block in self.blocks]
+        both = [
+            _beside(basis, np.column_stack([block[:, : self.shared], part]))
+            for basis, block, part in zip(own, self.blocks, self.parts(rows), strict=True)
+        ]
+        if self.shared:
+            triangle: Floats = np.asarray(np.linalg.qr(np.concatenate(both), mode="r"))
+            out[self.places[0][: self.shared]] = _least(triangle[:, :-1], triangle[:, -1])
+        for block, at, part in zip(self.blocks, self.places, self.parts(rows), strict=True):
+            left = part - block[:, : self.shared] @ out[at[: self.shared]]
+            out[at[self.shared :]] = _least(block[:, self.shared :], left)
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Orthonormal columns: ``own``, shape (n, k) a shot, and ``shared``, shape (n, s) a shot, of all shots together."""
+
+    own: tuple[Floats, ...]
+    shared: tuple[Floats, ...]
+
+    def of_shot(self, index: int) -> Floats:
+        """Return the rows of one shot, shape (n, k + s)."""
+        return np.hstack([self.own[index], self.shared[index]])
+
+    def projected(self, rows: Floats) -> Floats:
+        """Return ``rows`` of all shots, shape (rows,) or (rows, k), without what is spanned."""
+        edges = np.cumsum([0, *(len(basis) for basis in self.own)])
+        parts = [_beside(basis, rows[begin:end]) for basis, (begin, end) in zip(self.own, pairwise(edges), strict=True)]
+        along = sum(basis.T @ part for basis, part in zip(self.shared, parts, strict=True))
+        return np.concatenate([part - basis @ along for basis, part in zip(self.shared, parts, strict=True)])
+
+    def power(self, rows: Floats) -> Floats:
+        """Return the sum of squares of what of each column of ``rows``, shape (rows, k), is spanned: shape (k,)."""
+        edges = np.cumsum([0, *(len(basis) for basis in self.own)])
+        total = np.zeros(rows.shape[1])
+        along = np.zeros((self.shared[0].shape[1], rows.shape[1]))
+        for own, shared, (begin, end) in zip(self.own, self.shared, pairwise(edges), strict=True):
+            inside = own.T @ rows[begin:end]
+            total += np.einsum("ij,ij->j", inside, inside)
+            along += shared.T @ rows[begin:end]
+        return np.asarray(total + np.einsum("ij,ij->j", along, along))
+
+    def beside(self, columns: Arrow) -> "Beside":
+        """Return ``columns`` as they are beside what is spanned; cost: 2 n (k + s) multiply-adds a column and shot."""
+        gram = np.zeros((columns.size, columns.size))
+        along = np.zeros((self.shared[0].shape[1], columns.size))
+        norm = np.zeros(columns.size)
+        for own, shared, block, at in zip(self.own, self.shared, columns.blocks, columns.places, strict=True):
+            left = _beside(own, block)
+            gram[np.ix_(at, at)] += left.T @ left
+            along[:, at] += shared.T @ left
+            norm[at] += np.einsum("ij,ij->j", block, block)
+        return Beside(columns, gram - along.T @ along, np.where(norm > 0.0, norm, 1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """Columns beside what is spanned: their ``products`` there, shape (size, size), and their squared ``norm``."""
+
+    columns: Arrow
+    products: Floats
+    norm: Floats
+
+    @property
+    def new(self) -> NDArray[np.bool_]:
+        """Get which columns are no mixture of what is spanned, shape (size,)."""
+        return np.asarray(np.diag(self.products) > _SPANNED**2 * self.norm)
+
+    def solve(self, left: Floats) -> Floats:
+        """Return the numbers that take most from ``left``, which has nothing of what is spanned; shape (size,)."""
+        out = np.zeros(self.columns.size)
+        at = np.flatnonzero(self.new)
+        if at.size:
+            scale = np.sqrt(self.norm[at])
+            level, turn = np.linalg.eigh(self.products[np.ix_(at, at)] / np.outer(scale, scale))
+            kept = level > _ROUNDING * level[-1]
+            pull = turn.T @ (self.columns.pull(left)[at] / scale)
+            out[at] = turn[:, kept] @ (pull[kept] / level[kept]) / scale
+        return out
+
+
+def orthonormal(columns: Floats) -> Floats:
+    """Return orthonormal columns that span what ``columns``, shape (rows, k), do; at most k."""
+    scale = np.linalg.norm(columns, axis=0)
+    return _independent(columns / np.where(scale > 0, scale, 1.0))
+
+
+def _independent(columns: Floats) -> Floats:
+    """Return orthonormal columns for those of length about one that are no mixture of those before them."""
+    basis, triangle = np.linalg.qr(columns)
+    return np.asarray(basis[:, np.abs(np.diag(triangle)) > _DEPENDENT])
+
+
+def _beside(basis: Floats, rows: Floats) -> Floats:
+    return np.asarray(rows - basis @ (basis.T @ rows))
+
+
+def _least(columns: Floats, rows: Floats) -> Floats:
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0] = 1.0
+    solution, *_ = np.linalg.lstsq(columns / scale, rows, rcond=_ROUNDING)
+    return np.asarray(solution / scale)

@@ -22,8 +22,8 @@ from analysis.inference.fit.hypothesis_fit import Fitted, finish, first_floor, f
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.joint_data import joint_data, shakings_of, site_under
+from analysis.inference.screen.columns import fixed_of
 from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import fixed_of
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Stop
@@ -124,7 +124,7 @@ def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop, tolerance
     chi^2 may still be to fall.
     """
     kinds = trials_named(others)
-    far = separation(best, projector(best), name, kinds)
+    far = separation(best, projector(best), name, kinds, stop)
     fewer = without(best, name, Trail(best, kinds, stop))
     frequency = best.point.values[0][name].get("frequency_hz")
     out = []

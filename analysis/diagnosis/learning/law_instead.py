@@ -45,7 +45,7 @@ class LawAlone:
         law = self.found
         if law is None or not law.explains or law.fitted.bic > best.bic - CRITERIA.law_fall:
             return False
-        apart = separation(law.fitted, projector(law.fitted), law.laws[0].name, catalogue)
+        apart = separation(law.fitted, projector(law.fitted), law.laws[0].name, catalogue, self.stop)
         return not apart.too_close(_A_ROW * apart.snr)
 
     def ahead_of(self, named: Fitted) -> bool:

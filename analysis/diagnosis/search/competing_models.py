@@ -34,8 +34,7 @@ def apart(best: Fitted, at: Projector, trail: Trail) -> Separations:
     """Return how far each effect that the start lacks stands from everything else in the catalogue."""
     out = {}
     for name in trail.added(best):
-        trail.go_on()
-        out[name] = separation(best, at, name, trail.catalogue)
+        out[name] = separation(best, at, name, trail.catalogue, trail.stop)
     return out
 
 

@@ -19,7 +19,7 @@ from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, fit
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import Projector, projector
-from analysis.inference.screen.screening import Score, apart, scores
+from analysis.inference.screen.screening import Score, all_scores, apart
 from analysis.shot.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
@@ -215,12 +215,8 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
 
 def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[list[Score]]:
     """Return the scores of every effect that has any, the one most worth its parameters first."""
-
-    def scored(kind: TrialEffect) -> list[Score]:
-        trail.go_on()
-        return scores(at, kind, to_join=CRITERIA.least_fall)
-
-    return sorted(filter(None, side_by_side(scored, free)), key=lambda listed: -listed[0].worth(at.left.size))
+    listed = all_scores(at, free, trail.stop, to_join=CRITERIA.least_fall)
+    return sorted(listed, key=lambda one: -one[0].worth(at.left.size))
 
 
 def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:

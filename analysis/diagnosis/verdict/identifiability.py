@@ -11,7 +11,8 @@ from analysis.inference.fit.effective_parameters import Point, to_actual, to_eff
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.screen.projector import Projector
-from analysis.inference.screen.screening import scores
+from analysis.inference.screen.screening import all_scores, scores
+from analysis.shot.shot import Stop
 
 Floats = NDArray[np.float64]
 
@@ -68,20 +69,24 @@ def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
     return float(np.sqrt(max(0.0, fewer.chi2(fitted.floor) - fitted.chi2(fitted.floor))))
 
 
-def separation(fitted: Fitted, at: Projector, name: str, catalogue: Sequence[TrialEffect]) -> Separation:
-    """Return how far one effect of a fit stands from everything else in the catalogue (signs kept physical)."""
+def separation(
+    fitted: Fitted, at: Projector, name: str, catalogue: Sequence[TrialEffect], stop: Stop = lambda: False
+) -> Separation:
+    """Return how far one effect of a fit stands from everything else in the catalogue (signs kept physical).
+
+    Raises Cancelled.
+    """
     alone = beside(fitted, at, name)
     whole = float(alone.left @ alone.left)
     others = [k for k in catalogue if k.name not in fitted.names]
     if fitted.hypothesis.data.base.one_body:
         others = [k for k in others if k.one_body]
-    distance: dict[str, float] = {}
+    distance = {kind.name: float(np.sqrt(whole)) for kind in others}
     starts: dict[str, tuple[Mapping[str, float], ...]] = {}
-    for kind in others:
-        listed = scores(alone, kind)
-        distance[kind.name] = float(np.sqrt(max(0.0, whole - (listed[0].gain if listed else 0.0))))
-        if listed:
-            starts[kind.name] = listed[0].start
+    for listed in all_scores(alone, others, stop):
+        other = listed[0].kind.name
+        distance[other] = float(np.sqrt(max(0.0, whole - listed[0].gain)))
+        starts[other] = listed[0].start
     return Separation(float(np.sqrt(whole)), distance, starts)
 
 

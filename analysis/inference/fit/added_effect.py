@@ -13,8 +13,8 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, finish, search, whitened_residual
 from analysis.inference.fit.least_squares import Minimum, Square
+from analysis.inference.screen.columns import fixed_of
 from analysis.inference.screen.projector import Projector
-from analysis.inference.screen.screening import fixed_of
 from analysis.shot.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]

@@ -128,17 +128,6 @@ class Span:
         along = sum(basis.T @ part for basis, part in zip(self.shared, parts, strict=True))
         return np.concatenate([part - basis @ along for basis, part in zip(self.shared, parts, strict=True)])
 
-    def power(self, rows: Floats) -> Floats:
-        """Return the sum of squares of what of each column of ``rows``, shape (rows, k), is spanned: shape (k,)."""
-        edges = np.cumsum([0, *(len(basis) for basis in self.own)])
-        total = np.zeros(rows.shape[1])
-        along = np.zeros((self.shared[0].shape[1], rows.shape[1]))
-        for own, shared, (begin, end) in zip(self.own, self.shared, pairwise(edges), strict=True):
-            inside = own.T @ rows[begin:end]
-            total += np.einsum("ij,ij->j", inside, inside)
-            along += shared.T @ rows[begin:end]
-        return np.asarray(total + np.einsum("ij,ij->j", along, along))
-
     def beside(self, columns: Arrow) -> "Beside":
         """Return ``columns`` as they are beside what is spanned; cost: 2 n (k + s) multiply-adds a column and shot."""
         gram = np.zeros((columns.size, columns.size))

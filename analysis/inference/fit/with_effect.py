@@ -12,8 +12,9 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit, search
 from analysis.inference.noise.floor import Floor
+from analysis.inference.screen.columns import fixed_of
 from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import apart, fixed_of, scores
+from analysis.inference.screen.screening import apart, scores
 from analysis.shot.shot import Stop
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.screen.projector import Projector
+from analysis.inference.screen.projector import FEW_SHOTS, Projector
 
 Floats = NDArray[np.float64]
 _LOUD = 5  # lines that are looked at more closely
@@ -38,8 +38,10 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
     for index, (shot, left) in enumerate(zip(shots, at.tangents.parts(at.left), strict=True)):
         key = f"lines {index}"
         make = partial(_waves, grid, shot.centre_s)
-        bare = at.once(key, make, nearby=True)
-        both = at.once(key, partial(shot.whitened, at.floor, bare))
+        if len(shots) <= FEW_SHOTS:
+            both = at.once(key, partial(shot.whitened, at.floor, at.once(key, make, nearby=True)))
+        else:
+            both = shot.whitened(at.floor, make())
         # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
         inner = at.basis.of_shot(index).T @ both
         cross = both.T @ left

@@ -15,6 +15,7 @@ from analysis.inference.fit.quick_shot import situation
 from analysis.inference.noise.floor import Floor
 
 Floats = NDArray[np.float64]
+FEW_SHOTS = 8  # of which the columns of effects are remembered: some 15 MB a shot
 _NEARBY = 0.01  # of a radian of the contact's swing, and of a base parameter
 
 

@@ -1,28 +1,22 @@
 """Score every catalogue effect on what a fit leaves over, with everything already fitted projected out."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.effects import named
-from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
 from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.samples import Samples
-from analysis.inference.screen import first_order
+from analysis.inference.screen.columns import KNOWN_PATH, MANY_STARTS, Seen, laid, own_columns, seen
 from analysis.inference.screen.lines import near_loud_lines, scan
 from analysis.inference.screen.projector import Projector
+from analysis.shot.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
-MANY_STARTS = 8  # from here on a path with propagators costs less than a trajectory a start
-KNOWN_PATH = 1  # the same where the path is there already
 SPANNED = 1e-5  # of a column's length: less than this beside what is fitted, and it is a mixture of that
 WORTH_REFINING = 12.0  # of gain on the grid, for a line to be looked at between its points
 
@@ -46,47 +40,38 @@ class Score:
         return self.gain - self.freedom * math.log(samples)
 
 
-def scores(at: Projector, kind: TrialEffect, *, to_join: float | None = None) -> list[Score]:
+def all_scores(
+    at: Projector, kinds: Sequence[TrialEffect], stop: Stop, *, to_join: float | None = None
+) -> list[list[Score]]:
+    """Return the scores of every effect that has any, in the order of ``kinds``; arguments as those of ``scores``.
+
+    Raises Cancelled.
+    """
+    known = laid(at, kinds)
+
+    def scored(kind: TrialEffect) -> list[Score]:
+        if stop():
+            raise Cancelled
+        return scores(at, kind, to_join=to_join, grid=known.get(kind.name))
+
+    return [listed for listed in side_by_side(scored, kinds) if listed]
+
+
+def scores(at: Projector, kind: TrialEffect, *, to_join: float | None = None, grid: Seen | None = None) -> list[Score]:
     """Return the scores of one effect, one a start, best first.
 
-    ``to_join`` is the fall of the criterion for which it may join: only what may come to that counts.
+    ``to_join`` is the fall of the criterion for which it may join: only what may come to that counts.  ``grid`` is what
+    the effect's own starts do, where that is known.
     """
     if named(kind.name).wave is not None:
         return _waves(at, kind)
-    with_it = Hypothesis(
-        at.fitted.hypothesis.data,
-        (*at.fitted.hypothesis.effects, kind),
-        {**at.fitted.hypothesis.fixed, kind.name: fixed_of(kind, kind.starts[0])},
-    )
-    point = at.fitted.point
-    effective = to_effective(point)
-    shots = at.fitted.hypothesis.data.shots
-    # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
-    sensor = named(kind.name).sensor is not None
-    base = at.once(
-        f"base seen finely {sensor}",
-        lambda: [_shown(at.fitted.hypothesis, i, point, sensor) for i in range(len(shots))],
-    )
-    freedom = len(kind.shared) + len(kind.own) * len(shots)
-
-    def column(start: Mapping[str, float]) -> list[Floats] | None:
-        values = tuple({**v, kind.name: start} for v in effective.values)
-        try:
-            moved = to_actual(Point(effective.base, effective.own, values))
-            x = [_shown(with_it, i, moved, sensor) for i in range(len(shots))]
-        except Infeasible:
-            return None
-        return [(a - b)[:, None] for a, b in zip(x, base, strict=True)]
-
     if any(free.name in (*kind.amplitude, "phase_rad") for free in kind.own):
-        return _own_amplitudes(at, kind, column, freedom)
-    grid = partial(_columns, at, kind, kind.starts, column)
-    starts, bare = at.once(f"columns of {kind.name}", grid, nearby=True)
-    out = _linear(at, kind, starts, at.once(kind.name, lambda: at.whitened(bare)), freedom)
+        return _own_amplitudes(at, kind)
+    freedom = _freedom(at, kind)
+    out = _linear(at, kind, grid or seen(at, kind, kind.starts, MANY_STARTS, kept=True), freedom)
 
     def more(some: Sequence[Mapping[str, float]]) -> list[Score]:
-        inside, columns = _columns(at, kind, some, column, KNOWN_PATH)
-        return _linear(at, kind, inside, at.whitened(columns), freedom)
+        return _linear(at, kind, seen(at, kind, some, KNOWN_PATH), freedom)
 
     if "frequency_hz" in kind.starts[0]:
         # One that is to join pays its parameters: it is asked only where as much stands at its frequency.
@@ -99,61 +84,8 @@ def scores(at: Projector, kind: TrialEffect, *, to_join: float | None = None) ->
     return out
 
 
-def _shown(hypothesis: Hypothesis, index: int, point: Point, sensor: bool) -> Floats:
-    if not sensor:
-        return hypothesis.coarse(index, point)
-    return hypothesis.averaged(index, point)
-
-
-def _columns(
-    at: Projector,
-    kind: TrialEffect,
-    starts: Sequence[Mapping[str, float]],
-    column: Callable[[Mapping[str, float]], list[Floats] | None],
-    few: int = MANY_STARTS,
-) -> tuple[list[Mapping[str, float]], list[Floats]]:
-    """Return the starts that have a trajectory and their columns, shot by shot of shape (n, starts).
-
-    More than ``few`` are taken to first order.
-    """
-    shots = at.fitted.hypothesis.data.shots
-    inside = [start for start in starts if within(start, shots)]
-    if len(inside) > few:
-        found = _first_order(at, kind, inside)
-        if found is not None:
-            return inside, found
-    each = [column(start) for start in inside]
-    good = [(start, c) for start, c in zip(inside, each, strict=True) if c is not None]
-    joined = [
-        np.concatenate([np.empty((s.valid.size, 0)), *(c[i] for _, c in good)], axis=1) for i, s in enumerate(shots)
-    ]
-    return [start for start, _ in good], joined
-
-
-def _first_order(at: Projector, kind: TrialEffect, starts: Sequence[Mapping[str, float]]) -> list[Floats] | None:
-    """Return the columns of starts to first order, or None where that does not serve this effect."""
-    effect = named(kind.name)
-    shots = [at.fitted.hypothesis.shot_at(i, at.fitted.point) for i in range(len(at.fitted.hypothesis.data.shots))]
-    steps = np.array([first_order.steps_for(shots[0], effect, start) for start in starts])
-
-    def of_shot(index: int) -> Floats | None:
-        out = np.empty((shots[index].time_s.size, len(starts)))
-        for some in np.unique(steps):
-            make = partial(first_order.path_of, shots[index], int(some))
-            path = at.once(f"path {index} {some}", make, nearby=True)
-            which = np.flatnonzero(steps == some)
-            part = first_order.responses(shots[index], path, effect, [starts[int(k)] for k in which])
-            if part is None:
-                return None
-            out[:, which] = part
-        return out
-
-    try:
-        found = side_by_side(of_shot, range(len(shots)))
-    except Infeasible:
-        return None
-    every = [columns for columns in found if columns is not None and np.all(np.isfinite(columns))]
-    return every if len(every) == len(shots) else None
+def _freedom(at: Projector, kind: TrialEffect) -> int:
+    return len(kind.shared) + len(kind.own) * len(at.fitted.hypothesis.data.shots)
 
 
 def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, float]]:
@@ -176,20 +108,16 @@ def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, fl
     return out
 
 
-def _linear(
-    at: Projector, kind: TrialEffect, starts: Sequence[Mapping[str, float]], bare: Floats, freedom: int
-) -> list[Score]:
+def _linear(at: Projector, kind: TrialEffect, beside: Seen, freedom: int) -> list[Score]:
     """Return the scores of columns in whose amplitude the displacement is linear (signs kept physical)."""
     shots = at.fitted.hypothesis.data.shots
-    whole = np.einsum("ij,ij->j", bare, bare)
-    power = whole - at.basis.power(bare)
     # What the fitted parameters do as well leaves rounding, which would look like anything.
-    power[power < SPANNED**2 * whole] = 0.0
-    along = bare.T @ at.left  # which has nothing of what is spanned
+    power = np.where(beside.power < SPANNED**2 * beside.whole, 0.0, beside.power)
+    along = beside.along
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
     grows_as = named(kind.name).grows_as
     out = []
-    for k, begin in enumerate(starts):
+    for k, begin in enumerate(beside.starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
         start = dict(begin)
         if kind.inverse:  # its effect goes as one over the amplitude (a mass)
@@ -222,35 +150,20 @@ def apart(listed: Sequence[Score]) -> list[Score]:
     return out
 
 
-def within(start: Mapping[str, float], shots: Sequence[Samples]) -> bool:
-    """Return whether a start's line, if it has one, lies within what the records can show."""
-    f = start.get("frequency_hz")
-    return f is None or 2.5 / max(s.length_s for s in shots) < f < 0.45 / shots[0].spacing_s
-
-
-def fixed_of(kind: TrialEffect, start: Mapping[str, float]) -> Mapping[str, float]:
-    """Return the values of a start that are not searched."""
-    names = {free.name for free in kind.free_parameters}
-    return {name: value for name, value in start.items() if name not in names}
-
-
-def _own_amplitudes(
-    at: Projector, kind: TrialEffect, column: Callable[[Mapping[str, float]], list[Floats] | None], freedom: int
-) -> list[Score]:
+def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
     """Score an effect whose amplitudes are every shot's own (plate motion; cyclic error's phase as two quadratures)."""
     shots = at.fitted.hypothesis.data.shots
+    freedom = _freedom(at, kind)
     out = []
     for start in kind.starts:
         if "phase_rad" in start:
             parts = [{**start, "phase_rad": 0.0}, {**start, "phase_rad": math.pi / 2}]
         else:
             parts = [{**start, **{n: 0.0 for n in kind.amplitude if n != name}} for name in kind.amplitude]
-        makes = [partial(column, part) for part in parts]
-        found = [at.once(f"column of {kind.name} {p}", m, nearby=True) for p, m in zip(parts, makes, strict=True)]
-        if any(f is None for f in found):
+        bare = own_columns(at, kind, parts)
+        if bare is None:
             continue
-        bare = [np.concatenate([f[s] for f in found if f is not None], axis=1) for s in range(len(shots))]
-        gain, power, solution = _own_columns(at, bare)
+        gain, power, solution = _beside(at, bare)
         starts = []
         for s in range(len(shots)):
             mine = solution[s * len(parts) : (s + 1) * len(parts)]
@@ -266,7 +179,7 @@ def _own_amplitudes(
     return out
 
 
-def _own_columns(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats]:
+def _beside(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats]:
     """Return what columns of each shot's own, shape (n, k) a shot, explain: gain, power of the first, their numbers."""
     columns = Arrow.of(bare, 0).whitened(at.fitted.hypothesis.data.shots, at.floor)
     beside = at.basis.beside(columns)
@@ -286,7 +199,7 @@ def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
         f = float(grid[int(k)])
         omega = 2 * math.pi * f
         bare = [np.stack([np.cos(omega * s.centre_s), np.sin(omega * s.centre_s)], axis=1) for s in shots]
-        gain, power, solution = _own_columns(at, bare)
+        gain, power, solution = _beside(at, bare)
         starts = tuple(wave(f, solution.reshape(-1, 2)))
         out.append(Score(kind, starts, gain, freedom, power, omega))
     out.sort(key=lambda score: -score.gain)

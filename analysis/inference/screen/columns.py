@@ -59,11 +59,11 @@ class _OfShot:
 def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bool = False) -> Seen:
     """Return what the starts that have a trajectory do beside a fit; more than ``few`` are taken to first order.
 
-    Shot by shot: what columns hold is forgotten, unless they are ``kept`` and shots are few.
+    Shot by shot: what columns hold is forgotten, unless they are ``kept`` and few, or the shots are.
     """
     count = len(at.fitted.hypothesis.data.shots)
     inside = _inside(at, starts)
-    remember = kept and count <= FEW_SHOTS
+    remember = kept and (count <= FEW_SHOTS or len(inside) <= few)
 
     def total(columns: Callable[[int], Floats | None], how: str) -> Seen | None:
         def of_shot(index: int) -> _OfShot | None:

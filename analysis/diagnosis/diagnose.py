@@ -79,7 +79,7 @@ def diagnose(
     site = site_under(motions, shakings, CRITERIA.site_nm)
     asked = _Asked(motions, fit, model, hold_out, tell, stop, Limit(seconds, stop), began)
     begin = first_fit(motions, model, site, stop) if fit is None else begin_of(fit, motions)
-    search = Search(motions, begin, catalogue, accepted, tell, stop)
+    search = Search(motions, begin, catalogue, accepted, tell, stop, asked.limit)
     under_site = [search.under(site)] if site is not None else []
     for searched in under_site:
         if not searched.rest.significant:
@@ -103,6 +103,8 @@ def diagnose(
     told = _judged(asked, at_site, laws=False)
     if told.explained:
         return told.diagnosis
+    if asked.limit():
+        return _judged(asked, at_site).diagnosis
     # A law that bends flights may pass for a building, and a building with a name or two come nearer than no law.
     without_site = _judged(asked, _standing_before(told.bic, asked, wandering, alone), beat=told.bic)
     if without_site.explained and without_site.bic < told.bic:

@@ -7,6 +7,7 @@ from analysis.fitted.fit_time import FitTime
 from analysis.shot.shot import Cancelled, Stop
 
 SECONDS = 60.0  # of two cores: a usual diagnosis takes a few
+_FOR_SEARCHING = 0.85  # of it; what was found by then is judged
 Result = TypeVar("Result")
 
 
@@ -19,7 +20,7 @@ class Limit:
 
     def __init__(self, seconds: float, cancelled: Stop) -> None:
         """Begin now."""
-        self._time, self._cancelled = FitTime(seconds, cancelled), cancelled
+        self._time, self._cancelled = FitTime(_FOR_SEARCHING * seconds, cancelled), cancelled
         self._left_out: list[str] = []
 
     def __call__(self) -> bool:

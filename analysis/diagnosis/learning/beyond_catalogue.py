@@ -153,4 +153,4 @@ def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -
     if nearest is before or not held or not nearest.converged:
         return None
     first, told = (predict(fitted, held, nearest.floor, stop) for fitted in (before, nearest))
-    return (first, told) if first is not None and told is not None and told.beats(first) else None
+    return (first, told) if first is not None and told is not None and told.earns_a_name(first) else None

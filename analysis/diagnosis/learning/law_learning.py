@@ -116,7 +116,7 @@ def learn_law(
     at = projector(best)
     rest = judge(best, at)
     before, after = (predict(f, held, best.floor, stop) for f in (start, best))
-    if before is None or after is None or not after.beats(before):
+    if before is None or after is None or not after.earns_a_name(before):
         return None
     named = _meets(fits[0], curves)
     return Discovery(start, (told(start, fits, named, after, held),), best, rest, (before, after))

@@ -2,14 +2,17 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
+from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.wider import narrower, widened
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.added_effect import refit, united
@@ -23,6 +26,7 @@ from analysis.inference.screen.screening import Score, all_scores, apart
 from analysis.shot.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
+Result = TypeVar("Result")
 REFITTED = 5
 STRONGER = 3  # more, where what is left is no mere noise
 WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search: worth a longer one
@@ -45,6 +49,7 @@ class Trail:
     last: Projector | None = None  # of the last round
     asked: set[tuple[str, ...]] = field(default_factory=set)  # fitted from a fit with one effect more, too
     widens: bool = True  # ask for the wider of two effects where the narrow one was found
+    limit: Limit | None = None
 
     def __post_init__(self) -> None:
         self.keep(self.start)
@@ -53,6 +58,16 @@ class Trail:
         """Raise Cancelled if asked to stop."""
         if self.stop():
             raise Cancelled
+
+    def within(self, what: str, work: Callable[[], Result], otherwise: Result) -> Result:
+        """Return what ``work`` makes; ``otherwise`` where the time is over before it ends, and ``what`` is noted."""
+        if self.limit is None:
+            return work()
+        stop, self.stop = self.stop, self.limit
+        try:
+            return self.limit.within(what, work, otherwise)
+        finally:
+            self.stop = stop
 
     def added(self, fitted: Fitted) -> list[str]:
         """Return the names of the effects that a fit has and the start has not."""
@@ -97,9 +112,10 @@ def explore(
     *,
     most: int = CRITERIA.most_effects,
     widens: bool = True,
+    limit: Limit | None = None,
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
-    trail = Trail(start, catalogue, stop, widens=widens)
+    trail = Trail(start, catalogue, stop, widens=widens, limit=limit)
     return climb(start, trail, most), trail
 
 
@@ -132,7 +148,9 @@ def paired(trail: Trail) -> Fitted | None:
 def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: int = REFITTED + STRONGER) -> Fitted:
     """Return the best fit with at most ``most`` effects more than ``here``, one at a time, of ``width`` at most."""
     for _ in range(most):
-        best = extend(here, trail, first=len(here.names) == len(trail.start.names), width=width)
+        first = len(here.names) == len(trail.start.names)
+        what = "effects of the catalogue" if first else "a further effect of the catalogue"
+        best = trail.within(what, partial(extend, here, trail, first=first, width=width), None)
         # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
         if best is None or here.bic - best.bic < trail.least_fall():
             break

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.collision.parameters import Infeasible
+from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
 from analysis.diagnosis.search.wider import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -37,18 +38,21 @@ def explored(
     stop: Stop,
     *,
     most: int = CRITERIA.most_effects,
+    limit: Limit | None = None,
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with ``most`` effects, and what was tried from where; ``given`` is where the base began."""
     if not before.converged and given.left > CRITERIA.drawn_far:
-        return _from_the_guess(before, catalogue, stop)
-    best, trail = explore(before, catalogue, stop, most=most)
+        return _from_the_guess(before, catalogue, stop, limit)
+    best, trail = explore(before, catalogue, stop, most=most, limit=limit)
     again = trail.of(before.names)
     if again is not None and better(again, before):  # an effect's detour led the base itself to a better place
-        return explore(again, catalogue, stop, most=most)
+        return explore(again, catalogue, stop, most=most, limit=limit)
     return best, trail
 
 
-def _from_the_guess(before: Fitted, catalogue: Sequence[TrialEffect], stop: Stop) -> tuple[Fitted, Trail]:
+def _from_the_guess(
+    before: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, limit: Limit | None
+) -> tuple[Fitted, Trail]:
     """Return the best fit with effects, begun where the collision was read, not where the base was drawn.
 
     What a base model lacks a thousandfold draws its own parameters to a wall: no step from there leads back.  It may
@@ -68,8 +72,10 @@ def _from_the_guess(before: Fitted, catalogue: Sequence[TrialEffect], stop: Stop
             there = finish(hypothesis, found, before.floor)
         except Infeasible:
             continue
-        trail = Trail(before, catalogue, stop)
+        trail = Trail(before, catalogue, stop, limit=limit)
         best = climb(there, trail)
         if best is not there and best.bic < before.bic:
             climbs.append((best, trail))
-    return min(climbs, key=lambda climbed: climbed[0].bic) if climbs else explore(before, catalogue, stop)
+    if climbs:
+        return min(climbs, key=lambda climbed: climbed[0].bic)
+    return explore(before, catalogue, stop, limit=limit)

@@ -5,7 +5,7 @@ second: only near the turn is it slow enough for samples averaged to 20 kS/s.  A
 alone, and a strong one is measured twice as well there.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,10 +16,10 @@ from analysis.inference.fit.added_effect import refit
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, fit, learn_floor, residuals
-from analysis.inference.fit.samples import FINE_RATE_HZ, together
+from analysis.inference.fit.samples import FINE_RATE_HZ, Samples, together
 from analysis.inference.noise.joint_data import with_plates
 from analysis.inference.noise.site import on_site
-from analysis.inference.screen.projector import projector
+from analysis.inference.screen.projector import Projector, projector
 from analysis.inference.screen.screening import scores
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Stop
@@ -42,14 +42,16 @@ def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[
     if shots[0].factor == here.shots[0].factor:
         return None
     shots = with_plates(shots, [shot.plate for shot in here.shots])
+    start = None
+    if ripple.name not in best.names:
+        start = _promised(ripple, best, shots, trail)
+        if start is None:
+            return None
     data = replace(here, shots=on_site(shots, here.site, here.base, best.point.base, best.point.own))
-    if ripple.name in best.names:
-        finest: Fitted | None = _at(best, data, trail.stop)
-    else:
-        finest = _with(ripple, best, data, trail)
-    if finest is None:
-        return None
-    return _anew(finest, trail)
+    if start is None:
+        return _anew(_at(best, data, trail.stop), trail)
+    finest = refit(_beside(best, data), ripple, start, trail.stop)
+    return None if finest is None else _anew(finest, trail)
 
 
 def swayed_from_there(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
@@ -89,7 +91,7 @@ def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
 
 def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Return the best fit, which knows other data of the same shots, with a trail of these."""
-    anew = Trail(_at(trail.start, best.hypothesis.data, trail.stop), trail.catalogue, trail.stop, trail.scores)
+    anew = replace(trail, start=_at(trail.start, best.hypothesis.data, trail.stop), fits={}, last=None, asked=set())
     anew.keep(best)
     return polish(prune(best, anew), anew), anew
 
@@ -98,13 +100,32 @@ def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:
     return fit(replace(fitted.hypothesis, data=data), fitted.z, fitted.floor, cancelled=stop)
 
 
-def _with(ripple: TrialEffect, best: Fitted, data: JointData, trail: Trail) -> Fitted | None:
-    """Return the fit with a ripple, at the rig's rate, where it promises to pay, else None."""
+def _promised(
+    ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail: Trail
+) -> tuple[Mapping[str, float], ...] | None:
+    """Return the values a shot from which a ripple promises to pay at the record's rate, None where it does not.
+
+    What a building does is slow, a ripple is quick: what the frame has most likely done is taken off, once and for all.
+    """
+    here = best.hypothesis.data
+    still = []
+    for shot, coarse, left_m in zip(fine, here.shots, best.residual_m, strict=True):
+        moved_m = left_m - coarse.beside_the_site(best.floor, left_m)
+        if coarse.sway is not None and any(coarse.plate):
+            moved_m = moved_m - coarse.sway.of_plate_m(coarse.plate)
+        at_valid = np.interp(shot.centre_s, coarse.centre_s[coarse.valid], moved_m[coarse.valid])
+        still.append(replace(shot, displacement_m=shot.displacement_m - at_valid))
+    at = _beside(best, replace(here, shots=tuple(still), site=None))
+    listed = scores(at, ripple)
+    if not listed or listed[0].worth(at.left.size) < trail.least_fall(best.floor):
+        return None
+    return listed[0].start
+
+
+def _beside(best: Fitted, data: JointData) -> Projector:
+    """Return the projector of a fit over other data of the same shots, the noise learnt from what it leaves there."""
     hypothesis = replace(best.hypothesis, data=data)
     left = residuals(hypothesis, best.z)
-    floor, value = learn_floor(data, left, best.floor)
-    at = projector(replace(best, hypothesis=hypothesis, residual_m=left, floor=floor, log_likelihood=value))
-    listed = scores(at, ripple)
-    if not listed or listed[0].worth(at.left.size) < trail.least_fall(floor):
-        return None
-    return refit(at, ripple, listed[0].start, trail.stop)
+    start = best.floor if data.site is not None else best.floor.without_site
+    floor, value = learn_floor(data, left, start)
+    return projector(replace(best, hypothesis=hypothesis, residual_m=left, floor=floor, log_likelihood=value))

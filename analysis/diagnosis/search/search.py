@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from analysis.collision.effects import named
+from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, climb, paired
 from analysis.diagnosis.search.from_base import accept, explored
 from analysis.diagnosis.search.full_rate import swayed_from_there
@@ -50,7 +51,7 @@ class Searched:
 
     def with_pairs(self) -> "Searched":
         """Return the search with the likeliest two that it did not ask together, where that is likelier."""
-        pair = paired(self.trail)
+        pair = self.trail.within("two effects that hide each other", lambda: paired(self.trail), None)
         return self if pair is None or pair.bic >= self.best.bic else replace(self, best=pair)
 
 
@@ -64,6 +65,7 @@ class Search:
     accepted: Sequence[str]
     tell: Progress
     stop: Stop
+    limit: Limit | None = None
 
     def under(self, site: Site | None, *, most: int = CRITERIA.most_effects) -> Searched:
         """Search under one noise with at most ``most`` effects; what shakes the frame is the site, no finding."""
@@ -79,9 +81,9 @@ class Search:
             start = accept(base, self.catalogue, self.accepted, self.stop)
             self.tell("scoring the catalogue", 0.15)
             if site is None:
-                return explored(start, self.given, catalogue, self.stop, most=most)
+                return explored(start, self.given, catalogue, self.stop, most=most, limit=self.limit)
             # What plates seem to do beside a missing effect would call for a second one.
-            first, trail = explored(start, self.given, catalogue, self.stop, most=1)
+            first, trail = explored(start, self.given, catalogue, self.stop, most=1, limit=self.limit)
             first, trail = swayed_from_there(first, trail)
             more = CRITERIA.most_effects - len(trail.added(first))
             return (climb(first, trail, more) if trail.added(first) else first), trail

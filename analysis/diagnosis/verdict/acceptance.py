@@ -35,13 +35,15 @@ def paying(best: Fitted, held: tuple[int, ...], trail: Trail) -> tuple[Fitted, T
             return best, None
         added = trail.added(best)
         if len(added) == 1:
-            return (best, (first, told)) if told.beats(first) else (before, (first, first))
+            break
         shorter = [(f, predict(f, held, floor, trail.stop)) for f in (without(best, n, trail) for n in added) if f]
         worse = [(f.bic, f) for f, t in shorter if t is not None and not told.beats(t)]
         if not worse:
-            return best, (first, told)
+            break
         best = min(worse, key=lambda pair: pair[0])[1]
-    return before, (first, first) if first is not None else None
+    else:
+        return before, (first, first) if first is not None else None
+    return (best, (first, told)) if told.earns_a_name(first) else (before, (first, first))
 
 
 def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
@@ -140,7 +142,7 @@ def _settled(
         if told is None:
             return True
         of_other = predict(other, held, passed.floor, trail.stop)
-        return of_other is not None and of_other.beats(told[0])
+        return of_other is not None and of_other.earns_a_name(told[0])
 
     tell("testing what is left", 0.7)
     best, at = without_the_faint(passed, trail)

@@ -25,16 +25,26 @@ class Prediction:
     """Held-out shots as the others predict them: displacements on the motions' grids.
 
     ``surprise`` is -2 ln of how likely the others made what was measured, up to a constant, of all held-out shots;
-    ``rms_m`` is how far they lie from it (averaged samples).
+    ``rms_m`` is how far they lie from it (averaged samples), ``left`` the same in units of the noise, shape (n,).
     """
 
     displacement_m: tuple[Floats, ...]
     surprise: float
     rms_m: float
+    left: Floats
 
     def beats(self, other: "Prediction") -> bool:
-        """Return whether this foretells better: more likely, and not further off."""
+        """Return whether this predicts better: more likely, and not further off."""
         return self.surprise < other.surprise and self.rms_m < CRITERIA.further_off * other.rms_m
+
+    def earns_a_name(self, before: "Prediction") -> bool:
+        """Return whether this predicts better than the model ``before`` by more than chance scatters that.
+
+        Where the noise is what it is taken for, two predictions that differ by d (in units of the noise) differ in
+        surprise by |d|^2 with a standard deviation of 2 |d|.
+        """
+        scatter = 2.0 * float(np.linalg.norm(self.left - before.left))
+        return self.beats(before) and before.surprise - self.surprise > scatter
 
 
 def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
@@ -59,19 +69,21 @@ def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> 
     Only its start is fitted on the shot itself, and a plate that no other was taken on.  ``floor`` whitens it: give the
     same one to what is compared.
     """
-    shown, surprise, off = [], 0.0, []
+    shown, surprise, off, left = [], 0.0, [], []
     each = side_by_side(lambda shot: _predict(fitted, shot, floor, stop), held)
     for shot, told in zip(held, each, strict=True):
         if told is None:
             return None
         shown.append(told[0])
         surprise += told[1]
+        left.append(told[2])
         measured = fitted.hypothesis.data.shots[shot]
         off.append((measured.averaged(told[0]) - measured.displacement_m)[measured.valid])
-    return Prediction(tuple(shown), surprise, float(np.sqrt(np.mean(np.concatenate(off) ** 2))))
+    rms_m = float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
+    return Prediction(tuple(shown), surprise, rms_m, np.concatenate(left))
 
 
-def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floats, float] | None:
+def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floats, float, Floats] | None:
     """Foretell one shot, begun where the fit of all shots' derivatives say that it will end without it."""
     some, begin, _ = _of(fitted, [i for i in range(len(fitted.hypothesis.data.shots)) if i != held])
     one, z, own = _of(fitted, [held])
@@ -93,7 +105,8 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Float
         seen[some.unseen] = False
         known = covariance(trained.square, seen)
         inverse = None if known is None else known[learnt_at][:, learnt_at]
-        return one.full(one.unpack(found.parameters))[0], _surprise(one, found.square, shared, inverse)
+        left = np.asarray(found.square.residual)
+        return one.full(one.unpack(found.parameters))[0], _surprise(one, found.square, shared, inverse), left
     except (Infeasible, np.linalg.LinAlgError):
         return None
 

@@ -64,12 +64,12 @@ class Hypothesis(SearchVector):
         point, slope = self.unpack(z), self.slope(z)
         lines = side_by_side(lambda i: linearised_shot(self, i, point, slope), range(len(self.data.shots)))
         self.remember(z, lines)
-        return self._lately[z.tobytes()]
+        return lines
 
     def remember(self, z: Floats, lines: list[tuple[Floats, Floats]]) -> None:
         """Take ``lines`` for what ``linearised`` is to return at ``z``: known from elsewhere, or solved."""
         while len(self._lately) >= _REMEMBERED:
-            del self._lately[next(iter(self._lately))]
+            self._lately.pop(tuple(self._lately)[0], None)  # noqa: RUF015 (a copy: others may add to it)
         self._lately[z.tobytes()] = lines
 
     def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:

@@ -88,10 +88,23 @@ def test_where_no_effect_stands_a_rest_makes_the_difference() -> None:
 
 
 @pytest.mark.parametrize(
-    ("surprise", "rms", "beats"), [(9.0, 1.0, True), (11.0, 0.5, False), (9.0, 1.01, True), (9.0, 1.03, False)]
+    ("surprise", "rms", "apart", "beats"),
+    [
+        (9.0, 1.0, 0.0, True),
+        (11.0, 0.5, 0.0, False),
+        (9.0, 1.01, 0.0, True),
+        (9.0, 1.03, 0.0, False),
+        (9.0, 1.0, 0.49, True),  # two predictions that far apart differ by 2 x 0.49 by chance
+        (9.0, 1.0, 0.51, False),
+    ],
 )
-def test_what_foretells_better_is_likelier_and_not_further_off(surprise: float, rms: float, beats: bool) -> None:
-    assert Prediction((), surprise, rms).beats(Prediction((), 10.0, 1.0)) is beats
+def test_what_earns_a_name_predicts_better_by_more_than_chance(
+    surprise: float, rms: float, apart: float, beats: bool
+) -> None:
+    other = Prediction((), 10.0, 1.0, np.zeros(4))
+    told = Prediction((), surprise, rms, np.full(4, 0.5 * apart))
+    assert told.earns_a_name(other) is beats
+    assert told.beats(other) is (beats or apart > 0.0)
 
 
 @pytest.mark.parametrize(("remainder", "near"), [(0.0, ("a", "b")), (2.0, ("a", "b", "c"))])

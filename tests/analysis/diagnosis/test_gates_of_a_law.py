@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from analysis.diagnosis.learning import law_instead, law_learning
@@ -64,7 +65,7 @@ class Case:
 
         def predict(fitted: Fit, held: tuple[int, ...], floor: str, _stop: object) -> Prediction:
             assert held == self.held and floor == "of this fit"
-            return Prediction((), 10.0 if fitted.bic == START else self.surprise, 1.0)
+            return Prediction((), 10.0 if fitted.bic == START else self.surprise, 1.0, np.zeros(1))
 
         patch.setattr(law_learning, "arguments_of", lambda _start: [PLACE])
         patch.setattr(law_learning, "_screened", lambda *_: [curve])
@@ -114,7 +115,7 @@ def test_a_form_that_is_far_behind_its_curve_is_not_the_law(
 
 def discovery(bic: float = 900.0, rest: Residual = NOTHING_LEFT, *forms: str | None, converged: bool = True) -> Any:
     laws = tuple(SimpleNamespace(name="law", form=form) for form in forms or ("power",))
-    told = Prediction((), 10.0, 1.0), Prediction((), 9.0, 1.0)
+    told = Prediction((), 10.0, 1.0, np.zeros(1)), Prediction((), 9.0, 1.0, np.zeros(1))
     fitted = Fit(bic, converged=converged)
     return Discovery(cast(Any, Fit(START)), cast(Any, laws), cast(Any, fitted), rest, told)
 

@@ -107,7 +107,7 @@ def seen(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> A
     """
     wavelength = optics.wavelength_m
     sensed = Sensed(time_s, v, math.nan if wavelength is None else wavelength, optics.sample_rate_hz)
-    out = x.reshape(x.shape[0], -1)
+    out = x.reshape(x.shape[0], math.prod(x.shape[1:]))
     for row in sensors(values):
         assert row.sensor is not None
         given = values[row.name]

@@ -81,7 +81,7 @@ def _turned(at_s: Floats, omega: Floats) -> Complex:
     step_s = (at_s[-1] - at_s[0]) / (count - 1)
     within = np.exp(1j * step_s * np.arange(block)[:, None] * omega)
     first = np.exp(1j * (at_s[0] + step_s * block * np.arange(-(-count // block))[:, None]) * omega)
-    return np.asarray((first[:, None] * within).reshape(-1, omega.size)[:count])
+    return np.asarray((first[:, None] * within).reshape(len(first) * block, omega.size)[:count])
 
 
 def _rates(c: Collision, touching: bool) -> Floats:

@@ -61,7 +61,9 @@ def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:
     spacing = (time_s[-1] - time_s[0]) / (time_s.size - 1)
     near = np.exp(2j * np.pi * spacing * np.arange(_TURNED)[:, None] * frequency_hz)
     far = np.exp(2j * np.pi * time_s[::_TURNED, None] * frequency_hz)
-    turned = (far[:, None, :] * near[None, :, :]).reshape(-1, frequency_hz.size)[: time_s.size]
+    whole = far[:, None, :] * near[None, :, :]
+    # The shape is stated in full: where no frequency fits into a record there is nothing to infer it from.
+    turned = whole.reshape(len(far) * _TURNED, frequency_hz.size)[: time_s.size]
     return np.concatenate([turned.real, turned.imag], axis=1)
 
 

@@ -1,0 +1,25 @@
+"""What a joint diagnosis costs grows with the number of its shots, not with its square."""
+
+import tracemalloc
+
+import numpy as np
+
+from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.result import Verdict
+from tests.building_rig import Path, Rig
+
+_RIG = Rig(site="", path=Path(wander_m=0.0), length_s=0.06, approach_s=0.012)
+_WORKED_ON_BYTES, _A_SHOT_BYTES = 40e6, 4e6  # the paths of two shots that are being scored; what is kept of each
+
+
+def test_a_shot_more_takes_four_megabytes_at_most() -> None:
+    motions = _RIG.shots(5, tuple(np.linspace(0.15, 0.35, 9)))
+    shakings = (None,) * len(motions)
+    tracemalloc.start()
+    try:
+        found = diagnose(motions, shakings=shakings)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found.verdict is Verdict.ADEQUATE
+    assert peak < _WORKED_ON_BYTES + _A_SHOT_BYTES * len(motions)

@@ -175,8 +175,13 @@ def orthonormal(columns: Floats) -> Floats:
 
 def _independent(columns: Floats) -> Floats:
     """Return orthonormal columns for those of length about one that are no mixture of those before them."""
-    basis, triangle = np.linalg.qr(columns)
-    return np.asarray(basis[:, np.abs(np.diag(triangle)) > _DEPENDENT])
+    while True:
+        basis, triangle = np.linalg.qr(columns)
+        mixture = np.abs(np.diag(triangle)) <= _DEPENDENT
+        if not mixture.any():
+            return np.asarray(basis)
+        # What rounding leaves of a mixture points anywhere: those after it must not be made orthogonal to that.
+        columns = np.delete(columns, int(mixture.argmax()), axis=1)
 
 
 def _beside(basis: Floats, rows: Floats) -> Floats:

@@ -3,7 +3,8 @@
 ``python -m tests.mutants [--faults N] [--seed S] [--jobs J] [--seconds T] [PATH...]``.  A file is drawn as often as it
 has places for a fault; of PATH, if given, alone.  Kernels are compiled into a folder of the run's own, begun with those
 that are compiled already: they lie there under a stamp of their sources, so none answers for another.  What takes more
-than T seconds counts as noticed: a search without an end is seen.  The exit status is 1 where a fault survived.
+than T seconds is counted by itself: a search without an end is seen, but so is a busy machine.  The exit status is 1
+where a fault survived.
 """
 
 import argparse
@@ -76,7 +77,7 @@ def _copied(place: Path) -> Path:
 
 
 def _end_of(fault: Fault, tree: Path, tests: list[str], seconds: float) -> str:
-    """Return "noticed", "survived", or "no test" where none imports the file."""
+    """Return "noticed", "timed out", "survived", or "no test" where none imports the file."""
     if not tests:
         return "no test"
     file = tree / fault.path
@@ -91,7 +92,7 @@ def _end_of(fault: Fault, tree: Path, tests: list[str], seconds: float) -> str:
     try:
         ran = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=seconds, check=False)
     except subprocess.TimeoutExpired:
-        return "noticed"
+        return "timed out"
     finally:
         file.write_bytes(source)
     return "survived" if ran.returncode == 0 else "noticed"
@@ -104,12 +105,12 @@ def _words(fault: Fault) -> str:
 
 def _table(ends: list[tuple[Fault, str]]) -> str:
     count = Counter(("/".join(fault.path.split("/")[:2]).removesuffix(".py"), end) for fault, end in ends)
-    lines = [f"{'package':<28}{'faults':>8}{'noticed':>9}{'survived':>10}{'no test':>9}"]
+    lines = [f"{'package':<28}{'faults':>8}{'noticed':>9}{'timed out':>11}{'survived':>10}{'no test':>9}"]
     for package in sorted({package for package, _ in count}):
-        numbers = [count[package, end] for end in ("noticed", "survived", "no test")]
-        lines.append(f"{package:<28}{sum(numbers):>8}{numbers[0]:>9}{numbers[1]:>10}{numbers[2]:>9}")
+        numbers = [count[package, end] for end in ("noticed", "timed out", "survived", "no test")]
+        lines.append(f"{package:<28}{sum(numbers):>8}{numbers[0]:>9}{numbers[1]:>11}{numbers[2]:>10}{numbers[3]:>9}")
     lines += ["", "survived or without a test:"]
-    lines += [_words(fault) for fault, end in ends if end != "noticed"]
+    lines += [_words(fault) for fault, end in ends if end in ("survived", "no test")]
     return "\n".join(lines)
 
 

@@ -1,8 +1,9 @@
-"""Which tests could notice a fault in a file: those that import it, and those that import what imports it."""
+"""Which tests could notice a fault in a file: those that import it, directly or through others, nearest first."""
 
 import ast
 from pathlib import Path
 
+_MOST = 25  # test files that are run on a fault: from so far away few look closely
 TOPS = ("analysis", "instrument", "app", "tests")
 
 
@@ -23,10 +24,13 @@ class Imports:
         return [name for name in self._size if not name.startswith("tests/") and not name.endswith("__init__.py")]
 
     def tests_of(self, path: str) -> list[str]:
-        """Return the test files that import a file, smallest first, then those that do through one other file."""
-        direct = self._by.get(path, set())
-        through = {test for other in direct for test in self._by.get(other, set())}
-        return [test for ring in (direct, through - direct) for test in self._tests(ring)]
+        """Return the test files that import a file, directly first, then through ever more others; at most so many."""
+        ring, seen, tests = {path}, {path}, []
+        while ring and len(tests) < _MOST:
+            ring = {by for one in ring for by in self._by.get(one, set())} - seen
+            seen |= ring
+            tests += self._tests(ring)
+        return tests[:_MOST]
 
     def _tests(self, names: set[str]) -> list[str]:
         of = (name for name in names if name.rpartition("/")[2].startswith("test_"))

@@ -5,8 +5,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-_COMPARED = {"Lt": "<=", "LtE": "<", "Gt": ">=", "GtE": ">", "Eq": "!=", "NotEq": "=="}
+# the gate turned round: "<=" for "<" is no fault where numbers are never equal
+_COMPARED = {"Lt": ">=", "LtE": ">", "Gt": "<=", "GtE": "<", "Eq": "!=", "NotEq": "=="}
 _ADDED = {"Add": "-", "Sub": "+", "Mult": "/", "Div": "*"}
+_EITHER_WAY = ("max", "min", "maximum", "minimum", "hypot", "isclose")  # the order of their arguments is none
+_COUNTED = 9  # an integer up to which one more is one too many; a larger one is a size, and doubled
 _THROUGH = ("abs", "sqrt", "sorted", "deg2rad", "clip", "square", "reversed", "conj")
 
 
@@ -59,9 +62,10 @@ def _changes(node: ast.AST, source: bytes, starts: list[int]) -> Iterator[tuple[
         case ast.Constant(value=bool()):
             yield "default", node, str(not node.value)
         case ast.Constant(value=int()):
-            yield "off by one", node, str(node.value + 1)
+            counted = abs(node.value) <= _COUNTED
+            yield "off by one" if counted else "factor", node, str(node.value + 1 if counted else 2 * node.value)
         case ast.Constant(value=float()):
-            yield "factor", node, repr(1.3 * node.value if node.value else 1.0)
+            yield "factor", node, repr(2.0 * node.value if node.value else 1.0)
         case ast.UnaryOp(op=ast.USub()):
             yield "sign", node, f"({text(node.operand)})"
         case ast.UnaryOp(op=ast.Not()):
@@ -83,14 +87,15 @@ def _changes(node: ast.AST, source: bytes, starts: list[int]) -> Iterator[tuple[
             name = called.attr if isinstance(called, ast.Attribute) else getattr(called, "id", "")
             if name in _THROUGH and arguments:
                 yield "call left out", node, f"({text(arguments[0])})"
-            if len(arguments) >= 2 and not any(isinstance(a, ast.Starred) for a in arguments):
+            plain = len(arguments) >= 2 and not any(isinstance(a, ast.Starred) for a in arguments)
+            if plain and name not in _EITHER_WAY and text(arguments[0]) != text(arguments[1]):
                 rest = [text(a) for a in arguments[2:]] + [text(k) for k in named]
                 swapped = ", ".join([text(arguments[1]), text(arguments[0]), *rest])
                 yield "swapped", node, f"{text(called)}({swapped})"
             if named and named[-1].arg is not None:
                 left = ", ".join(text(a) for a in (*arguments, *named[:-1]))
                 yield "ignored argument", node, f"{text(called)}({left})"
-        case ast.Tuple(elts=[one, two], ctx=ast.Load()):
+        case ast.Tuple(elts=[one, two], ctx=ast.Load()) if text(one) != text(two):
             yield "swapped", node, f"({text(two)}, {text(one)})"
 
 

@@ -240,6 +240,17 @@ def test_the_table_shows_shots_and_passes_notes_on(qtbot, shot):
     assert table.numbers == [1, 2]
 
 
+def test_no_number_and_no_heading_of_the_table_is_cut(qtbot):
+    table = SessionTable()
+    qtbot.addWidget(table)
+    cell, head = table.table.fontMetrics(), table.table.horizontalHeader().fontMetrics()
+    for place, made in enumerate(table.model.columns):
+        if made.number is not None:
+            width = table.table.columnWidth(place)
+            assert width > head.horizontalAdvance(made.head)
+            assert width > cell.horizontalAdvance("0.98729985(50)")
+
+
 def test_the_table_sorts_filters_groups_and_hides_columns(qtbot):
     session, table = Session(), SessionTable()
     qtbot.addWidget(table)

@@ -126,7 +126,8 @@ class SessionTable(QFrame):
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         letter = self.fontMetrics().horizontalAdvance("0")
         for index, made in enumerate(self.model.columns):
-            self.table.setColumnWidth(index, int(letter * made.letters))
+            head = header.fontMetrics().horizontalAdvance(f"{made.head}00")
+            self.table.setColumnWidth(index, max(int(letter * made.letters), head))
             self.table.setColumnHidden(index, made.hidden)
         header.setStretchLastSection(True)
         header.setSectionsClickable(True)

@@ -245,7 +245,7 @@ def test_no_number_and_no_heading_of_the_table_is_cut(qtbot):
     qtbot.addWidget(table)
     cell, head = table.table.fontMetrics(), table.table.horizontalHeader().fontMetrics()
     for place, made in enumerate(table.model.columns):
-        if made.number is not None:
+        if made.number is not None and not made.hidden:
             width = table.table.columnWidth(place)
             assert width > head.horizontalAdvance(made.head)
             assert width > cell.horizontalAdvance("0.98729985(50)")

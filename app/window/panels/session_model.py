@@ -18,7 +18,7 @@ from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_shor
 from app.words.verdict import OUTDATED, verdict_words
 from app.words.wording import DASH, concise_text, how_text, value_text
 
-LETTERS = 16  # a number's width, in digits: 0.98729985(50) and room beside it
+LETTERS = 15  # a number's width, in digits: 0.98729985(50) and room beside it
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def columns() -> list[Column]:
     """Return the columns in their order; the hidden ones stand at the end."""
     numbers = [Column(n.head, LETTERS, number=n) for n in of_collision(Kind.READ, Kind.FITTED, Kind.STATED)]
     return [
-        Column("#", 7, _place, lambda entry: float(entry.number)),
+        Column("#", 6, _place, lambda entry: float(entry.number)),
         Column("time", 9, lambda entry: _started_at(entry)[11:19] or DASH, _started_at),
         Column("name", 14, lambda entry: entry.name),
         *(column for column in numbers if not column.hidden),

@@ -66,12 +66,12 @@ def columns() -> list[Column]:
     """Return the columns in their order; the hidden ones stand at the end."""
     numbers = [Column(n.head, LETTERS, number=n) for n in of_collision(Kind.READ, Kind.FITTED, Kind.STATED)]
     return [
-        Column("#", 6, _place, lambda entry: float(entry.number)),
+        Column("#", 9, _place, lambda entry: float(entry.number)),
         Column("time", 9, lambda entry: _started_at(entry)[11:19] or DASH, _started_at),
-        Column("name", 14, lambda entry: entry.name),
+        Column("name", 13, lambda entry: entry.name),
         *(column for column in numbers if not column.hidden),
-        Column("verdict", 22, _verdict, lambda entry: entry.verdict),
-        Column("flags", 24, _flags),
+        Column("verdict", 25, _verdict, lambda entry: entry.verdict),
+        Column("flags", 26, _flags),
         Column("note", 9, lambda entry: entry.note),
         *(column for column in numbers if column.hidden),
     ]

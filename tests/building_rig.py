@@ -76,6 +76,7 @@ class Rig:
     length_s: float = 0.12
     approach_s: float = 0.025
     plate_swings: bool = False  # as the frame has swung it long since; else it is at rest on the frame at the start
+    ring_m: float = 0.0  # of the plate, left over from the shot before, with any phase
 
     def shots(self, seed: int, speeds_m_per_s: Sequence[float] = (0.20, 0.265, 0.33)) -> list[Motion]:
         """Return one shot a speed, all on the same frame that goes on moving between them."""
@@ -99,10 +100,13 @@ class Rig:
         return replace(motion, wavelength_m=632.8e-9, displacement_std_m=np.full(count, self.path.white_m))
 
     def _plate(self, random: np.random.Generator) -> tuple[float, float]:
+        rate = float(np.sqrt(self.bodies.plate_n_per_m / self.bodies.plate_kg))
+        if self.ring_m:
+            phase = random.uniform(0.0, 2 * np.pi)
+            return float(self.ring_m * np.sin(phase)), float(self.ring_m * rate * np.cos(phase))
         if not self.plate_swings or not self.site:
             return 0.0, 0.0
-        bodies, level = self.bodies, CURVES_M_PER_S[self.site]
-        rate = float(np.sqrt(bodies.plate_n_per_m / bodies.plate_kg))
+        level = CURVES_M_PER_S[self.site]
         speed = 5.0 * level * random.standard_normal()
         return float(5.0 * level * random.standard_normal() / rate), float(speed)
 

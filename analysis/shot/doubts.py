@@ -17,6 +17,7 @@ ABOVE_SIGMAS = 2.0
 MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
 FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one", "plate_shaken", "knock_suspected")
+RINGS = "plate_rings"  # told by the fit itself: what it leaves is a swing of the plate before the touch
 SHAKEN = "vibration"  # the reading's flag: where it stands, the plate swings before it is touched
 CHI2_FAR = 2.0  # times one, or this part of it
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
@@ -47,6 +48,7 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
         "chi2_far_from_one": _FITTED,
         "plate_shaken": _FITTED,
+        RINGS: _FITTED,
         "knock_suspected": (*_PULSE, *_BOUNCES, *_FITTED),
         "fit_not_converged": _FITTED,
     }

@@ -25,6 +25,7 @@ FLAG_WORDS = {
     "fit_disagrees": "the model's velocities contradict those read, beyond their uncertainties",
     "chi2_far_from_one": "chi2 far from 1; uncertainties unreliable",
     "plate_shaken": "table vibration moves the plate before touch: not included in the fitted ±",
+    "plate_rings": "the plate was still swinging when it was touched: not included in the fitted ±; wait longer",
     "knock_suspected": "motion explained by neither model nor floor: a knock or an unmodelled effect",
     "fit_not_converged": "the model's fit did not converge: its numbers are withheld",
     "mass_disagrees": "force and motion contradict the stated mass: the fitted one is used",

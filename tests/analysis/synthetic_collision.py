@@ -25,17 +25,24 @@ class Synthetic:
     drag_n_s_per_m: float = 0.0
     rate_hz: float = 1e5
     bandwidth_hz: float = 1e4
+    ring_m: float = 0.0  # the plate swings so far when it is touched, from the shot before
+    ring_rad: float = 0.0
 
 
 @lru_cache(maxsize=8)
-def _path(speed: float, drag: float) -> tuple[Floats, Floats]:
+def _path(speed: float, drag: float, ring_m: float, ring_rad: float) -> tuple[Floats, Floats]:
+    """Return the times since the touch, and block and plate against the place where they touched, shape (4, n)."""
+    rate = float(np.sqrt(PLATE_N_PER_M / PLATE_KG))
+    rest = -ring_m * np.sin(ring_rad)
+
     def rates(_: float, y: Floats) -> list[float]:
         overlap, closing = y[2] - y[0], y[3] - y[1]
         force = CONTACT_N_PER_M * overlap + DASHPOT * closing if overlap > 0.0 else 0.0
-        plate = (-PLATE_N_PER_M * y[2] - force) / PLATE_KG
+        plate = (-PLATE_N_PER_M * (y[2] - rest) - force) / PLATE_KG
         return [y[1], (force - drag * y[1]) / MASS_KG, y[3], plate]
 
-    solution = solve_ivp(rates, (0.0, 0.034), [0.0, -speed, 0.0, 0.0], max_step=1e-6, rtol=1e-8, atol=1e-14)
+    start = [0.0, -speed, 0.0, ring_m * rate * np.cos(ring_rad)]
+    solution = solve_ivp(rates, (0.0, 0.034), start, max_step=1e-6, rtol=1e-8, atol=1e-14)
     return solution.t, solution.y
 
 
@@ -48,7 +55,7 @@ def motion_of(rig: Synthetic, seed: int = 1) -> Motion:
 
 def position_m(rig: Synthetic, time_s: Floats) -> Floats:
     """Return where the block is at any times of the shot, without noise."""
-    times, states = _path(rig.speed_m_per_s, rig.drag_n_s_per_m)
+    times, states = _path(rig.speed_m_per_s, rig.drag_n_s_per_m, rig.ring_m, rig.ring_rad)
     tau = time_s - rig.touch_s
     decay = rig.drag_n_s_per_m / MASS_KG
 
@@ -59,6 +66,16 @@ def position_m(rig: Synthetic, time_s: Floats) -> Floats:
     late = tau > times[-1]
     x[late] = flight(states[0][-1], states[1][-1], tau[late] - times[-1])
     return x
+
+
+def true_of(rig: Synthetic) -> dict[str, float]:
+    """Return what a perfect reading would tell of a shot without drag, by its names in the impact."""
+    _, states = _path(rig.speed_m_per_s, rig.drag_n_s_per_m, rig.ring_m, rig.ring_rad)
+    return {
+        "velocity_in_m_per_s": -rig.speed_m_per_s,
+        "velocity_out_m_per_s": float(states[1][-1]),
+        "deflection_max_m": float(-states[0].min()),
+    }
 
 
 def motion_from(time_s: Floats, displacement_m: Floats, rig: Synthetic) -> Motion:

@@ -1,4 +1,7 @@
-"""Recordings that are sound to look at and say what is not so: each is named, refused, or within its uncertainty."""
+"""Recordings that are sound to look at and say what is not so: each is named, refused, or within its uncertainty.
+
+So is one of a plate that still rings from the shot before: what is read of it is what happened.
+"""
 
 import random
 from collections.abc import Callable, Iterator
@@ -14,7 +17,7 @@ from analysis.shot.doubts import concerning
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings
-from tests.analysis.synthetic_collision import Synthetic
+from tests.analysis.synthetic_collision import Synthetic, true_of
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line
 from tests.beats import REST_HZ, recording_of
 
@@ -26,7 +29,8 @@ SIGMAS, SHARE = 6.0, 2e-5  # by which a number may lie off that nothing is said 
 
 def untrue(folder: Path, random_: random.Random) -> Iterator[Attempt]:
     """Wrong rates, cross-talk, swapped cables, time run backwards, pieces put together, buffers that come twice."""
-    sound = recording_of(Synthetic(speed_m_per_s=random_.uniform(0.1, 0.3)), seed=random_.randrange(1000))
+    rig = Synthetic(speed_m_per_s=random_.uniform(0.1, 0.3))
+    sound = recording_of(rig, seed=random_.randrange(1000))
     right = analyse(sound, READ).impact
     assert right is not None
     truth = {name: getattr(right, name).value for name in TOLD}
@@ -38,9 +42,14 @@ def untrue(folder: Path, random_: random.Random) -> Iterator[Attempt]:
         "spliced": lambda: _spliced(sound, random_),
         "twice": lambda: _twice(sound, random_),
     }
-    names = list(made)
+    names = [*made, "ringing"]
+    kinds = tuple(names)
     while True:
-        name = names.pop(0) if names else random_.choice(tuple(made))
+        name = names.pop(0) if names else random_.choice(kinds)
+        if name == "ringing":
+            rings = replace(rig, ring_m=10 ** random_.uniform(-9, -5), ring_rad=random_.uniform(0.0, 6.28))
+            yield name, lambda rings=rings: _looked_at(recording_of(rings), true_of(rings), refused=False)
+            continue
         yield name, lambda name=name: _looked_at(made[name](), truth, refused=name in ("swapped", "backwards"))
 
 

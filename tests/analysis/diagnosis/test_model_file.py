@@ -29,7 +29,8 @@ def test_what_is_written_comes_back() -> None:
     np.testing.assert_array_equal(back.covariance, MODEL.covariance)
     values = {name: (q.value, q.std) for name, q in back.parameters.items()}
     assert values == {name: (q.value, q.std) for name, q in MODEL.parameters.items()}
-    assert dataclasses.replace(back, covariance=MODEL.covariance, parameters=MODEL.parameters) == MODEL
+    other = [field.name for field in dataclasses.fields(MODEL) if field.name not in ("covariance", "parameters")]
+    assert [getattr(back, name) for name in other] == [getattr(MODEL, name) for name in other]
 
 
 def test_an_effect_that_no_diagnosis_named_stays_marked() -> None:

@@ -1,4 +1,4 @@
-"""A plate that still swings from the shot before: a single fit takes it to be at rest, and says where that is not so."""
+"""A plate that still swings from the shot before: a single fit takes it to be at rest, and says where it is not."""
 
 import pytest
 

@@ -60,6 +60,12 @@ class Basis:
     """Cubic B-splines over the range that was visited; ``knots`` ascending, from its low end to its high one."""
 
     knots: tuple[float, ...]
+    # Every basis function as a curve.  Kernels read them by address: they are made once, with the basis, and not at
+    # first use, where each of two threads would make its own (from Python 3.12 on) and one would be freed while in use.
+    members: tuple[Curve, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "members", tuple(self.curve(unit) for unit in np.eye(self.count)))
 
     @cached_property
     def _padded(self) -> Floats:
@@ -69,11 +75,6 @@ class Basis:
     def count(self) -> int:
         """Get the number of coefficients."""
         return len(self.knots) + 2
-
-    @cached_property
-    def members(self) -> tuple[Curve, ...]:
-        """Get every basis function as a curve."""
-        return tuple(self.curve(unit) for unit in np.eye(self.count))
 
     def curve(self, coefficients: Floats) -> Curve:
         """Return the curve of ``coefficients``, shape (count,)."""

@@ -1,6 +1,7 @@
 """Curves fitted with derivatives that serve for many steps end where those taken anew at every step lead."""
 
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -61,3 +62,20 @@ def test_a_law_that_is_nothing_yet_leaves_the_shots_as_they_are(ground: Ground) 
         assert np.abs(shown - other).max() < 1e-13
     for one, other in zip(laid.derivatives, solved.derivatives, strict=True):
         assert np.abs(one - other).max() < 2e-4 * np.abs(other).max()
+
+
+def test_threads_that_come_first_share_the_members_of_a_basis() -> None:
+    met, seen = threading.Barrier(4), []
+
+    def look(basis: curve_fit.Basis) -> None:
+        met.wait()
+        seen.append(basis.members)
+
+    for _ in range(20):
+        basis = curve_fit.graded(-1.0, 1.0, 12)
+        threads = [threading.Thread(target=look, args=(basis,)) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert all(members is basis.members for members in seen[-4:])

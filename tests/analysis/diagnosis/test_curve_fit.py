@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.laws.arguments import ARGUMENTS
+from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning import curve_fit
 from analysis.diagnosis.learning.curve_motion import Ground, ground_of
 from analysis.inference.fit.base import base_named
@@ -67,7 +68,7 @@ def test_a_law_that_is_nothing_yet_leaves_the_shots_as_they_are(ground: Ground) 
 def test_threads_that_come_first_share_the_members_of_a_basis() -> None:
     met, seen = threading.Barrier(4), []
 
-    def look(basis: curve_fit.Basis) -> None:
+    def look(basis: Basis) -> None:
         met.wait()
         seen.append(basis.members)
 

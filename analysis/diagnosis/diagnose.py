@@ -16,7 +16,7 @@ from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.competing_models import apart
 from analysis.diagnosis.search.forward_selection import Trail, without
-from analysis.diagnosis.search.full_rate import likelier_without_site, seen_finely
+from analysis.diagnosis.search.full_rate import seen_finely
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear, settle
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -84,8 +84,7 @@ def diagnose(
     for searched in under_site:
         if not searched.rest.significant:
             told = _judged(asked, _standing(asked, searched, asked.law_alone(searched.trail.start)), laws=False)
-            best = searched.best
-            if told.explained and not (best.names and likelier_without_site(best, searched.trail, motions)):
+            if told.explained and not search.likelier_without_site(searched):
                 return told.diagnosis
     if under_site and asked.limit():
         return _judged(asked, _standing(asked, searched, asked.law_alone(searched.trail.start))).diagnosis

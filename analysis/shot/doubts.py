@@ -16,8 +16,10 @@ from analysis.shot.quantity import Quantity
 ABOVE_SIGMAS = 2.0
 MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
-FIT_DOUBTS = ("fit_disagrees", "chi2_far_from_one", "plate_shaken", "knock_suspected")
-RINGS = "plate_rings"  # told by the fit itself: what it leaves is a swing of the plate before the touch
+FIT_DISAGREES, CHI2_FAR_FROM_ONE = "fit_disagrees", "chi2_far_from_one"
+PLATE_SHAKEN, KNOCK_SUSPECTED = "plate_shaken", "knock_suspected"
+FIT_DOUBTS = (FIT_DISAGREES, CHI2_FAR_FROM_ONE, PLATE_SHAKEN, KNOCK_SUSPECTED)
+PLATE_RINGS = "plate_rings"  # told by the fit itself: what it leaves is a swing of the plate before the touch
 SHAKEN = "vibration"  # the reading's flag: where it stands, the plate swings before it is touched
 CHI2_FAR = 2.0  # times one, or this part of it
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
@@ -40,16 +42,16 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "impulse_disagrees": ("cor_quasi_static", "cor_impulse"),
         "bounces_disturbed": _BOUNCES,
         "flight_cut": _VELOCITIES,
-        "vibration": (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
+        SHAKEN: (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
         "knock": (*_VELOCITIES, *_PULSE, *_FITTED, "contact_time_s", "deflection_max_m"),
         "samples_lost": (*_PULSE, *_BOUNCES, "contact_time_s", "deflection_max_m"),
         "cross_talk": ("deflection_max_m", "contact_time_s"),
         "rate_contradicted": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
-        "fit_disagrees": ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
-        "chi2_far_from_one": _FITTED,
-        "plate_shaken": _FITTED,
-        RINGS: _FITTED,
-        "knock_suspected": (*_PULSE, *_BOUNCES, *_FITTED),
+        FIT_DISAGREES: ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
+        CHI2_FAR_FROM_ONE: _FITTED,
+        PLATE_SHAKEN: _FITTED,
+        PLATE_RINGS: _FITTED,
+        KNOCK_SUSPECTED: (*_PULSE, *_BOUNCES, *_FITTED),
         "fit_not_converged": _FITTED,
     }
 )
@@ -79,21 +81,21 @@ def doubts_of_fit(impact: Impact, fit: Fit) -> tuple[str, ...]:
     if not fit.converged:
         return ()
     # a plate that must be at rest until it is touched: the fit's own ± does not hold a swing
-    flags = [FIT_DOUBTS[2]] if SHAKEN in impact.flags and not fit.on_frames else []
+    flags = [PLATE_SHAKEN] if SHAKEN in impact.flags and not fit.on_frames else []
     if len(fit.shots) != 1:
         return tuple(flags)
     own = fit.shots[0]
     # what a frame does all the time is weighed: this is something else
     if fit.on_frames and (own.rings or fit.reduced_chi2 > CHI2_FAR):
-        flags.append(FIT_DOUBTS[3])
+        flags.append(KNOCK_SUSPECTED)
     pairs = (
         (impact.velocity_in_m_per_s, own.velocity_in_m_per_s),
         (impact.velocity_out_m_per_s, own.velocity_out_m_per_s),
     )
     if any(isinstance(read, Quantity) and _apart(read, fitted) > FIT_SIGMAS for read, fitted in pairs):
-        flags.append(FIT_DOUBTS[0])
+        flags.append(FIT_DISAGREES)
     if np.isfinite(fit.reduced_chi2) and not 1.0 / CHI2_FAR <= fit.reduced_chi2 <= CHI2_FAR:
-        flags.append(FIT_DOUBTS[1])
+        flags.append(CHI2_FAR_FROM_ONE)
     return tuple(flags)
 
 

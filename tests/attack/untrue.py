@@ -34,23 +34,24 @@ def untrue(folder: Path, random_: random.Random) -> Iterator[Attempt]:
     right = analyse(sound, READ).impact
     assert right is not None
     truth = {name: getattr(right, name).value for name in TOLD}
-    made: dict[str, Callable[[], Recording]] = {
-        "rate": lambda: _rate(sound, random_.choice((-1, 1)) * 10 ** random_.uniform(-5, -1.3)),
-        "cross-talk": lambda: _cross_talk(sound, random_),
-        "swapped": lambda: _of(sound, sound.counts[:, [1, 0, 2]]),
-        "backwards": lambda: _of(sound, sound.counts[::-1]),
-        "spliced": lambda: _spliced(sound, random_),
-        "twice": lambda: _twice(sound, random_),
+
+    def ringing() -> tuple[Recording, dict[str, float]]:
+        rings = replace(rig, ring_m=10 ** random_.uniform(-9, -5), ring_rad=random_.uniform(0.0, 6.28))
+        return recording_of(rings), true_of(rings)
+
+    made: dict[str, Callable[[], tuple[Recording, dict[str, float]]]] = {
+        "rate": lambda: (_rate(sound, random_.choice((-1, 1)) * 10 ** random_.uniform(-5, -1.3)), truth),
+        "cross-talk": lambda: (_cross_talk(sound, random_), truth),
+        "swapped": lambda: (_of(sound, sound.counts[:, [1, 0, 2]]), truth),
+        "backwards": lambda: (_of(sound, sound.counts[::-1]), truth),
+        "spliced": lambda: (_spliced(sound, random_), truth),
+        "twice": lambda: (_twice(sound, random_), truth),
+        "ringing": ringing,
     }
-    names = [*made, "ringing"]
-    kinds = tuple(names)
+    names = list(made)
     while True:
-        name = names.pop(0) if names else random_.choice(kinds)
-        if name == "ringing":
-            rings = replace(rig, ring_m=10 ** random_.uniform(-9, -5), ring_rad=random_.uniform(0.0, 6.28))
-            yield name, lambda rings=rings: _looked_at(recording_of(rings), true_of(rings), refused=False)
-            continue
-        yield name, lambda name=name: _looked_at(made[name](), truth, refused=name in ("swapped", "backwards"))
+        name = names.pop(0) if names else random_.choice(tuple(made))
+        yield name, lambda name=name: _looked_at(*made[name](), refused=name in ("swapped", "backwards"))
 
 
 def _looked_at(recording: Recording, truth: dict[str, float], *, refused: bool) -> str:

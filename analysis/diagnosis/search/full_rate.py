@@ -5,7 +5,6 @@ second: only near the turn is it slow enough for samples averaged to 20 kS/s.  A
 alone, and a strong one is measured twice as well there.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -18,7 +17,6 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, fit, learn_floor, residuals
 from analysis.inference.fit.samples import FINE_RATE_HZ, Samples, together
-from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.joint_data import with_plates
 from analysis.inference.noise.site import on_site
 from analysis.inference.screen.projector import Projector, projector
@@ -78,19 +76,6 @@ def swayed_from_there(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
         fits = [_at(best, replace(here, shots=each), trail.stop) for each in swayed]
         best, trail = _anew(min(fits, key=lambda fitted: fitted.bic), trail)
     return best, trail
-
-
-def likelier_without_site(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> bool:
-    """Return whether shots are likelier as if no building shook them, their effects the same: one fit from there.
-
-    An effect that bends flights is read as a building, and its strengths, learnt beside a base model that lacks the
-    effect, are a wide valley: a fit may end in it with a contact's start off by ten times the noise.
-    """
-    hypothesis = best.hypothesis
-    data = JointData(together(motions), hypothesis.data.base)
-    rms_m = math.sqrt(float(np.mean(np.concatenate(best.residual_m) ** 2)))
-    still = fit(replace(hypothesis, data=data), best.z, white_floor(rms_m, best.floor.spacing_s), cancelled=trail.stop)
-    return still.bic < best.bic
 
 
 def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:

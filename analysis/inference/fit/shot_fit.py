@@ -33,7 +33,7 @@ from analysis.inference.noise.site import Site, on_site
 from analysis.inference.screen.projector import projector
 from analysis.inference.screen.screening import scores
 from analysis.shot.disturbance import Shaking
-from analysis.shot.doubts import CHI2_FAR, RINGS
+from analysis.shot.doubts import PLATE_RINGS
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop
@@ -47,7 +47,7 @@ _NEAR = 1.0  # standard deviations: what a frame does there is what it does here
 _STRENGTH_TURNS = 3  # of a fit and what it says of a frame's strengths
 _SETTLED = 0.1  # standard deviations: a fit that moved less says the same
 _RINGING = 16.0  # of BIC that a swing of the plate at first touch must be worth beside a fit with the plate at rest
-_PART = 0.1  # of what chi^2 is too high by: a swing that explains less is not what is there
+_MOST = 0.7  # of what chi^2 is too high by: a swing explains all but a percent, another effect's leavings half at most
 
 
 def fit_shots(
@@ -114,25 +114,22 @@ class _Ended:
         fitted = replace(fitted, inverse=fitted.inverse + np.outer(undecided, undecided))
         flags = [f"{name}_at_bound" for name, shot in (hypothesis.names[k] for k in found.at_bound) if shot < 0]
         flags += [] if self.trusted else ["noise_not_known"]
-        flags += [RINGS] if self._plate_rings(fitted) else []
+        flags += [PLATE_RINGS] if self._plate_rings(fitted) else []
         seconds, chi2 = time.perf_counter() - began, found.square.chi2
         return as_fit(fitted, motions, model, seconds, how="fit", by=self.noise, chi2=chi2, flags=flags)
 
     def _plate_rings(self, fitted: Fitted) -> bool:
         """Return whether a plate that swings at first touch describes shots for which it was taken to be at rest.
 
-        A linear step tells; where it explains little of what is left over, that is something else.  Cost: 5 ms a shot.
+        A linear step tells; where it explains half of what is left over, that is something else.  Cost: 5 ms a shot.
         """
-        hypothesis, chi2 = self.hypothesis, self.found.square.chi2
+        hypothesis, square = self.hypothesis, self.found.square
         if hypothesis.data.site is not None or not self.found.converged or "plate_motion" in fitted.names:
             return False
-        samples = self.found.square.samples
-        free = samples - hypothesis.size
-        for score in scores(projector(fitted, self.noise), trials_named(("plate_motion",))[0]):
-            described = chi2 - score.gain < max(CHI2_FAR * free, _PART * chi2)
-            if described and score.worth(samples) > _RINGING and score.gain > _PART * (chi2 - free):
-                return True
-        return False
+        free = square.samples - hypothesis.size
+        excess = square.chi2 - free - math.sqrt(2.0 * free)  # more than chance alone would make it
+        listed = scores(projector(fitted, self.noise), trials_named(("plate_motion",))[0])
+        return any(score.worth(square.samples) > _RINGING and score.gain > _MOST * excess for score in listed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,10 @@
 """How a model does on a shot that took no part in its fit."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,18 +24,24 @@ Floats = NDArray[np.float64]
 _TRAINED = 25  # evaluations at most, from where all shots together put the shared parameters
 
 
+def _beside_noise(difference: Floats) -> float:
+    return float(difference @ difference)
+
+
 @dataclass(frozen=True, slots=True)
 class Prediction:
     """Held-out shots as the others predict them: displacements on the motions' grids.
 
     ``surprise`` is -2 ln of how likely the others made what was measured, up to a constant, of all held-out shots;
     ``rms_m`` is how far they lie from it (averaged samples), ``left`` the same in units of the noise, shape (n,).
+    ``squared`` is chi^2 of such a difference beside the noise and what the other shots leave open together.
     """
 
     displacement_m: tuple[Floats, ...]
     surprise: float
     rms_m: float
     left: Floats
+    squared: Callable[[Floats], float] = _beside_noise
 
     def beats(self, other: "Prediction") -> bool:
         """Return whether this predicts better: more likely, and not further off."""
@@ -40,10 +50,10 @@ class Prediction:
     def earns_a_name(self, before: "Prediction") -> bool:
         """Return whether this predicts better than the model ``before`` by more than chance scatters that.
 
-        Where the noise is what it is taken for, two predictions that differ by d (in units of the noise) differ in
-        surprise by |d|^2 with a standard deviation of 2 |d|.
+        Where the noise is what it is taken for, two predictions that differ by d differ in surprise by |d|^2 with a
+        standard deviation of 2 |d|, d beside all that ``before`` leaves open: what that may be anyhow scatters nothing.
         """
-        scatter = 2.0 * float(np.linalg.norm(self.left - before.left))
+        scatter = 2.0 * math.sqrt(max(before.squared(self.left - before.left), 0.0))
         return self.beats(before) and before.surprise - self.surprise > scatter
 
 
@@ -69,21 +79,26 @@ def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> 
     Only its start is fitted on the shot itself, and a plate that no other was taken on.  ``floor`` whitens it: give the
     same one to what is compared.
     """
-    shown, surprise, off, left = [], 0.0, [], []
     each = side_by_side(lambda shot: _predict(fitted, shot, floor, stop), held)
-    for shot, told in zip(held, each, strict=True):
-        if told is None:
-            return None
-        shown.append(told[0])
-        surprise += told[1]
-        left.append(told[2])
-        measured = fitted.hypothesis.data.shots[shot]
-        off.append((measured.averaged(told[0]) - measured.displacement_m)[measured.valid])
-    rms_m = float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
-    return Prediction(tuple(shown), surprise, rms_m, np.concatenate(left))
+    told = [one for one in each if one is not None]
+    if len(told) < len(held):
+        return None
+    edges = np.cumsum([0, *(one.left.size for one in told)])
+
+    def squared(difference: Floats) -> float:
+        parts = [difference[begin:end] for begin, end in pairwise(edges)]
+        return sum(one.squared(part) for one, part in zip(told, parts, strict=True))
+
+    return Prediction(
+        tuple(shown for one in told for shown in one.displacement_m),
+        sum(one.surprise for one in told),
+        float(np.sqrt(sum(one.left.size * one.rms_m**2 for one in told) / edges[-1])),
+        np.concatenate([one.left for one in told]),
+        squared,
+    )
 
 
-def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Floats, float, Floats] | None:
+def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction | None:
     """Foretell one shot, begun where the fit of all shots' derivatives say that it will end without it."""
     some, begin, _ = _of(fitted, [i for i in range(len(fitted.hypothesis.data.shots)) if i != held])
     one, z, own = _of(fitted, [held])
@@ -104,9 +119,20 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> tuple[Float
         seen = np.ones(some.size, dtype=np.bool_)
         seen[some.unseen] = False
         known = covariance(trained.square, seen)
-        inverse = None if known is None else known[learnt_at][:, learnt_at]
-        left = np.asarray(found.square.residual)
-        return one.full(one.unpack(found.parameters))[0], _surprise(one, found.square, shared, inverse), left
+        end = found.square
+        assert end.residual is not None and end.pull is not None
+        left_open = _Open.of(end.curvature, shared, None if known is None else known[learnt_at][:, learnt_at])
+        shown = one.full(one.unpack(found.parameters))[0]
+        measured = fitted.hypothesis.data.shots[held]
+        off = (measured.averaged(shown) - measured.displacement_m)[measured.valid]
+        paid = sum(shot >= 0 for _, _, shot in one.free_parameters) * np.log(end.samples)
+        return Prediction(
+            (shown,),
+            left_open.chi2(end.chi2, end.gradient) + left_open.log_volume + float(paid),
+            float(np.sqrt(np.mean(off**2))),
+            end.residual,
+            partial(_beside, left_open, end.pull),
+        )
     except (Infeasible, np.linalg.LinAlgError):
         return None
 
@@ -137,24 +163,39 @@ def _giving_way(square: Square, moved: Floats, own: list[int]) -> Floats:
     return np.asarray(-np.linalg.pinv(square.curvature[np.ix_(own, own)], hermitian=True) @ pull)
 
 
-def _surprise(one: Hypothesis, square: Square, shared: list[int], inverse: Floats | None) -> float:
-    """Return -2 ln of the likelihood of a held-out shot, the shared parameters known to ``inverse`` from the others.
+@dataclass(frozen=True, slots=True)
+class _Open:
+    """What the other shots leave open of a held-out one, integrated out of its likelihood.
 
-    What they do not know of them makes the shot less predictable, not the model wrong: the likelihood is that of the
-    linearised model with these parameters integrated out (MacKay, "Information Theory, Inference, and Learning
-    Algorithms", ch. 28).  A parameter of the shot's own costs what the Bayesian information criterion asks.
+    What they do not know of the shared parameters makes the shot less predictable, not the model wrong: the likelihood
+    is that of the linearised model with these parameters integrated out (MacKay, "Information Theory, Inference, and
+    Learning Algorithms", ch. 28).  A parameter of the shot's own costs what the Bayesian information criterion asks.
     """
-    own = np.setdiff1d(np.arange(one.size), shared)
-    curvature, gradient = square.curvature, square.gradient
-    into: Floats = curvature[shared][:, own] @ np.linalg.pinv(curvature[own][:, own], hermitian=True)
-    bend = curvature[shared][:, shared] - into @ curvature[own][:, shared]
-    pull = gradient[shared] - into @ gradient[own]
-    extra = sum(shot >= 0 for _, _, shot in one.free_parameters) * np.log(square.samples)
-    if inverse is None:
-        return float(square.chi2 + extra)
-    scale = np.sqrt(np.diag(inverse))
-    values, vectors = np.linalg.eigh(inverse / np.outer(scale, scale))
-    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    both = np.eye(len(shared)) + root.T @ bend @ root
-    along = root.T @ pull
-    return float(square.chi2 - along @ np.linalg.solve(both, along) + np.linalg.slogdet(both)[1] + extra)
+
+    root: Floats  # of the shared parameters' covariance, taken to all parameters with the shot's own giving way
+    both: Floats  # the same covariance beside what the held-out shot itself says, whitened
+    log_volume: float
+
+    @classmethod
+    def of(cls, curvature: Floats, shared: list[int], covariance: Floats | None) -> "_Open":
+        """Return what is open where the shared parameters are known to ``covariance``, None: as if exactly."""
+        size = len(curvature)
+        if covariance is None:
+            return cls(np.zeros((size, 0)), np.eye(0), 0.0)
+        own = np.setdiff1d(np.arange(size), shared)
+        giving_way = np.eye(size)[:, shared]
+        giving_way[own] = -np.linalg.pinv(curvature[own][:, own], hermitian=True) @ curvature[own][:, shared]
+        scale = np.sqrt(np.diag(covariance))
+        values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+        root = giving_way @ (scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+        both = np.eye(root.shape[1]) + root.T @ curvature @ root
+        return cls(root, both, float(np.linalg.slogdet(both)[1]))
+
+    def chi2(self, plain: float, gradient: Floats) -> float:
+        """Return chi^2 beside all that is open of a difference of ``plain`` chi^2; ``gradient`` are its products."""
+        along = self.root.T @ gradient
+        return float(plain - along @ np.linalg.solve(self.both, along))
+
+
+def _beside(left_open: _Open, pull: Callable[[Floats], Floats], difference: Floats) -> float:
+    return left_open.chi2(float(difference @ difference), pull(difference))

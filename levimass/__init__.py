@@ -60,19 +60,10 @@ def diagnose(shots: Shot | Sequence[Shot], *, accepted: Sequence[str] = ()) -> D
     ``accepted`` names effects that are in the model already.  Raises AnalysisError where a shot has no motion, and
     ValueError for an unknown effect or shots of different models.
     """
-    from analysis.diagnosis.diagnose import diagnose as diagnose_motions
-    from analysis.shot.shot import AnalysisError, Shot
+    from analysis.diagnosis.diagnose import diagnose as diagnose_shots
+    from analysis.shot.shot import Shot
 
-    several = [shots] if isinstance(shots, Shot) else list(shots)
-    models = {shot.settings.model for shot in several}
-    if len(models) > 1:
-        raise ValueError(f"the shots have different base models: {', '.join(sorted(models))}")
-    motions = []
-    for shot in several:
-        if shot.motion is None:
-            raise AnalysisError(f"{shot.name} has no motion: {shot.problem or 'it was not demodulated'}")
-        motions.append(shot.motion)
-    return diagnose_motions(motions, model=models.pop() if models else "paper", accepted=accepted)
+    return diagnose_shots([shots] if isinstance(shots, Shot) else list(shots), accepted=accepted)
 
 
 def simulate(

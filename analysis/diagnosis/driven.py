@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis.diagnosis import driven_words as words
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
+from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.drive.alike import look_alikes
 from analysis.drive.fit import as_fit, chi2, noise_n
 from analysis.drive.mass import Weighed, weigh
@@ -56,7 +57,7 @@ def diagnose_driven(
     below = floor(table, after.whole, noise_n(motions, table.runs, after.whole))
     tell("telling look-alikes apart", 0.9)
     effects = tuple(_found(ground, after.whole, explored, law) for law in after.whole.laws if law not in accepted)
-    verdict = _verdict(after.whole.rms_n <= SMALL_REST * below.force_n, bool(effects))
+    verdict = conclude(explained=after.whole.rms_n <= SMALL_REST * below.force_n, effects=effects)
     seconds = time.perf_counter() - began
     diagnosis = Diagnosis(
         verdict=verdict,
@@ -83,12 +84,6 @@ def _halves(ground: Ground, laws: tuple[str, ...], bent: BentValues, weighed: We
         return regress(ground.table, laws, mask, bent, weighed.fixed)
 
     return _Halves(fitted(None), fitted(ground.kept).foretold_n(ground.held))
-
-
-def _verdict(down_to_the_floor: bool, found: bool) -> Verdict:
-    if down_to_the_floor:
-        return Verdict.EFFECT_FOUND if found else Verdict.ADEQUATE
-    return Verdict.PARTLY_EXPLAINED if found else Verdict.UNEXPLAINED
 
 
 def _errors(force_n: float, below: Floor) -> Errors:

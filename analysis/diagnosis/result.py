@@ -137,7 +137,11 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """Verdict with its evidence; ``sentence`` is for a person, ``blind_spots`` is what this data could not show."""
+    """Verdict with its evidence; ``sentence`` is for a person, ``blind_spots`` is what this data could not show.
+
+    ``effects`` and ``laws`` passed every gate for their size; ``imitated_by`` are effects that come near to what
+    remains and did not: their numbers are those of a fit, and no measurement.
+    """
 
     verdict: Verdict
     sentence: str
@@ -154,6 +158,7 @@ class Diagnosis:
     separating_shot: str = ""
     seconds: float = 0.0
     laws: tuple[LearnedLaw, ...] = ()
+    imitated_by: tuple[FoundEffect, ...] = ()
     not_asked: tuple[str, ...] = ()  # what a limit of time left out, in words
 
     @property
@@ -185,6 +190,13 @@ def to_result(diagnosis: Diagnosis) -> dict[str, Any]:
             for effect in diagnosis.effects
         ],
         "laws": [law.to_json() for law in diagnosis.laws],
+        "imitated_by": [
+            {
+                "name": called(effect.name),
+                "parameters": {name: {"value": quantity.value} for name, quantity in effect.parameters.items()},
+            }
+            for effect in diagnosis.imitated_by
+        ],
         "candidates": [
             {
                 "name": called(candidate.name),

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from analysis.collision.effects import TAKEN_ALONG, named
 from analysis.collision.laws.own import from_key
+from analysis.diagnosis.learning import contact_words
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.shot.fit import Fit
@@ -86,36 +87,57 @@ def learned(law: LearnedLaw) -> str:
     return f"{what}, {law.form}: {law.formula} with {numbers}{other}"
 
 
-def verdict(
-    kind: Verdict,
-    effects: Sequence[FoundEffect],
-    remainder: str,
-    fall: float | None,
-    laws: Sequence[LearnedLaw] = (),
+def sentence(
+    verdict: Verdict,
     *,
-    certain: bool = False,
+    effects: Sequence[FoundEffect] = (),
+    laws: Sequence[LearnedLaw] = (),
+    imitations: Sequence[FoundEffect] = (),
+    remainder: str = "",
+    reduced_to: float | None = None,
+    fit: Fit | None = None,
 ) -> str:
-    """Return the verdict as one sentence; ``fall`` is error after over before (displacement rms).
+    """Return the verdict on a collision as a few sentences.
 
-    ``certain`` effects passed every test though a rest stays; others are only what comes nearest.
+    ``imitations`` did not pass every gate; ``reduced_to`` is the error after over that before (displacement rms);
+    ``fit`` is that of the model after, for what each shot has of its own.
     """
-    if kind is Verdict.ADEQUATE:
+    return (
+        _verdict(verdict, effects, laws, imitations, remainder)
+        + _reduced(reduced_to if effects or laws or (imitations and verdict is Verdict.PARTLY_EXPLAINED) else None)
+        + contact_words.told(effects, laws)
+        + (taken_along(fit) if fit is not None else "")
+    )
+
+
+def _verdict(
+    verdict: Verdict,
+    effects: Sequence[FoundEffect],
+    laws: Sequence[LearnedLaw],
+    imitations: Sequence[FoundEffect],
+    remainder: str,
+) -> str:
+    if verdict is Verdict.ADEQUATE:
         return "The model is adequate: nothing is missing that this data could show."
-    cured = ""
-    if fall is not None and fall < _REDUCED and (effects or laws):
-        cured = f" Residual reduced to {100 * fall:.2g} %."
-    listed = " and ".join([*(effect.sentence for effect in effects), *map(learned, laws)])
-    if kind in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
-        return f"The model lacks {listed}.{cured}"
-    if kind is Verdict.PARTLY_EXPLAINED:
-        lacks = "the model lacks" if certain else "what is missing is mostly like"
-        stays = (
-            f"a significant residual remains: {remainder}"
-            if remainder != CALM
-            else f"it did not pass every test; {CALM}"
+    if verdict is Verdict.UNEXPLAINED:
+        return f"Unexplained: something is missing that no effect of the catalogue accounts for: {remainder}."
+    named = " and ".join([*(effect.sentence for effect in effects), *map(learned, laws)])
+    if verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
+        return f"The model lacks {named}."
+    alike = " and ".join(effect.sentence for effect in imitations)
+    parts = [f"the model lacks {named}"] if effects else [f"what is missing is mostly like {named}"] if laws else []
+    if alike:
+        parts.append(
+            f"what {'remains' if parts else 'is missing'} is mostly like {alike}, which did not pass every test"
         )
-        return f"Partly explained: {lacks} {listed}; {stays}.{cured}"
-    return f"Unexplained: something is missing that no effect of the catalogue accounts for: {remainder}."
+    elif remainder == CALM:
+        parts.append("it did not pass every test")
+    parts.append(CALM if remainder == CALM else f"a significant residual remains: {remainder}")
+    return f"Partly explained: {'; '.join(parts)}."
+
+
+def _reduced(to: float | None) -> str:
+    return f" Residual reduced to {100 * to:.2g} %." if to is not None and to < _REDUCED else ""
 
 
 def taken_along(fit: Fit) -> str:

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.diagnosis.diagnose import diagnose as diagnose_motions
+from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
 from analysis.fitted.fit_time import SECONDS
-from analysis.fitted.fitted_shot import fit_again, read_together, shaking_of
+from analysis.fitted.fitted_shot import fit_again, read_together
 from analysis.fitted.given_up import waited_for
 from analysis.fitted.readings_model import readings_model
 from analysis.planning.next_shot import Reach
@@ -112,14 +112,7 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[str], seconds: float) -> tu
         print(f"levimass: no joint diagnosis: {why}", file=sys.stderr)
         return None, False
     try:
-        found = diagnose_motions(
-            [shot.motion for shot in fitted if shot.motion is not None],
-            model=fitted[0].settings.model,
-            accepted=fitted[0].settings.effects,
-            laws=laws,
-            shakings=[shaking_of(shot) for shot in fitted],
-            seconds=seconds,
-        )
+        found = diagnose(fitted, accepted=fitted[0].settings.effects, laws=laws, seconds=seconds)
     except AnalysisError as error:
         print(f"levimass: no diagnosis: {error}", file=sys.stderr)
     except Exception as error:  # a fault of the program's own must not cost the shots their numbers

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Diagnosis
-from analysis.fitted.fitted_shot import shaking_of
 from analysis.planning.next_shot import NextShot, Reach
 from analysis.planning.steps import Standing, Step, next_step, stand
 from analysis.planning.words import told, with_words
@@ -86,7 +85,7 @@ def _standing(
     motions = [shot.motion for shot in fitted if shot.motion is not None]
     if not motions:
         raise AnalysisError("no shot could be analysed, so there is nothing to diagnose")
-    diagnosis = diagnose(motions, shakings=[shaking_of(shot) for shot in fitted])
+    diagnosis = diagnose(fitted)
     _say(f"after {len(motions)} shots: {diagnosis.sentence}")
     standing = stand(motions, diagnosis, steps, left=left, reach=reach)
     if standing.steps:

@@ -11,8 +11,6 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.fitted.fit_time import SECONDS
 from analysis.fitted.fitted_shot import fit_again
 from analysis.fitted.given_up import waited_for
-from analysis.shot.disturbance import Shaking
-from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
 from app.session.jobs import Asked
 from app.session.load import load_and_analyse
@@ -33,19 +31,17 @@ def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, canc
     return fit_again(shot, effects, cancelled)
 
 
-def diagnose_motions(
-    motions: Sequence[Motion],
-    model: str,
+def diagnose_shots(
+    shots: Sequence[Shot],
     accepted: Sequence[str],
     laws: Sequence[str],
-    shakings: Sequence[Shaking | None],
     seconds: float,
     **watched: Any,  # progress and cancelled
 ) -> Diagnosis:
-    """Return what the model of these motions lacks; ``seconds`` after which other ways are left out."""
+    """Return what the model of these shots lacks; after ``seconds`` steps that may be left out are left out."""
     from analysis.diagnosis.diagnose import diagnose  # and all that it needs: not at every start
 
-    return diagnose(motions, model=model, accepted=accepted, laws=laws, shakings=shakings, seconds=seconds, **watched)
+    return diagnose(shots, accepted=accepted, laws=laws, seconds=seconds, **watched)
 
 
 def write_model(

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from analysis.fitted.awaited_fit import awaits_fit
-from analysis.fitted.fitted_shot import shaking_of
 from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisSettings, Shot
 from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Refitted, Reopened, SavedElsewhere
@@ -27,7 +26,7 @@ from app.session.papers import Elsewhere, Papers
 from app.session.results import KeptWork, Key, Results
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
-from app.session.shot_work import diagnose_motions, open_shot
+from app.session.shot_work import diagnose_shots, open_shot
 from app.session.verdict_of import Diagnoses, verdict_of
 from app.session.why import Why
 from app.words.verdict import verdict_words
@@ -251,15 +250,12 @@ class Workbench:
         shots = [entry.shot for entry in chosen if entry.shot is not None]
         if why := why_not_together(shots):
             return why
-        motions = [shot.motion for shot in shots if shot.motion is not None]
         ids = tuple(entry.number for entry in chosen)
-        model = chosen[0].settings.model
         laws, problems = self.own_laws.keys()
         self._waiting += [Event(Kind.PROBLEM, problem) for problem in problems]
-        shakings = [shaking_of(shot) for shot in shots]
-        accepted = self.model.effects_of(model)
+        accepted = self.model.effects_of(shots[0].settings.model)
         seconds = self._settings().diagnosis_seconds  # as it is now, not as it was when the shots were taken
-        judging = partial(diagnose_motions, motions, model, accepted, laws, shakings, seconds)
+        judging = partial(diagnose_shots, shots, accepted, laws, seconds)
 
         def work(report: Report, cancelled: Asked) -> Diagnosed:
             return Diagnosed(self._work.do(judging, report, cancelled), ids)

@@ -161,11 +161,11 @@ def test_the_sheet_offers_what_is_declared(qtbot):
 def test_the_window_diagnoses_within_the_seconds_that_are_set_and_says_what_was_left_out(monkeypatch):
     asked = []
 
-    def diagnose(motions, model, accepted, laws, shakings, seconds, **_):
+    def diagnose(shots, accepted, laws, seconds, **_):
         asked.append(seconds)
         return replace(synthetic.diagnosis(shot), not_asked=("laws in the contact",))
 
-    monkeypatch.setattr(workbench_module, "diagnose_motions", diagnose)
+    monkeypatch.setattr(workbench_module, "diagnose_shots", diagnose)
     shot = synthetic.shot()
     bench = Workbench(Session(), lambda: AnalysisSettings(diagnosis_seconds=7.5))
     try:

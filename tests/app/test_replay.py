@@ -319,7 +319,7 @@ def test_a_diagnosis_that_fails_is_one_line_and_a_failure(
     def failing(*_: Any, **__: Any) -> None:
         raise np.linalg.LinAlgError("Matrix is not positive definite")
 
-    monkeypatch.setattr("app.command_line.replay.diagnose_motions", failing)
+    monkeypatch.setattr("app.command_line.replay.diagnose", failing)
     status, told, errors = _replay(capsys, good)
     assert status == 1
     assert told["diagnosis"] is None and told["shots"][0]["status"] == "ok"

@@ -22,7 +22,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
-from app.session.shot_work import diagnose_motions
+from app.session.shot_work import diagnose_shots
 from app.session.workbench import Workbench
 from app.words.verdict import verdict_words
 from instrument.files.recording_writer import write_json_beside
@@ -42,7 +42,7 @@ class AtOnce(SteppedWork):
 
     def run(self, work: "partial[Any]", progress: Callable[..., None], cancelled: Callable[[], bool]) -> Any:
         """Return the made-up result."""
-        if work.func is not diagnose_motions:
+        if work.func is not diagnose_shots:
             self._go.set()
             return super().run(work, progress, cancelled)
         found = replace(synthetic.diagnosis(self.fitted), sentence=f"diagnosis {len(self.diagnosed)}")

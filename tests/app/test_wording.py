@@ -102,13 +102,13 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
 def test_a_partly_explained_set_never_has_a_rest_that_is_nothing():
     remains = "a significant residual remains: 12 nm rms"
     for remainder, said in ((words.CALM, "did not pass every test"), ("12 nm rms", remains)):
-        sentence = words.verdict(Verdict.PARTLY_EXPLAINED, [], remainder, None)
+        sentence = words.sentence(Verdict.PARTLY_EXPLAINED, remainder=remainder)
         assert said in sentence and f"a significant residual remains: {words.CALM}" not in sentence
 
 
 @pytest.mark.parametrize(("fall", "said"), [(0.0038, "Residual reduced to 0.38 %."), (0.96, "96 %"), (0.997, "")])
 def test_no_sentence_says_that_a_residual_is_reduced_to_all_of_it(fall, said):
     effect = FoundEffect("tilt", {}, {}, (), "tilt: angle 0.1 mrad")
-    sentence = words.verdict(Verdict.EFFECT_FOUND, [effect], "", fall)
+    sentence = words.sentence(Verdict.EFFECT_FOUND, effects=[effect], reduced_to=fall)
     assert said in sentence and "100 %" not in sentence and "1e+02" not in sentence
     assert ("reduced" in sentence) == bool(said)

@@ -12,6 +12,7 @@ from analysis.diagnosis.learning.two_laws import learn_another, learn_laws
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
+from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
@@ -25,7 +26,11 @@ from analysis.shot.shot import Progress, Stop
 
 @dataclass(frozen=True, slots=True)
 class Beyond:
-    """What explains something, or all, though no effect was named; ``foretold`` without it and with it."""
+    """Laws with the effects beside them, or effects that only predict better, and the fit that holds them.
+
+    ``imitations`` are effects of that fit which did not pass every gate; ``foretold`` are the held-out shots as the
+    model before predicts them, and as this fit does.
+    """
 
     fitted: Fitted
     verdict: Verdict
@@ -33,6 +38,7 @@ class Beyond:
     laws: tuple[LearnedLaw, ...]
     foretold: tuple[Prediction, Prediction]
     rest: Residual
+    imitations: Sequence[FoundEffect] = ()
 
 
 def beyond_catalogue(
@@ -64,11 +70,12 @@ def beyond_catalogue(
             None,
         )
         if joined is not None:
-            found.append(_together(joined, effects, helped[0], held, stop))
+            found.append(_together(joined, effects, helped[0], held, stop, passed=False))
             if found[-1].verdict is Verdict.LAW_LEARNED:
                 return found[-1]
         rest = judge(nearest, projector(nearest))
-        found.append(Beyond(nearest, Verdict.PARTLY_EXPLAINED, list(effects), (), helped, rest))
+        verdict = conclude(explained=False, effects=(), predicts_better=True)
+        found.append(Beyond(nearest, verdict, [], (), helped, rest, tuple(effects)))
     return min(found, key=lambda one: one.fitted.bic, default=None)
 
 
@@ -93,24 +100,28 @@ def beside(
     if found is None:
         return None
     base = predict(before, held, named.floor, stop) or found.foretold[0]
-    return _together(found, effects, base, held, stop)
+    return _together(found, effects, base, held, stop, passed=True)
 
 
 def _alone(found: Discovery) -> Beyond:
-    return Beyond(found.fitted, _verdict(found.explains), [], found.laws, found.foretold, found.rest)
-
-
-def _verdict(explains: bool) -> Verdict:
-    return Verdict.LAW_LEARNED if explains else Verdict.PARTLY_EXPLAINED
+    verdict = conclude(explained=found.explains, effects=(), laws=found.laws)
+    return Beyond(found.fitted, verdict, [], found.laws, found.foretold, found.rest)
 
 
 def _together(
-    found: Discovery, effects: Sequence[FoundEffect], base: Prediction, held: tuple[int, ...], stop: Stop
+    found: Discovery,
+    effects: Sequence[FoundEffect],
+    base: Prediction,
+    held: tuple[int, ...],
+    stop: Stop,
+    *,
+    passed: bool,
 ) -> Beyond:
     """Return laws and effects as the fit that holds both has them.
 
-    An effect that only stood in for the law no longer pays beside it, and goes; the numbers of the others are those
-    of the joint fit, not of the one before the law was found.
+    An effect that only imitated the law no longer pays beside it, and goes; the numbers of the others are those of the
+    joint fit, not of the one before the law was found.  Effects that had not ``passed`` their gates without the law
+    pass them with it where nothing remains, and only imitate the remainder where something does.
     """
     fitted, kept = found.fitted, list(effects)
     while True:
@@ -127,8 +138,10 @@ def _together(
     explains = found.explains and not rest.significant
     laws = tuple(retold(law, fitted, law.form is not None) for law in found.laws)
     parameters = effect_parameters(fitted)
-    named = [_anew(effect, parameters[effect.name], fitted, at, fewer[effect.name]) for effect in kept]
-    return Beyond(fitted, _verdict(explains), named, laws, (base, told), rest)
+    anew = [_anew(effect, parameters[effect.name], fitted, at, fewer[effect.name]) for effect in kept]
+    named, imitations = (anew, []) if passed or explains else ([], anew)
+    verdict = conclude(explained=explains, effects=named, laws=laws)
+    return Beyond(fitted, verdict, named, laws, (base, told), rest, imitations)
 
 
 def _worth(fitted: Fitted, fewer: Fitted | None) -> float:

@@ -9,6 +9,7 @@ from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.competing_models import Separations, apart, challenged, unmissed
 from analysis.diagnosis.search.forward_selection import Trail, another_way, better, without
+from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
@@ -67,22 +68,23 @@ def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
 
 def accepted_effects(effects: list[FoundEffect], rest: Residual, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
     """Return the effects that may be named, and the verdict."""
-    if not effects:
-        return [], Verdict.UNEXPLAINED if rest.significant else Verdict.ADEQUATE
+    if effects and not _pass(effects, rest, best):
+        return [], conclude(explained=False, effects=())
+    return effects, conclude(explained=not rest.significant, effects=effects)
+
+
+def _pass(effects: list[FoundEffect], rest: Residual, best: Fitted) -> bool:
+    """Return whether all effects of a fit pass the gates that depend on its residual."""
     if not best.converged or rest.rough:
-        return [], Verdict.UNEXPLAINED
+        return False
     if not rest.significant:
         # Beside a floor that still wanders chance gives any freedom much: an effect must do more than the next one.
         free = rest.misfit.size if best.floor.wanders else 0.0
-        if all(effect.evidence["snr"] > CRITERIA.clear_of_rest * free for effect in effects):
-            return effects, Verdict.EFFECT_FOUND
-        return [], Verdict.UNEXPLAINED
+        return all(effect.evidence["snr"] > CRITERIA.clear_of_rest * free for effect in effects)
     # Several together imitate what none of them is, and a misfit says that the law is another one.
     doubtful = len(effects) > 1 or rest.misfitting
-    certain = all(
-        clear(effect, rest, CRITERIA.clear_of_misfit if doubtful else CRITERIA.clear_of_rest) for effect in effects
-    )
-    return (effects, Verdict.PARTLY_EXPLAINED) if certain else ([], Verdict.UNEXPLAINED)
+    times = CRITERIA.clear_of_misfit if doubtful else CRITERIA.clear_of_rest
+    return all(clear(effect, rest, times) for effect in effects)
 
 
 def clear(effect: FoundEffect, rest: Residual, times: float) -> bool:

@@ -1,0 +1,167 @@
+"""Best-first search for what explains the shots: under which noise, with which effects, with which laws.
+
+Flights before and after the contact are bent by a building that shakes the rig as well as by a law that the model
+lacks.  So there may be two branches: one in which the frame moves as the flights say, one in which nothing shakes the
+rig.  Each takes the same steps, the cheap before the dear: search the catalogue, name what was found, learn laws.
+After every step the likelier branch (by the Bayesian information criterion) is carried on, and a branch that can no
+longer become the likelier one is left.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from analysis.diagnosis.explanation import Explanation, explain_with_effects, explain_with_laws
+from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.learning.law_learning import may_reach
+from analysis.diagnosis.question import Question
+from analysis.diagnosis.search.full_rate import seen_finely
+from analysis.diagnosis.search.search import Search, Searched
+from analysis.diagnosis.verdict.acceptance import Settled, settle
+from analysis.diagnosis.verdict.criteria import CRITERIA
+
+
+@dataclass
+class Branch:
+    """One noise, and what has been found under it so far.
+
+    ``law`` is the one law that may stand in the place of all effects; ``named`` the explanation with the effects that
+    pass their gates, ``complete`` the same with learned laws.
+    """
+
+    searched: Searched
+    law: LawAlone
+    named: Explanation | None = None
+    complete: Explanation | None = None
+
+    @property
+    def bic(self) -> float:
+        """Get the criterion of the best fit of the search."""
+        return self.searched.best.bic
+
+    @property
+    def leaves_something(self) -> bool:
+        """Get whether the residual of the best fit is more than noise."""
+        return self.searched.rest.significant
+
+
+class BestFirst:
+    """A search for the likeliest explanation of the shots of one question."""
+
+    def __init__(self, question: Question) -> None:
+        self._question = question
+        self._search = Search(
+            question.motions,
+            question.begin,
+            question.catalogue,
+            question.accepted,
+            question.progress,
+            question.stop,
+            question.limit,
+        )
+        self._in_building: Branch | None = None
+        self._at_rest: Branch | None = None
+        self._law_was_tried = False
+        self._answer: Explanation | None = None
+
+    def explanation(self) -> Explanation:
+        """Return the likeliest explanation.  Raises Cancelled when asked to stop."""
+        while self._answer is None:
+            self._next_step()()
+        return self._answer
+
+    def _next_step(self) -> Callable[[], None]:
+        """Return what to do next: the one place where that is decided."""
+        building, rest = self._in_building, self._at_rest
+        if self._question.site is not None and building is None:
+            return self._search_in_building
+        if building is not None and rest is None:
+            if not building.leaves_something and building.named is None:
+                return partial(self._name, building)
+            explained = building.named is not None and building.named.explained
+            if explained and not self._search.likelier_without_site(building.searched):
+                return partial(self._end_with, building.named)
+            if self._question.limit():
+                return partial(self._complete, building)
+        if rest is None:
+            return self._search_at_rest
+        likelier = rest if building is None or rest.bic <= building.bic else building
+        if likelier.leaves_something and not self._law_was_tried:
+            return partial(self._try_one_law_instead, likelier)
+        if likelier is rest:
+            return partial(self._complete, rest)
+        assert building is not None
+        if building.named is None:
+            return partial(self._name, building)
+        if building.named.explained:
+            return partial(self._end_with, building.named)
+        if self._question.limit():
+            return partial(self._complete, building)
+        if rest.complete is None:
+            return partial(self._complete_where_it_may_win, rest, building.named.bic)
+        if rest.complete.explained and rest.complete.bic < building.named.bic:
+            return partial(self._end_with, rest.complete)
+        return partial(self._complete, building)
+
+    def _search_in_building(self) -> None:
+        searched = self._search.under(self._question.site)
+        self._in_building = Branch(searched, self._question.one_law_beside(searched.trail.start))
+
+    def _search_at_rest(self) -> None:
+        """Search as if nothing shook the rig; the last effect that may join waits: one law takes less time."""
+        most = CRITERIA.most_effects - (self._question.site is None)
+        searched = self._search.under(None, most=most)
+        self._at_rest = Branch(searched, self._question.one_law_beside(searched.trail.start))
+
+    def _try_one_law_instead(self, likelier: Branch) -> None:
+        """Ask whether one law explains all where effects do not; two effects that hide each other are tried first."""
+        self._law_was_tried = True
+        rest = self._at_rest
+        assert rest is not None
+        if not rest.law.explains_instead(likelier.searched.best, self._question.catalogue):
+            return
+        with_pairs = likelier.searched.with_pairs()
+        if with_pairs is not likelier.searched:
+            likelier.searched, likelier.named = with_pairs, None
+        fine = partial(seen_finely, rest.searched.best, rest.searched.trail, self._question.motions)
+        if rest.law.ahead_of(likelier.searched.best) and fine() is None:
+            self._answer = explain_with_laws(self._question, self._without_effects(rest), rest.law)
+
+    def _name(self, branch: Branch) -> None:
+        """Name the effects that pass their gates; a ripple of the light is looked for at the record's own rate."""
+        question = self._question
+        best, trail, rest = branch.searched.best, branch.searched.trail, branch.searched.rest
+        finely = seen_finely(best, trail, question.motions)
+        if finely is not None:
+            best, trail = finely
+            branch.law = question.one_law_beside(trail.start)
+        held_out = question.held_out(trail.start.hypothesis.data, in_turn=best is not trail.start)
+        judged = rest if finely is None else None
+        settled = settle(best, trail, held_out, question.progress, question.limit, judged)
+        branch.named = explain_with_effects(question, trail, settled, held_out)
+
+    def _complete(self, branch: Branch) -> None:
+        """Search a branch to its end, learn its laws, and end with it."""
+        if branch.named is None:
+            branch.searched = branch.searched.to_the_end()
+            self._name(branch)
+        assert branch.named is not None
+        self._answer = explain_with_laws(self._question, branch.named, branch.law)
+
+    def _complete_where_it_may_win(self, branch: Branch, beat: float) -> None:
+        """Carry the less likely branch on, as far as it may come below the criterion ``beat``."""
+        if may_reach(beat, branch.bic, branch.searched.trail.start.bic):
+            self._name(branch)
+        else:
+            branch.named = self._without_effects(branch)
+        assert branch.named is not None
+        branch.complete = explain_with_laws(self._question, branch.named, branch.law, beat=beat)
+
+    def _without_effects(self, branch: Branch) -> Explanation:
+        """Return the explanation of a branch in which no effect of the catalogue is named."""
+        trail = branch.searched.trail
+        settled = Settled.nothing(trail.start, trail.projector_of(trail.start))
+        return explain_with_effects(self._question, trail, settled, branch.law.held)
+
+    def _end_with(self, explanation: Explanation) -> None:
+        self._answer = explanation

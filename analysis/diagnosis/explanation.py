@@ -1,0 +1,162 @@
+"""An explanation of the shots: which effects are named beside the base model, which laws, and what remains."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from analysis.diagnosis import words
+from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
+from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.question import Question
+from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.search.competing_models import apart
+from analysis.diagnosis.search.forward_selection import Trail, without
+from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.verdict.identifiability import Separation, missed_without
+from analysis.diagnosis.verdict.other_names import other_names
+from analysis.diagnosis.verdict.residual import Residual, describe, judge, looks_like
+from analysis.inference.fit.as_fit import effect_parameters
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.likely_noises import under_likely_noises
+from analysis.inference.fit.profile import with_profile_std
+from analysis.inference.screen.projector import Projector
+from analysis.shot.quantity import Quantity
+
+Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the model before, by the model after
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """What the shots are explained by, under one noise.
+
+    ``nearest`` is the likeliest fit that the search came to, with its ``projector``; ``after`` the model that holds
+    what is named: ``effects`` and ``laws``, each of which passed its gates.  ``imitations`` are effects of the nearest
+    fit that did not.  ``held_out`` are the shots that were predicted from the others.
+    """
+
+    verdict: Verdict
+    trail: Trail
+    nearest: Fitted
+    projector: Projector
+    after: Fitted
+    effects: tuple[FoundEffect, ...]
+    remainder: str
+    held_out: tuple[int, ...]
+    predictions: Predictions | None
+    laws: tuple[LearnedLaw, ...] = ()
+    imitations: tuple[FoundEffect, ...] = ()
+
+    @property
+    def before(self) -> Fitted:
+        """Get the model that was diagnosed."""
+        return self.trail.start
+
+    @property
+    def explained(self) -> bool:
+        """Get whether the residual is consistent with noise."""
+        return self.verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
+
+    @property
+    def bic(self) -> float:
+        """Get the criterion of the model after."""
+        return self.after.bic
+
+
+def explain_with_effects(question: Question, trail: Trail, settled: Settled, held_out: tuple[int, ...]) -> Explanation:
+    """Name the effects of a settled fit that pass every gate, taking out those that the residual leaves in doubt."""
+    question.progress("telling look-alikes apart", 0.8)
+    best, projector, separations, residual = settled.best, settled.at, settled.far, settled.rest
+    while True:
+        sure = with_profile_std(under_likely_noises(best), question.stop)
+        parameters = effect_parameters(sure)
+        found = [_found(best, n, parameters[n], residual, separations[n], trail) for n in trail.added(best)]
+        effects, verdict = accepted_effects(found, residual, best)
+        doubtful = [effect.name for effect in found if not clear(effect, residual, CRITERIA.clear_of_misfit)]
+        if effects or not residual.significant or len(doubtful) in (0, len(found)):
+            break
+        # A small residual leaves those effects in doubt that are not much larger than it, and no others.
+        fewer = without(best, doubtful[0], trail)
+        if fewer is None:
+            break
+        best, projector = fewer, trail.projector_of(fewer)
+        residual, separations = judge(best, projector), apart(best, projector, trail)
+    predictions = settled.told
+    if best is not settled.passed and predictions is not None:
+        again = predict(best, held_out, best.floor, question.stop)
+        predictions = (predictions[0], again) if again is not None else None
+    named = bool(effects) or verdict is Verdict.ADEQUATE
+    return Explanation(
+        verdict=verdict,
+        trail=trail,
+        nearest=best,
+        projector=projector,
+        after=sure if effects else trail.start,
+        effects=tuple(effects),
+        remainder=residual.text if named else _described(best, trail, residual),
+        held_out=held_out,
+        predictions=predictions,
+        imitations=() if named else tuple(found),
+    )
+
+
+def explain_with_laws(question: Question, known: Explanation, law: LawAlone, *, beat: float = math.inf) -> Explanation:
+    """Learn the laws that ``known`` leaves room for; ``beat`` is a criterion that they must come below.
+
+    ``law`` is the one law that may stand in the place of all effects.
+    """
+    if known.explained:
+        return known
+    progress, stop, limit = question.progress, question.stop, question.limit
+    beyond = (
+        beside(known.nearest, known.effects, known.before, law.held, progress, stop, limit, beat=beat)
+        if known.effects
+        else beyond_catalogue(law, known.nearest, known.imitations, beat=beat)
+    )
+    if beyond is not None:
+        return replace(
+            known,
+            verdict=beyond.verdict,
+            after=beyond.fitted,
+            effects=tuple(beyond.effects),
+            laws=beyond.laws,
+            imitations=tuple(beyond.imitations),
+            remainder=beyond.rest.text,
+            held_out=law.held,
+            predictions=beyond.foretold,
+        )
+    if not known.effects and known.predictions is not None and known.nearest is not known.before:
+        return replace(known, predictions=(known.predictions[0], known.predictions[0]))
+    return known
+
+
+def _found(
+    best: Fitted,
+    name: str,
+    parameters: dict[str, Quantity],
+    residual: Residual,
+    separation: Separation,
+    trail: Trail,
+) -> FoundEffect:
+    """Return an effect of a fit with its evidence, and the other effects that it may be."""
+    trail.go_on()
+    fewer = without(best, name, trail)
+    others, lead = other_names(best, name, residual, separation, trail)
+    evidence = {
+        "snr": min(separation.snr, missed_without(best, fewer)),
+        "delta_bic": -float(fewer.bic - best.bic if fewer else 0.0),
+        "least_separation": float(min(separation.from_other.values(), default=0.0)),
+    }
+    if lead is not None:
+        evidence["lead_over_runner_up"] = lead
+    return FoundEffect(name, parameters, evidence, others, words.found(name, parameters, others))
+
+
+def _described(best: Fitted, trail: Trail, residual: Residual) -> str:
+    """Return the residual of the model before in words, and which effects imitate it without being sure of a name."""
+    imitating: Sequence[str] = [words.plain(name) for name in trail.added(best)]
+    if not imitating:
+        return residual.text
+    more = looks_like(residual.misfit, "the residual beside them")
+    return f"{describe(trail.start)}; best imitated by {' with '.join(imitating)}, which did not pass every test{more}"

@@ -1,0 +1,80 @@
+"""What a diagnosis is asked: shots of one rig, the base model with the effects it has, the time it may take."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from analysis.collision.effects import WIDER, findings
+from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.limit import Limit
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.cross_validation import choose
+from analysis.inference.fit.begin import Begin, begin_of
+from analysis.inference.fit.first_fit import first_fit
+from analysis.inference.fit.free_parameters import TrialEffect, trial_effects
+from analysis.inference.fit.hypothesis import JointData
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.noise.joint_data import shakings_of, site_under
+from analysis.inference.noise.site import Site
+from analysis.shot.disturbance import Shaking
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.shot import Progress, Stop
+
+
+@dataclass(frozen=True)
+class Question:
+    """Shots and settings of one diagnosis; what follows from them alone is computed once.
+
+    ``fit`` is a joint fit of the base model to these shots, where there is one already; ``hold_out`` the index of the
+    only shot to be predicted from the others.  ``progress`` is told what is being done and which fraction is done.
+    """
+
+    motions: Sequence[Motion]
+    model: str
+    named: Sequence[str]  # effects and laws that the model has already
+    laws: Sequence[str]  # a person's own, tried like the catalogue's effects
+    fit: Fit | None
+    hold_out: int | None
+    shakings_read: Sequence[Shaking | None] | None
+    progress: Progress
+    stop: Stop
+    limit: Limit
+    began: float = field(default_factory=time.perf_counter)
+
+    @cached_property
+    def catalogue(self) -> Sequence[TrialEffect]:
+        """Get every effect that may be tried."""
+        return trial_effects([*self.laws, *(name for name in self.named if "{" in name or name in WIDER)])
+
+    @property
+    def accepted(self) -> tuple[str, ...]:
+        """Get the effects in the model that a diagnosis could have found."""
+        return findings(self.named)
+
+    @cached_property
+    def site(self) -> Site | None:
+        """Get what shook the rig as the flights before and after the contact show it; None where that is nothing."""
+        shakings = shakings_of(self.motions, self.model, self.shakings_read)
+        return site_under(self.motions, shakings, CRITERIA.site_nm)
+
+    @cached_property
+    def begin(self) -> Begin:
+        """Get the fit of the base model from which every search begins."""
+        if self.fit is not None:
+            return begin_of(self.fit, self.motions)
+        return first_fit(self.motions, self.model, self.site, self.stop)
+
+    def held_out(self, data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
+        """Return the shots that are predicted from the others, each in turn."""
+        return choose(data, in_turn=in_turn) if self.hold_out is None else (self.hold_out,)
+
+    def one_law_beside(self, start: Fitted) -> LawAlone:
+        """Return the law that ``start`` may lack; it is learned when it is first needed."""
+        return LawAlone(start, self.held_out(start.hypothesis.data), self.progress, self.stop, self.limit)
+
+    @property
+    def seconds(self) -> float:
+        """Get the time since the diagnosis began."""
+        return time.perf_counter() - self.began

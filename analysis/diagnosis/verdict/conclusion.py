@@ -1,0 +1,24 @@
+"""The verdict of a diagnosis, of collisions and of drives alike."""
+
+from collections.abc import Collection
+
+from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+
+
+def conclude(
+    *,
+    explained: bool,
+    effects: Collection[FoundEffect],
+    laws: Collection[LearnedLaw] = (),
+    predicts_better: bool = False,
+) -> Verdict:
+    """Return the verdict on a model with these ``effects`` and ``laws``, all of which passed their gates.
+
+    ``explained``: the residual of the model with them is consistent with noise (of a drive: with its repeatability).
+    ``predicts_better``: effects that did not pass every gate predict the held-out shots better than the model alone.
+    """
+    if explained:
+        if laws:
+            return Verdict.LAW_LEARNED
+        return Verdict.EFFECT_FOUND if effects else Verdict.ADEQUATE
+    return Verdict.PARTLY_EXPLAINED if effects or laws or predicts_better else Verdict.UNEXPLAINED

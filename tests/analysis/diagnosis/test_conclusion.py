@@ -1,0 +1,119 @@
+"""The verdict of collisions and drives alike: one function, and nowhere else in the analysis."""
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from analysis.diagnosis import words
+from analysis.diagnosis.learning import beyond_catalogue as beyond
+from analysis.diagnosis.result import FoundEffect, Verdict, to_result
+from analysis.diagnosis.verdict.conclusion import conclude
+from analysis.shot.quantity import Quantity
+from tests.app import synthetic
+
+ANALYSIS = Path(__file__).parents[3] / "analysis"
+EFFECT = FoundEffect("tilt", {"angle_rad": Quantity(1e-4, 1e-6)}, {"snr": 40.0}, (), "tilt: angle 0.1 mrad")
+LAW = cast(Any, SimpleNamespace())
+
+
+@pytest.mark.parametrize(
+    ("explained", "effects", "laws", "better", "verdict"),
+    [
+        (True, 0, 0, False, Verdict.ADEQUATE),
+        (True, 1, 0, False, Verdict.EFFECT_FOUND),
+        (True, 0, 1, False, Verdict.LAW_LEARNED),
+        (True, 1, 1, False, Verdict.LAW_LEARNED),
+        (False, 0, 0, False, Verdict.UNEXPLAINED),
+        (False, 1, 0, False, Verdict.PARTLY_EXPLAINED),
+        (False, 0, 1, False, Verdict.PARTLY_EXPLAINED),
+        (False, 0, 0, True, Verdict.PARTLY_EXPLAINED),
+    ],
+)
+def test_the_verdict_follows_from_what_is_named_and_what_remains(
+    explained: bool, effects: int, laws: int, better: bool, verdict: Verdict
+) -> None:
+    assert (
+        conclude(explained=explained, effects=[EFFECT] * effects, laws=[LAW] * laws, predicts_better=better) is verdict
+    )
+
+
+def _made(source: Path) -> list[int]:
+    """Return the lines of a source that name a verdict otherwise than to compare with it."""
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    compared = {id(part) for node in ast.walk(tree) if isinstance(node, ast.Compare) for part in ast.walk(node)}
+    return [
+        node.lineno
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "Verdict"
+        and id(node) not in compared
+    ]
+
+
+def test_a_verdict_is_made_in_one_place() -> None:
+    made = {source.name: lines for source in sorted(ANALYSIS.rglob("*.py")) if (lines := _made(source))}
+    assert set(made) == {"conclusion.py"}
+
+
+class _Law(SimpleNamespace):
+    form = "linear"
+
+
+@pytest.mark.parametrize(
+    ("passed", "remains", "named", "imitating"),
+    [(True, True, 1, 0), (True, False, 1, 0), (False, False, 1, 0), (False, True, 0, 1)],
+)
+def test_effects_that_passed_no_gate_are_named_beside_a_law_only_where_nothing_remains(
+    passed: bool, remains: bool, named: int, imitating: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fit = SimpleNamespace(bic=0.0)
+    for name, made in {
+        "without_effect": lambda *_: SimpleNamespace(bic=1e3),
+        "lead_on": lambda fitted, **_: fitted,
+        "projector": lambda _: None,
+        "effect_parameters": lambda _: {"tilt": EFFECT.parameters},
+        "snr": lambda *_: 40.0,
+        "missed_without": lambda *_: 40.0,
+        "retold": lambda law, *_: law,
+    }.items():
+        monkeypatch.setattr(beyond, name, made)
+    rest = SimpleNamespace(significant=remains)
+    found = SimpleNamespace(fitted=fit, foretold=(None, None), rest=rest, explains=not remains, laws=(_Law(),))
+    joined = beyond._together(cast(Any, found), [EFFECT], cast(Any, None), (), lambda: False, passed=passed)
+    assert (len(joined.effects), len(joined.imitations)) == (named, imitating)
+    assert joined.verdict is (Verdict.PARTLY_EXPLAINED if remains else Verdict.LAW_LEARNED)
+
+
+def test_what_merely_imitates_the_remainder_has_numbers_without_uncertainties() -> None:
+    diagnosis = replace(
+        synthetic.diagnosis(synthetic.shot(count=9000)),
+        verdict=Verdict.UNEXPLAINED,
+        effects=(),
+        imitated_by=(EFFECT,),
+    )
+    told = to_result(diagnosis)
+    assert told["effects"] == [] and told["laws"] == []
+    assert told["imitated_by"] == [{"name": "tilt", "parameters": {"angle_rad": {"value": 1e-4}}}]
+    assert diagnosis.findings == ()  # what passed no test cannot join the model as a finding
+
+
+@pytest.mark.parametrize(
+    ("effects", "imitations", "said", "not_said"),
+    [
+        ([EFFECT], [], "the model lacks tilt", "mostly like"),
+        ([], [EFFECT], "what is missing is mostly like tilt: angle 0.1 mrad, which did not pass every test", "lacks"),
+    ],
+)
+def test_the_sentence_says_what_passed_and_what_only_comes_near(
+    effects: list[FoundEffect], imitations: list[FoundEffect], said: str, not_said: str
+) -> None:
+    sentence = words.sentence(
+        Verdict.PARTLY_EXPLAINED, effects=effects, imitations=imitations, remainder="12 nm rms", reduced_to=0.4
+    )
+    assert said in sentence and not_said not in sentence
+    assert "a significant residual remains: 12 nm rms" in sentence and "Residual reduced to 40 %." in sentence

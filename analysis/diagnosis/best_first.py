@@ -78,9 +78,9 @@ class BestFirst:
         if building is not None and rest is None:
             if not building.leaves_something and building.named is None:
                 return partial(self._name, building)
-            explained = building.named is not None and building.named.explained
-            if explained and not self._search.likelier_without_site(building.searched):
-                return partial(self._end_with, building.named)
+            named = building.named
+            if named is not None and named.explained and not self._search.likelier_without_site(building.searched):
+                return partial(self._end_with, named)
             if self._question.limit():
                 return partial(self._complete, building)
         if rest is None:

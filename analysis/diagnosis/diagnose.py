@@ -18,7 +18,6 @@ from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.noise.floor import Floor
 from analysis.shot.disturbance import Shaking
-from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Progress, Shot, Stop
 
@@ -26,12 +25,10 @@ from analysis.shot.shot import AnalysisError, Progress, Shot, Stop
 def diagnose(
     shots: Sequence[Shot | Motion],
     *,
-    fit: Fit | None = None,
     model: str | None = None,
     accepted: Sequence[str] = (),
     laws: Sequence[str] = (),
     hold_out: int | None = None,
-    shakings: Sequence[Shaking | None] | None = None,
     seconds: float = SECONDS,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
@@ -39,12 +36,11 @@ def diagnose(
     """Diagnose one or several shots of one rig against the base ``model`` with the ``accepted`` effects.
 
     ``model`` is that of the shots' settings where it is not given, "paper" for motions alone.  ``laws`` are the keys of
-    a person's own laws (``laws.own``), tried like the catalogue's effects.  ``fit`` is a joint fit of the base model to
-    these shots, where there is one already; ``hold_out`` the index of the shot that is predicted from the others
-    (default: the slowest, a middle one and the fastest in turn, of two the slower).  ``shakings`` say what shook the
-    frame of each shot; where they are not given, the shots' readings do, and for motions alone they are read here.
-    After ``seconds`` on two cores what may be left out is left out: further ways through the catalogue, laws.  Errors
-    are judged in displacement.
+    a person's own laws (``laws.own``), tried like the catalogue's effects.  ``hold_out`` is the index
+    of the shot that is predicted from the others (default: the slowest, a middle one and the fastest in turn, of two
+    the slower).  What shook the frame is taken from the shots' readings; for motions alone it is read here.  After
+    ``seconds`` on two cores what may be left out is left out: further ways through the catalogue, laws.  Errors are
+    judged in displacement.
 
     Raises ValueError for an unknown model or effect and for shots of different base models, AnalysisError where there
     is nothing to judge, Cancelled when asked to stop.
@@ -61,9 +57,8 @@ def diagnose(
         model=model,
         named=accepted,
         laws=laws,
-        fit=fit,
         hold_out=hold_out,
-        shakings_read=_shakings(shots) if shakings is None else shakings,
+        shakings_read=_shakings(shots),
         progress=progress or (lambda _what, _fraction: None),
         stop=stop,
         limit=Limit(seconds, stop),
@@ -98,7 +93,6 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
     question.progress("errors before and after", 0.9)
     motions, before, after = question.motions, explanation.before, explanation.after
     data, verdict = before.hypothesis.data, explanation.verdict
-    fit_before = question.fit if question.fit and not before.names else as_fit(before, motions, question.model, 0.0)
     predictions = explanation.predictions or (None, None)
     detectable = (
         ()
@@ -124,7 +118,7 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
         error_after=error_after,
         error_held_out_before=_held_out_errors(question, explanation, predictions[0]),
         error_held_out_after=_held_out_errors(question, explanation, predictions[1]),
-        fit_before=fit_before,
+        fit_before=as_fit(before, motions, question.model, 0.0),
         fit_after=fit_after,
         remainder=explanation.remainder,
         blind_spots=detectable,

@@ -10,7 +10,7 @@ from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import choose
-from analysis.inference.fit.begin import Begin, begin_of
+from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.free_parameters import TrialEffect, trial_effects
 from analysis.inference.fit.hypothesis import JointData
@@ -18,7 +18,6 @@ from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.noise.joint_data import shakings_of, site_under
 from analysis.inference.noise.site import Site
 from analysis.shot.disturbance import Shaking
-from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Progress, Stop
 
@@ -27,15 +26,14 @@ from analysis.shot.shot import Progress, Stop
 class Question:
     """Shots and settings of one diagnosis; what follows from them alone is computed once.
 
-    ``fit`` is a joint fit of the base model to these shots, where there is one already; ``hold_out`` the index of the
-    only shot to be predicted from the others.  ``progress`` is told what is being done and which fraction is done.
+    ``hold_out`` is the index of the only shot to be predicted from the others.  ``progress`` is told what is being done
+    and which fraction is done.
     """
 
     motions: Sequence[Motion]
     model: str
     named: Sequence[str]  # effects and laws that the model has already
     laws: Sequence[str]  # a person's own, tried like the catalogue's effects
-    fit: Fit | None
     hold_out: int | None
     shakings_read: Sequence[Shaking | None] | None
     progress: Progress
@@ -61,9 +59,7 @@ class Question:
 
     @cached_property
     def begin(self) -> Begin:
-        """Get the fit of the base model from which every search begins."""
-        if self.fit is not None:
-            return begin_of(self.fit, self.motions)
+        """Get where every search begins: the base model as a first fit has it."""
         return first_fit(self.motions, self.model, self.site, self.stop)
 
     def held_out(self, data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:

@@ -80,7 +80,8 @@ def _unhashed_s(path: Path) -> float:
 
 def _diagnosis(hilbert_s: float) -> int:
     from analysis.diagnosis.diagnose import diagnose
-    from analysis.inference.noise.joint_data import shakings_of
+    from analysis.pipeline import analyse_motion
+    from analysis.shot.shot import AnalysisSettings
     from tests.analysis.diagnosis.shots import shots
 
     cases = {
@@ -88,12 +89,11 @@ def _diagnosis(hilbert_s: float) -> int:
         "unexplained": ({"magnet": {"force_n": -3e-3, "range_m": 7e-4}}, 3.0),
     }
     for name, (effects, target_s) in cases.items():
-        motions = shots(effects)
-        shakings = shakings_of(motions, "paper", None)  # a diagnosis comes after the reading, which tells them
+        read = [analyse_motion(motion, AnalysisSettings(), name="") for motion in shots(effects)]
         took = []
         for _ in range(3):
             began = time.perf_counter()
-            verdict = diagnose(motions, shakings=shakings).verdict
+            verdict = diagnose(read).verdict
             took.append(time.perf_counter() - began)
         print(
             f"  diagnosis of three read shots, {name} ({verdict.value}): {sorted(took)[1]:.2f} s, "

@@ -114,7 +114,7 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
         low[shared] = high[shared] = there[shared]
         there[own] = np.clip(there[own] + _giving_way(square_of(one, floor, z), there - z, own), low[own], high[own])
         found = minimise(
-            lambda at: square_of(one, floor, at), there, lower=low, upper=high, evaluations=10, tolerance=1e-2
+            lambda at: square_of(one, floor, at), there, bounds=(low, high), evaluations=10, tolerance=1e-2
         )
         seen = np.ones(some.size, dtype=np.bool_)
         seen[some.unseen] = False

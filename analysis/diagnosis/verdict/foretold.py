@@ -190,7 +190,5 @@ def _own_fitted(hypothesis: Hypothesis, known: Parameters, start: Floats) -> tup
     low[held] = high[held] = z[held]
     shot = hypothesis.data.shots[0]
     floor = white_floor(shot.white_m, shot.spacing_s)
-    found = minimise(
-        lambda at: square_of(hypothesis, floor, at), z, lower=low, upper=high, evaluations=25, tolerance=1e-3
-    )
+    found = minimise(lambda at: square_of(hypothesis, floor, at), z, bounds=(low, high), evaluations=25, tolerance=1e-3)
     return hypothesis, found.parameters

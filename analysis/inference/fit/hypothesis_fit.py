@@ -160,8 +160,7 @@ def search(
     return minimise(
         lambda at: square_of(hypothesis, floor, at),
         z,
-        lower=low,
-        upper=high,
+        bounds=(low, high),
         evaluations=evaluations,
         tolerance=tolerance,
         residual=lambda at: whitened_residual(hypothesis, floor, at),

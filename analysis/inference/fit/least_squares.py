@@ -50,8 +50,7 @@ def minimise(
     function: Function,
     start: Floats,
     *,
-    lower: Floats | None = None,
-    upper: Floats | None = None,
+    bounds: tuple[Floats, Floats] | None = None,
     evaluations: int = 60,
     tolerance: float = 1e-6,
     residual: Residual | None = None,
@@ -60,48 +59,39 @@ def minimise(
 ) -> Minimum:
     """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
 
-    With ``residual`` (whitened residuals at a point, without derivatives: cheap) and squares that carry theirs, a step
-    is led back to the floor of a bent valley before its derivatives are asked for: it may then be as long as the data
-    allow, not as short as the bend commands (a retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on
-    Matrix Manifolds", ch. 4).  A fall of 1e-6 is a move of 1e-3 standard deviations.  ``hopeless`` is asked, once
-    little is promised, whether the search is to be given up where it is.  The function may raise Infeasible anywhere
-    but at the start.
+    ``bounds`` are the least and the largest values, shape (p,) each.  With ``residual`` (whitened residuals at a point,
+    without derivatives: cheap) and squares that carry theirs, a step is led back to the floor of a bent valley before
+    its derivatives are computed: it may then be as long as the data allow, not as short as the bend commands (a
+    retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  A fall of 1e-6 is a
+    move of 1e-3 standard deviations.  ``hopeless`` is called once, when little is promised: whether the search is to be
+    given up where it is.  The function may raise Infeasible anywhere but at the start.
     """
-    low = np.full(start.size, -np.inf) if lower is None else lower
-    high = np.full(start.size, np.inf) if upper is None else upper
+    low, high = bounds or (np.full(start.size, -np.inf), np.full(start.size, np.inf))
     here = np.clip(start, low, high)
     square = function(here)
-    damping = 1e-6  # the base model has directions a million times softer than others: begin near Gauss-Newton
+    damping = _Damping()
     used = 1
-    refused = 0
-    while used < evaluations:
-        if cancelled is not None and cancelled():
-            break
+    while used < evaluations and not (cancelled is not None and cancelled()):
         free = _free(here, square.gradient, low, high)
-        if not free.any():
+        newton = _step(square, free, 0.0) if free.any() else np.zeros(start.size)
+        promised = -1.0 if newton is None else float(-newton @ square.gradient)
+        unit = max(1.0, square.chi2 / square.samples)
+        if newton is not None and 0 <= promised < tolerance * unit and _within(here + newton, low, high):
             return Minimum(here, square, True, used, tuple(int(i) for i in np.flatnonzero(~free)))
-        newton = _step(square, free, 0.0)
-        if newton is not None:
-            fall = float(-newton @ square.gradient)
-            inside = np.all((here + newton >= low) & (here + newton <= high))
-            if inside and 0 <= fall < tolerance * max(1.0, square.chi2 / square.samples):
-                held = tuple(int(i) for i in np.flatnonzero(~free))
-                return Minimum(here, square, True, used, held)
-            if hopeless is not None and 0 <= fall < _LITTLE * max(1.0, square.chi2 / square.samples):
-                if hopeless(here, square):
-                    break
-                hopeless = None
-        step = _step(square, free, damping)
+        if hopeless is not None and 0 <= promised < _LITTLE * unit:
+            if hopeless(here, square):
+                break
+            hopeless = None
+        step = _step(square, free, damping.value)
         if step is None:
-            damping = max(10 * damping, 1e-8)
-            if damping > 1e12:
+            if not damping.raise_to(1e-8):
                 break
             continue
         there = np.clip(here + step, low, high)
         moved = there - here
         expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
         back = None
-        if residual is not None and (expected > _STRAIGHT or refused):
+        if residual is not None and (expected > _STRAIGHT or damping.refused):
             back = _back_to_the_valley(residual, square, here, moved, free, (low, high))
         try:
             if back is not None and back[1] >= square.chi2:  # it will be refused: spare the derivatives there
@@ -114,21 +104,41 @@ def minimise(
         used += 1
         if fell > 0 and expected > 0:
             here, square = there, trial
-            ratio = fell / expected
-            # Freedom regained step by step after a refusal, at once where none has been met.
-            easing = 0.3 if refused else 0.01
-            damping *= easing if ratio > 0.7 else (0.5 if ratio > 0.3 else 4.0)
-            damping = max(damping, 1e-14)
-            refused = max(0, refused - 1)
-        else:
-            # Rounding hides falls below 1e-12 of chi^2: a rejected step of that size is the end of the road.
-            if 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
-                return Minimum(here, square, True, used)
-            damping = max(10 * damping, 1e-9)
-            refused = 3
-            if damping > 1e12:
-                break
+            damping.ease(fell / expected)
+        elif 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
+            return Minimum(here, square, True, used)  # rounding hides falls below 1e-12 of chi^2
+        elif not damping.refuse():
+            break
     return Minimum(here, square, False, used)
+
+
+class _Damping:
+    """How far a step is held back, and how many steps ago the last one was refused."""
+
+    def __init__(self) -> None:
+        self.value = 1e-6  # the base model has directions a million times softer than others: near Gauss-Newton
+        self.refused = 0
+
+    def ease(self, ratio: float) -> None:
+        """Follow a step that brought ``ratio`` of what it promised: step by step after a refusal, at once before."""
+        easing = 0.3 if self.refused else 0.01
+        self.value *= easing if ratio > 0.7 else (0.5 if ratio > 0.3 else 4.0)
+        self.value = max(self.value, 1e-14)
+        self.refused = max(0, self.refused - 1)
+
+    def refuse(self) -> bool:
+        """Follow a step that led uphill; return whether a shorter one is worth trying."""
+        self.refused = 3
+        return self.raise_to(1e-9)
+
+    def raise_to(self, least: float) -> bool:
+        """Hold steps back ten times as much, by ``least`` at least; return whether one is still to be tried."""
+        self.value = max(10 * self.value, least)
+        return self.value <= 1e12
+
+
+def _within(point: Floats, low: Floats, high: Floats) -> bool:
+    return bool(np.all((point >= low) & (point <= high)))
 
 
 def _free(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarray:

@@ -57,8 +57,7 @@ def _off(fitted: Fitted, at: int, side: float, stop: Stop) -> float:
             found = minimise(
                 lambda q: square_of(hypothesis, fitted.floor, q),
                 z,
-                lower=least,
-                upper=most,
+                bounds=(least, most),
                 evaluations=8,
                 tolerance=1e-2,
                 residual=lambda q: whitened_residual(hypothesis, fitted.floor, q),

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from functools import partial
 
 from analysis.diagnosis.explanation import Explanation, explain_with_effects, explain_with_laws
-from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.learning.law_learning import may_reach
+from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.question import Question
-from analysis.diagnosis.search.full_rate import seen_finely
+from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, settle
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -30,7 +30,7 @@ class Branch:
     """
 
     searched: Searched
-    law: LawAlone
+    law: SingleLaw
     named: Explanation | None = None
     complete: Explanation | None = None
 
@@ -42,7 +42,7 @@ class Branch:
     @property
     def leaves_something(self) -> bool:
         """Get whether the residual of the best fit is more than noise."""
-        return self.searched.rest.significant
+        return self.searched.residual.significant
 
 
 class BestFirst:
@@ -118,20 +118,20 @@ class BestFirst:
         self._law_was_tried = True
         rest = self._at_rest
         assert rest is not None
-        if not rest.law.explains_instead(likelier.searched.best, self._question.catalogue):
+        if not rest.law.replaces_effects(likelier.searched.best, self._question.catalogue):
             return
         with_pairs = likelier.searched.with_pairs()
         if with_pairs is not likelier.searched:
             likelier.searched, likelier.named = with_pairs, None
-        fine = partial(seen_finely, rest.searched.best, rest.searched.trail, self._question.motions)
-        if rest.law.ahead_of(likelier.searched.best) and fine() is None:
+        fine = partial(at_full_rate, rest.searched.best, rest.searched.trail, self._question.motions)
+        if rest.law.is_likelier_than(likelier.searched.best) and fine() is None:
             self._answer = explain_with_laws(self._question, self._without_effects(rest), rest.law)
 
     def _name(self, branch: Branch) -> None:
         """Name the effects that pass their gates; a ripple of the light is looked for at the record's own rate."""
         question = self._question
-        best, trail, rest = branch.searched.best, branch.searched.trail, branch.searched.rest
-        finely = seen_finely(best, trail, question.motions)
+        best, trail, rest = branch.searched.best, branch.searched.trail, branch.searched.residual
+        finely = at_full_rate(best, trail, question.motions)
         if finely is not None:
             best, trail = finely
             branch.law = question.one_law_beside(trail.start)

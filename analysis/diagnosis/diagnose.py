@@ -10,9 +10,9 @@ from analysis.diagnosis.explanation import Explanation
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import Diagnosis, Errors, Verdict
+from analysis.diagnosis.verdict.alternatives import blind_spots, candidates, separating
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.residual import errors
-from analysis.diagnosis.verdict.told_beside import blind_spots, candidates, separating
 from analysis.fitted.fitted_shot import shaking_of
 from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.hypothesis_fit import Fitted

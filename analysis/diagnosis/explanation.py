@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 
 from analysis.diagnosis import words
 from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
-from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
-from analysis.diagnosis.search.competing_models import apart
+from analysis.diagnosis.search.competing_models import separations_of
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import Separation, missed_without
 from analysis.diagnosis.verdict.other_names import other_names
-from analysis.diagnosis.verdict.residual import Residual, describe, judge, looks_like
+from analysis.diagnosis.verdict.residual import Residual, describe, looks_like, residual_of
 from analysis.inference.fit.as_fit import effect_parameters
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.fit.likely_noises import under_likely_noises
@@ -67,7 +67,7 @@ class Explanation:
 def explain_with_effects(question: Question, trail: Trail, settled: Settled, held_out: tuple[int, ...]) -> Explanation:
     """Name the effects of a settled fit that pass every gate, taking out those that the residual leaves in doubt."""
     question.progress("telling look-alikes apart", 0.8)
-    best, projector, separations, residual = settled.best, settled.at, settled.far, settled.rest
+    best, projector, separations, residual = settled.best, settled.projector, settled.separations, settled.residual
     while True:
         sure = with_profile_std(under_likely_noises(best), question.stop)
         parameters = effect_parameters(sure)
@@ -81,9 +81,9 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
         if fewer is None:
             break
         best, projector = fewer, trail.projector_of(fewer)
-        residual, separations = judge(best, projector), apart(best, projector, trail)
-    predictions = settled.told
-    if best is not settled.passed and predictions is not None:
+        residual, separations = residual_of(best, projector), separations_of(best, projector, trail)
+    predictions = settled.predictions
+    if best is not settled.predicted and predictions is not None:
         again = predict(best, held_out, best.floor, question.stop)
         predictions = (predictions[0], again) if again is not None else None
     named = bool(effects) or verdict is Verdict.ADEQUATE
@@ -101,7 +101,7 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
     )
 
 
-def explain_with_laws(question: Question, known: Explanation, law: LawAlone, *, beat: float = math.inf) -> Explanation:
+def explain_with_laws(question: Question, known: Explanation, law: SingleLaw, *, beat: float = math.inf) -> Explanation:
     """Learn the laws that ``known`` leaves room for; ``beat`` is a criterion that they must come below.
 
     ``law`` is the one law that may stand in the place of all effects.
@@ -122,9 +122,9 @@ def explain_with_laws(question: Question, known: Explanation, law: LawAlone, *, 
             effects=tuple(beyond.effects),
             laws=beyond.laws,
             imitations=tuple(beyond.imitations),
-            remainder=beyond.rest.text,
+            remainder=beyond.residual.text,
             held_out=law.held,
-            predictions=beyond.foretold,
+            predictions=beyond.predictions,
         )
     if not known.effects and known.predictions is not None and known.nearest is not known.before:
         return replace(known, predictions=(known.predictions[0], known.predictions[0]))

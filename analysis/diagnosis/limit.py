@@ -1,4 +1,4 @@
-"""How long a diagnosis may take: what may be left out is, once its time is over, and is said to be."""
+"""How long a diagnosis may take; steps that were left out when the time was over are listed."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -12,14 +12,13 @@ Result = TypeVar("Result")
 
 
 class Limit:
-    """The time of a diagnosis from now on, and what of it was left out when that was over.
+    """The time of a diagnosis from now on, and the steps that were left out when it was over.
 
-    Called, it says whether work that may be left out is to stop; it raises Cancelled where the caller asked to stop.
-    Neither compiling nor what other programs take of the processor is counted.
+    Calling it returns whether work that may be left out is to stop; it raises Cancelled where the caller wants to stop.
+    Compiling and the time that other programs take are not counted.
     """
 
     def __init__(self, seconds: float, cancelled: Stop) -> None:
-        """Begin now."""
         self._time, self._cancelled = FitTime(_FOR_SEARCHING * seconds, cancelled), cancelled
         self._left_out: list[str] = []
 
@@ -33,9 +32,9 @@ class Limit:
         return tuple(dict.fromkeys(self._left_out))
 
     def within(self, what: str, work: Callable[[], Result], otherwise: Result) -> Result:
-        """Return what ``work`` makes, or ``otherwise`` where the time is over before it ends: then ``what`` is noted.
+        """Return the result of ``work``; where the time is over before it ends ``otherwise``, and note ``what``.
 
-        ``work`` asks this limit whether to stop, and raises Cancelled where it does.
+        ``work`` calls this limit to learn whether to stop, and raises Cancelled where it does.
         """
         if self():
             self._left_out.append(what)

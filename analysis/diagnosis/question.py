@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from analysis.collision.effects import WIDER, findings
-from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import choose
@@ -66,9 +66,9 @@ class Question:
         """Return the shots that are predicted from the others, each in turn."""
         return choose(data, in_turn=in_turn) if self.hold_out is None else (self.hold_out,)
 
-    def one_law_beside(self, start: Fitted) -> LawAlone:
+    def one_law_beside(self, start: Fitted) -> SingleLaw:
         """Return the law that ``start`` may lack; it is learned when it is first needed."""
-        return LawAlone(start, self.held_out(start.hypothesis.data), self.progress, self.stop, self.limit)
+        return SingleLaw(start, self.held_out(start.hypothesis.data), self.progress, self.stop, self.limit)
 
     @property
     def seconds(self) -> float:

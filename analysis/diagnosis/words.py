@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from analysis.collision.effects import TAKEN_ALONG, named
 from analysis.collision.laws.own import from_key
-from analysis.diagnosis.learning import contact_words
+from analysis.diagnosis import contact_family
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.shot.fit import Fit
@@ -105,7 +105,7 @@ def sentence(
     return (
         _verdict(verdict, effects, laws, imitations, remainder)
         + _reduced(reduced_to if effects or laws or (imitations and verdict is Verdict.PARTLY_EXPLAINED) else None)
-        + contact_words.told(effects, laws)
+        + contact_family.sentence(effects, laws)
         + (taken_along(fit) if fit is not None else "")
     )
 

@@ -1,13 +1,13 @@
-"""Where the catalogue leaves something: learned laws, alone or beside the effects that were found or came nearest."""
+"""Laws learned where the catalogue leaves a residual: alone, or together with effects of the catalogue."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from analysis.diagnosis import words
-from analysis.diagnosis.learning.law_instead import LawAlone
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
-from analysis.diagnosis.learning.law_telling import retold
+from analysis.diagnosis.learning.learned_law import in_joint_fit
+from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
@@ -16,7 +16,7 @@ from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
-from analysis.diagnosis.verdict.residual import Residual, judge
+from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference.fit.as_fit import effect_parameters
 from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
 from analysis.inference.screen.projector import Projector, projector
@@ -36,20 +36,20 @@ class Beyond:
     verdict: Verdict
     effects: list[FoundEffect]
     laws: tuple[LearnedLaw, ...]
-    foretold: tuple[Prediction, Prediction]
-    rest: Residual
+    predictions: tuple[Prediction, Prediction]
+    residual: Residual
     imitations: Sequence[FoundEffect] = ()
 
 
 def beyond_catalogue(
-    alone: LawAlone, nearest: Fitted, effects: Sequence[FoundEffect], *, beat: float = math.inf
+    alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], *, beat: float = math.inf
 ) -> Beyond | None:
     """Return what lowers the error of the held-out shots, or None where nothing does.
 
-    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Asked in turn, until one explains
-    all: the law ``alone``, two laws, a law beside those effects.  Two laws beside effects that are themselves in doubt
-    are not: so much freedom imitates nearly anything, and costs as much time as all before it.  ``beat`` is what laws
-    must make the shots likelier than (``law_learning``).
+    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Tried in turn, until one explains
+    all: the law ``alone``, two laws, a law together with those effects.  Two laws with effects that are themselves in
+    doubt are not tried: so much freedom imitates nearly anything, and takes as long as all before it.  ``beat`` is the
+    criterion that laws must come below (``law_learning``).
     """
     before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
     found = []
@@ -73,7 +73,7 @@ def beyond_catalogue(
             found.append(_together(joined, effects, helped[0], held, stop, passed=False))
             if found[-1].verdict is Verdict.LAW_LEARNED:
                 return found[-1]
-        rest = judge(nearest, projector(nearest))
+        rest = residual_of(nearest, projector(nearest))
         verdict = conclude(explained=False, effects=(), predicts_better=True)
         found.append(Beyond(nearest, verdict, [], (), helped, rest, tuple(effects)))
     return min(found, key=lambda one: one.fitted.bic, default=None)
@@ -90,22 +90,22 @@ def beside(
     *,
     beat: float = math.inf,
 ) -> Beyond | None:
-    """Return a law beside ``effects`` that passed every test and left something, or None where there is none.
+    """Return a law together with ``effects`` that passed every test and left a residual, or None.
 
-    ``named`` is the fit with those effects, ``before`` the base model's.
+    ``named`` is the fit with those effects, ``before`` that of the base model.
     """
     tell("learning a law beside the effects that were found", 0.8)
     what = "a law beside the effects that were found"
     found = limit.within(what, lambda: learn_laws(named, held, tell, limit, beat=beat), None)
     if found is None:
         return None
-    base = predict(before, held, named.floor, stop) or found.foretold[0]
+    base = predict(before, held, named.floor, stop) or found.predictions[0]
     return _together(found, effects, base, held, stop, passed=True)
 
 
 def _alone(found: Discovery) -> Beyond:
     verdict = conclude(explained=found.explains, effects=(), laws=found.laws)
-    return Beyond(found.fitted, verdict, [], found.laws, found.foretold, found.rest)
+    return Beyond(found.fitted, verdict, [], found.laws, found.predictions, found.residual)
 
 
 def _together(
@@ -132,11 +132,11 @@ def _together(
             break
         fitted, kept = trial, [effect for effect in kept if effect.name != idle]
     fitted = lead_on(fitted, cancelled=stop)
-    told, rest, at = found.foretold[1], found.rest, projector(fitted)
+    told, rest, at = found.predictions[1], found.residual, projector(fitted)
     if fitted is not found.fitted:
-        told, rest = predict(fitted, held, fitted.floor, stop) or told, judge(fitted, at)
+        told, rest = predict(fitted, held, fitted.floor, stop) or told, residual_of(fitted, at)
     explains = found.explains and not rest.significant
-    laws = tuple(retold(law, fitted, law.form is not None) for law in found.laws)
+    laws = tuple(in_joint_fit(law, fitted, law.form is not None) for law in found.laws)
     parameters = effect_parameters(fitted)
     anew = [_anew(effect, parameters[effect.name], fitted, at, fewer[effect.name]) for effect in kept]
     named, imitations = (anew, []) if passed or explains else ([], anew)
@@ -145,7 +145,7 @@ def _together(
 
 
 def _worth(fitted: Fitted, fewer: Fitted | None) -> float:
-    """Return what the criterion rises by without an effect; infinite where there is no fit without it."""
+    """Return how much the criterion rises without an effect; infinite where there is no fit without it."""
     return float("inf") if fewer is None else fewer.bic - fitted.bic
 
 
@@ -162,7 +162,7 @@ def _anew(
 
 
 def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:
-    """Return what is foretold without and with the effects that came nearest, or None where they do not help."""
+    """Return the predictions without and with the effects that came nearest, or None where they do not help."""
     if nearest is before or not held or not nearest.converged:
         return None
     first, told = (predict(fitted, held, nearest.floor, stop) for fitted in (before, nearest))

@@ -1,12 +1,12 @@
-"""A law that the catalogue does not hold, learned from the shots: its argument, its curve, and the form it has.
+"""A law that the catalogue does not contain, learned from the shots: its argument, its curve, and its closed form.
 
-Every argument is given a free curve (``curve_fit``); the best ones finer knots, until that no longer pays; their curves
-are read as closed forms (``closed_forms``), and the nearest forms are fitted to the shots like any effect of the
-catalogue, on the same solver, judged by the same tests and on the same held-out shots.  Decided is after that: two
-arguments whose curves end in forms are compared as forms.
+Every argument gets a free curve (``curve_fit``); the best ones get finer knots, until that no longer pays.  Closed
+forms are sought for these curves (``closed_forms``), and the nearest are fitted to the shots like any effect of the
+catalogue: on the same solver, by the same tests and on the same held-out shots.  In the end arguments are compared by
+their forms.
 
-Where a law counts only if it makes the shots likelier than something else does, that criterion is ``beat``: curves that
-are so far behind it that no form of theirs can come before it are read as none.
+``beat`` is a criterion that a law must come below to count; curves so far above it that no form can come below it are
+not followed.
 """
 
 import math
@@ -22,11 +22,11 @@ from analysis.diagnosis.learning.closed_forms import Fitting, compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import ground_of
 from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
-from analysis.diagnosis.learning.law_telling import FormFit, told
+from analysis.diagnosis.learning.learned_law import FormFit, as_learned
 from analysis.diagnosis.result import LearnedLaw
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
-from analysis.diagnosis.verdict.residual import Residual, judge
+from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
 from analysis.inference.screen.projector import projector
 from analysis.shot.shot import Cancelled, Progress, Stop
@@ -43,28 +43,28 @@ _NEAR, _NEAR_NORMS = 4.0, 200.0  # times the nearest form's distance, and more: 
 
 @dataclass(frozen=True, slots=True)
 class Discovery:
-    """Learned laws: how they are told, the fit that holds them, what that leaves over, how the held-out shots fare.
+    """Learned laws, the fit that holds them, its residual, and the predictions of the held-out shots.
 
-    ``start`` is the fit that lacks them.
+    ``start`` is the fit that lacks the laws.
     """
 
     start: Fitted
     laws: tuple[LearnedLaw, ...]
     fitted: Fitted
-    rest: Residual
-    foretold: tuple[Prediction, Prediction]  # without the laws and with them
+    residual: Residual
+    predictions: tuple[Prediction, Prediction]  # without the laws and with them
 
     @property
     def explains(self) -> bool:
         """Return whether the laws account for everything down to the noise, each in a closed form that meets it."""
         named = all(law.form is not None for law in self.laws)
-        return named and self.fitted.converged and not self.rest.significant
+        return named and self.fitted.converged and not self.residual.significant
 
 
 def may_reach(beat: float, there: float, start: float) -> bool:
-    """Return whether what led from the criterion ``start`` to ``there`` may yet lead below ``beat``.
+    """Return whether a search that led from the criterion ``start`` to ``there`` may still lead below ``beat``.
 
-    A form may find more than its curve, another way more than the first: as much again as they did, at most.
+    What follows is taken to gain as much again at most.
     """
     return there - (start - there) < beat
 
@@ -78,10 +78,10 @@ def learn_law(
     beside: LearnedLaw | None = None,
     beat: float = math.inf,
 ) -> Discovery | None:
-    """Return the law that ``start`` lacks, if the shots show any; Cancelled when asked to stop.
+    """Return the law that ``start`` lacks, or None where the shots show none.  Raises Cancelled.
 
-    ``held`` are the shots that are foretold in turn.  A single shot shows no law: it could not be tested.  ``beside``
-    is a law that ``start`` has already.
+    The shots ``held`` are predicted in turn.  A single shot shows no law, as it could not be tested.  ``beside`` is a
+    law that ``start`` has already.
     """
     if len(start.hypothesis.data.shots) < 2 or not held:
         return None
@@ -114,27 +114,27 @@ def learn_law(
     if best.bic > start.bic - CRITERIA.law_fall:
         return None
     at = projector(best)
-    rest = judge(best, at)
+    rest = residual_of(best, at)
     before, after = (predict(f, held, best.floor, stop) for f in (start, best))
     if before is None or after is None or not after.earns_a_name(before):
         return None
     named = _meets(fits[0], curves)
-    return Discovery(start, (told(start, fits, named, after, held),), best, rest, (before, after))
+    return Discovery(start, (as_learned(start, fits, named, after, held),), best, rest, (before, after))
 
 
 def arguments_of(start: Fitted) -> list[Argument]:
-    """Return what a law beside a fit may depend on."""
+    """Return the arguments that a law added to a fit may have."""
     one_body = start.hypothesis.data.base.one_body
     return [argument for argument in ARGUMENTS if not (one_body and argument.where == "plate")]
 
 
 def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
-    """Return whether a closed form tells as much as the best free curve."""
+    """Return whether a closed form is as good as the best free curve."""
     return one.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
 
 
 def is_law(form: Fitting, argument: Argument) -> bool:
-    """Return whether a form is news: a constant is, in contact alone (a force while they touch, and only then)."""
+    """Return whether a form is no part of the base model: a constant is new only as a force while the bodies touch."""
     return form.form.name != "constant" or (argument.where == "contact" and not argument.factor)
 
 
@@ -143,7 +143,7 @@ def _argument(learned: Learned) -> Argument:
 
 
 def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop: Stop) -> list[Learned]:
-    """Return the curves that explain most, best first, those in front with the knots they ask for."""
+    """Return the curves that explain most, best first, the leading ones with as many knots as pay."""
     ground = ground_of(start)
 
     def one(argument: Argument) -> Learned | None:

@@ -1,7 +1,7 @@
-"""Two laws, where one does not explain all: both at once, and, where that finds none, a second beside the first.
+"""Two laws, where one does not explain all: both at once, and where that fails a second one added to the first.
 
-One law alone takes what is another's, and may then be given to the wrong argument, or lie on no form at all.  Two free
-curves side by side do not; each is read as a closed form with the other still free, and the forms are fitted together.
+One law alone absorbs part of the other, and may then have the wrong argument or no closed form at all.  Two free curves
+fitted together do not; the form of each is sought with the other still free, and the forms are fitted together.
 """
 
 import math
@@ -24,11 +24,11 @@ from analysis.diagnosis.learning.law_learning import (
     learn_law,
     may_reach,
 )
-from analysis.diagnosis.learning.law_telling import FormFit, retold, told
+from analysis.diagnosis.learning.learned_law import FormFit, as_learned, in_joint_fit
 from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import predict
-from analysis.diagnosis.verdict.residual import judge
+from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
 from analysis.inference.screen.projector import projector
 from analysis.shot.shot import Progress, Stop
@@ -43,7 +43,7 @@ _AT_FIRST = 2  # of these with as many of the other's; then all beside the other
 def learn_laws(
     start: Fitted, held: tuple[int, ...], tell: Progress, stop: Stop, *, beat: float = math.inf
 ) -> Discovery | None:
-    """Return the law that ``start`` lacks, or the two: a second is asked where the first leaves more than noise."""
+    """Return the law that ``start`` lacks, or two: a second is learned where the first leaves more than noise."""
     first = learn_law(start, held, tell, stop)
     return first if first is None or first.explains else learn_another(first, held, tell, stop, beat=beat)
 
@@ -51,11 +51,11 @@ def learn_laws(
 def learn_another(
     first: Discovery, held: tuple[int, ...], tell: Progress, stop: Stop, *, beat: float = math.inf
 ) -> Discovery:
-    """Return two laws, or the first where there is no second; Cancelled when asked to stop.
+    """Return two laws, or the first where there is no second.  Raises Cancelled.
 
-    Both at once where that explains all, else a second beside the first.  A form that fell short of its curve only for
-    what the second explains is then the first law's after all.  ``beat`` is a criterion that two must come before
-    (``law_learning``).
+    Both at once where that explains all, else a second added to the first.  A form that was worse than its curve only
+    by what the second law explains is then that of the first law.  ``beat`` is a criterion that two laws must come
+    below (``law_learning``).
     """
     tell("learning two laws at once", 0.86)
     together = learn_two(first.start, held, stop, beat=beat)
@@ -68,12 +68,12 @@ def learn_another(
     second = learn_law(first.fitted, held, tell, stop, beside=law, beat=beat)
     if second is None:
         return first
-    both = (retold(law, second.fitted, law.form is not None or second.explains), *second.laws)
-    return Discovery(first.start, both, second.fitted, second.rest, (first.foretold[0], second.foretold[1]))
+    both = (in_joint_fit(law, second.fitted, law.form is not None or second.explains), *second.laws)
+    return Discovery(first.start, both, second.fitted, second.residual, (first.predictions[0], second.predictions[1]))
 
 
 def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float = math.inf) -> Discovery | None:
-    """Return two laws that ``start`` lacks, learned at once, or None where no two do; Cancelled when asked to stop."""
+    """Return two laws that ``start`` lacks, learned at once, or None where there are none.  Raises Cancelled."""
     curves = _curves(start, stop)
     if curves is None or curves.bic > start.bic - 2 * CRITERIA.law_fall:
         return None
@@ -118,12 +118,12 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
         last = curves.with_last(which)
         read = [FormFit(tried[pair], last, forms[which][pair[which]], which - 2) for pair in rivals]
         read.sort(key=lambda one: one.bic)
-        laws.append(told(fewer[which] or start, read, True, after, held))
-    return Discovery(start, tuple(laws), fitted, judge(fitted, projector(fitted)), (before, after))
+        laws.append(as_learned(fewer[which] or start, read, True, after, held))
+    return Discovery(start, tuple(laws), fitted, residual_of(fitted, projector(fitted)), (before, after))
 
 
 def _curves(start: Fitted, stop: Stop) -> Learned | None:
-    """Return the two free curves side by side that explain most, with the knots they ask for."""
+    """Return the two free curves, fitted together, that explain most, with as many knots as pay."""
     pairs = likeliest_pairs(ground_of(start), arguments_of(start), FIRST_PIECES, stop)[:_PAIRS]
 
     def fitted(terms: tuple[Term, Term]) -> Learned | None:

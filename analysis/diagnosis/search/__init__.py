@@ -1,1 +1,1 @@
-"""The search through the catalogue: what each effect would explain, and which are fitted together."""
+"""Search of the catalogue: what each effect would explain, and which are fitted together."""

@@ -1,7 +1,7 @@
-"""What would do almost as well: an effect's nearest look-alikes, fitted in its place.
+"""Competing models: an effect's nearest look-alikes, fitted in its place.
 
-To first order one effect may stand well apart from another that a bent path leads to: a soft support is a second plate
-mode at a frequency of its own.  So the nearest are fitted, from where they imitate the effect best.
+To first order two effects may look different that are the same along a bent path: a soft support is a second plate mode
+at a frequency of its own.  So the nearest are fitted, beginning where they imitate the effect best.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,7 @@ from analysis.collision.effects import named
 from analysis.diagnosis.search.forward_selection import Trail, better, without
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation, separation
-from analysis.diagnosis.verdict.residual import Residual, judge
+from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference.fit.added_effect import refit, times
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis_fit import Fitted, fit
@@ -30,51 +30,49 @@ _RINGS = 2  # hidden states of what swings by itself
 _HOPELESS = 150.0  # of the criterion behind the best after a short search
 
 
-def apart(best: Fitted, at: Projector, trail: Trail) -> Separations:
-    """Return how far each effect that the start lacks stands from everything else in the catalogue."""
-    out = {}
-    for name in trail.added(best):
-        out[name] = separation(best, at, name, trail.catalogue, trail.stop)
-    return out
+def separations_of(best: Fitted, projector: Projector, trail: Trail) -> Separations:
+    """Return how far each effect that the start lacks is from everything else in the catalogue, by its name."""
+    return {name: separation(best, projector, name, trail.catalogue, trail.stop) for name in trail.added(best)}
 
 
-def challenged(
-    best: Fitted, at: Projector, trail: Trail, foretells: Callable[[Fitted], bool]
+def with_look_alikes_tried(
+    best: Fitted, projector: Projector, trail: Trail, predicts: Callable[[Fitted], bool]
 ) -> tuple[Fitted, Projector, Separations]:
-    """Fit every effect's nearest look-alikes in its place, and return what is best then, with its separations.
+    """Fit every effect's nearest look-alikes in its place, and return the best fit then, with its separations.
 
-    One that takes the place must predict the held-out shots, as the effect did.
+    One that takes the place must predict the held-out shots (``predicts``), as the effect did.
     """
-    far = apart(best, at, trail)
-    kept = best
-    for name, distances in far.items():
+    separations = separations_of(best, projector, trail)
+    likeliest = best
+    for name, separation_of_it in separations.items():
         fewer = without(best, name, trail)
         if fewer is None:
             continue
-        frequency = best.point.values[0][name].get("frequency_hz")
-        near = _nearest(name, distances, trail.catalogue)
-        known = {kind.name: _known(trail, fewer, kind, frequency) for kind in near}
-        left = [kind for kind in near if known[kind.name] is None]
+        frequency_hz = best.point.values[0][name].get("frequency_hz")
+        near = _nearest(name, separation_of_it, trail.catalogue)
+        known = {kind.name: _known(trail, fewer, kind, frequency_hz) for kind in near}
+        new = [kind for kind in near if known[kind.name] is None]
         fitted = [one for one in known.values() if one is not None]
-        if left:
-            instead = partial(fitted_instead, best, trail.projector_of(fewer), distances, frequency, trail.stop)
-            fitted += [one for kind in left if (one := instead(kind)) is not None]
+        if new:
+            beside = trail.projector_of(fewer)
+            instead = partial(fitted_instead, best, beside, separation_of_it, frequency_hz, trail.stop)
+            fitted += [one for kind in new if (one := instead(kind)) is not None]
         for one in fitted:
             trail.keep(one)
-            if better(one, kept):
-                kept = one
-    if kept is best or not foretells(kept):
-        return best, at, far
-    kept = fit(kept.hypothesis, kept.z, kept.floor, evaluations=60, cancelled=trail.stop)
-    trail.keep(kept)
-    at = trail.projector_of(kept)
-    return kept, at, apart(kept, at, trail)
+            if better(one, likeliest):
+                likeliest = one
+    if likeliest is best or not predicts(likeliest):
+        return best, projector, separations
+    likeliest = fit(likeliest.hypothesis, likeliest.z, likeliest.floor, evaluations=60, cancelled=trail.stop)
+    trail.keep(likeliest)
+    projector = trail.projector_of(likeliest)
+    return likeliest, projector, separations_of(likeliest, projector, trail)
 
 
-def unmissed(
-    best: Fitted, at: Projector, rest: Residual, trail: Trail, foretells: Callable[[Fitted], bool]
+def alternative_without_misfit(
+    best: Fitted, projector: Projector, residual: Residual, trail: Trail, predicts: Callable[[Fitted], bool]
 ) -> tuple[Fitted, Projector, Residual]:
-    """Return another fit, nearly as likely and with as many effects, that misses nothing where the best does."""
+    """Return a fit with as many effects, nearly as likely, whose residual is noise; the best if there is none."""
     near = [
         other
         for key, other in trail.fits.items()
@@ -85,17 +83,17 @@ def unmissed(
     ]
     for other in sorted(near, key=lambda fitted: fitted.bic)[:_FITTED]:
         trail.go_on()
-        there = trail.projector_of(other)
-        left = judge(other, there)
-        if not left.significant and foretells(other):
-            return other, there, left
-    return best, at, rest
+        of_other = trail.projector_of(other)
+        left = residual_of(other, of_other)
+        if not left.significant and predicts(other):
+            return other, of_other, left
+    return best, projector, residual
 
 
 def _nearest(effect: str, distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
     """Return the effects that do most of what one does, nearest first, and those that ring at the same place.
 
-    What rings long is a line so narrow that to first order even its twin a hundredth beside it stands apart.
+    What rings long is a line so narrow that to first order it differs even from a line one hundredth away.
     """
     near = sorted(
         (distance, name) for name, distance in distances.from_other.items() if distance < _ALIKE * distances.snr
@@ -111,7 +109,7 @@ def _ring_alike(effect: str, other: str) -> bool:
 
 
 def _known(trail: Trail, fewer: Fitted, kind: TrialEffect, frequency_hz: float | None) -> Fitted | None:
-    """Return the fit with ``kind`` beside ``fewer`` if it was made and arrived: for a line, at that frequency."""
+    """Return the fit of ``fewer`` and ``kind`` if there is one that converged: for a line, at that frequency."""
     known = trail.of((*fewer.names, kind.name))
     if known is None:
         return None

@@ -1,4 +1,4 @@
-"""Which effects, and how many: score all, refit the best jointly from several starts, keep what pays its way."""
+"""Forward selection of effects: score all, fit the best jointly from several starts, keep those that pay."""
 
 import itertools
 import math
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
 from analysis.diagnosis.limit import Limit
-from analysis.diagnosis.search.wider import narrower, widened
+from analysis.diagnosis.search.wider_effects import narrower, widened
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.added_effect import refit, united
 from analysis.inference.fit.effective_parameters import Point, to_effective
@@ -28,12 +28,12 @@ from analysis.shot.shot import Cancelled, Stop
 Floats = NDArray[np.float64]
 Result = TypeVar("Result")
 REFITTED = 5
-STRONGER = 3  # more, where what is left is no mere noise
+STRONGER = 3  # more, where the residual is far above noise
 WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search: worth a longer one
-WORTH_FITTING = 8.0  # of gain; a step that promises less never makes the fall that is asked for
-UNDER_THE_FLOOR = 3  # more, of those that would do best if the floor did not wander
-OTHER_FIRSTS = 2  # to begin with where what was found leaves something unexplained
-NARROW = 3  # of those that score best are fitted on such a way, where the right one stands in front
+WORTH_FITTING = 8.0  # of gain; a fit that promises less never makes the fall that is required
+IF_WHITE = 3  # more, of those that would do best if the noise did not wander
+OTHER_FIRSTS = 2  # first effects to begin with where those that were found leave a residual
+NARROW = 3  # of those that score best are fitted in such a search, where the right one leads
 CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
 
 
@@ -47,8 +47,8 @@ class Trail:
     scores: dict[str, Score] = field(default_factory=dict)
     fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
     last: Projector | None = None  # of the last round
-    asked: set[tuple[str, ...]] = field(default_factory=set)  # fitted from a fit with one effect more, too
-    widens: bool = True  # ask for the wider of two effects where the narrow one was found
+    asked: set[tuple[str, ...]] = field(default_factory=set)  # fitted from a fit with one effect more as well
+    widens: bool = True  # try the wider of two effects where the narrow one was found
     limit: Limit | None = None
 
     def __post_init__(self) -> None:
@@ -60,7 +60,7 @@ class Trail:
             raise Cancelled
 
     def within(self, what: str, work: Callable[[], Result], otherwise: Result) -> Result:
-        """Return what ``work`` makes; ``otherwise`` where the time is over before it ends, and ``what`` is noted."""
+        """Return the result of ``work``; where the time is over before it ends ``otherwise``, and note ``what``."""
         if self.limit is None:
             return work()
         stop, self.stop = self.stop, self.limit
@@ -74,12 +74,12 @@ class Trail:
         return [name for name in fitted.names if name not in self.start.names]
 
     def least_fall(self, floor: Floor | None = None) -> float:
-        """Return by how much the best of the catalogue must lower the criterion to join, beside ``floor``."""
-        # One number gains three times by chance beside a floor that wanders what it gains beside white noise.
+        """Return by how much the best of the catalogue must lower the criterion to join, with the noise ``floor``."""
+        # With a noise that wanders one number gains by chance three times what it gains with white noise.
         return CRITERIA.fall(len(self.catalogue), wandering=floor is not None and floor.wanders)
 
     def pays(self, fitted: Fitted, fewer: Fitted) -> bool:
-        """Return whether a fit is worth its effects more than ``fewer`` has."""
+        """Return whether a fit explains enough more than ``fewer``, which has fewer effects."""
         return fewer.bic - fitted.bic >= self.least_fall(fitted.floor)
 
     def keep(self, fitted: Fitted) -> None:
@@ -89,7 +89,7 @@ class Trail:
             self.fits[key] = fitted
 
     def projector_of(self, fitted: Fitted) -> Projector:
-        """Return a fit's projector, with what the last one's trajectories tell of it; that one itself if it is its."""
+        """Return a fit's projector, made with the trajectories of the last one where those serve."""
         if self.last is not None and self.last.fitted is fitted:
             return self.last
         return projector(fitted, near=self.last)
@@ -120,16 +120,16 @@ def explore(
 
 
 def another_way(best: Fitted, trail: Trail) -> Fitted:
-    """Return the best fit that begins with another first effect: two that lean on each other look like a third."""
+    """Restart the search from other first effects: two that depend on each other may look like a third."""
     firsts = [fitted for fitted in trail.alone() if not set(fitted.names) <= set(best.names)][:OTHER_FIRSTS]
     ends = [climb(polish(first, trail), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
 def paired(trail: Trail) -> Fitted | None:
-    """Return the best fit of two effects that each were found alone and not yet together, or None.
+    """Return the best fit of two effects that were fitted alone and not yet together, or None.
 
-    A third that looks like both is found first, and neither pays beside it.
+    A third that looks like both may be found first, and neither pays beside it.
     """
     firsts = [fitted for fitted in trail.alone() if trail.pays(fitted, trail.start)][: NARROW + 1]
 
@@ -151,7 +151,7 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
         first = len(here.names) == len(trail.start.names)
         what = "effects of the catalogue" if first else "a further effect of the catalogue"
         best = trail.within(what, partial(extend, here, trail, first=first, width=width), None)
-        # One of two effects leaves the floor wandering, as the other does: what it must fall then is asked at the end.
+        # Each of two effects alone leaves a noise that wanders; what that requires is tested at the end.
         if best is None or here.bic - best.bic < trail.least_fall():
             break
         here = wider(polish(prune(best, trail), trail), trail)
@@ -174,7 +174,7 @@ def better(fitted: Fitted, other: Fitted) -> bool:
 
 
 def polish(fitted: Fitted, trail: Trail) -> Fitted:
-    """Return the fit brought to its very minimum: what a short search leaves over would call for one effect more."""
+    """Return the fit brought to its minimum: what a short search leaves would call for one more effect."""
     better = fit(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, anew=True, cancelled=trail.stop)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
@@ -203,9 +203,9 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         for score in apart(listed)[: 1 if place >= 2 else 2]
     ]
     if here.floor.wanders:
-        # The floor was learnt from what is left and may have taken it for noise: ask as if nothing wandered, too.
+        # The noise was learnt from the residual and may have absorbed an effect: score as if it were white, too.
         names = {score.kind.name for score in tried}
-        other = _ranked(at.under(here.floor.still), free, trail)[:UNDER_THE_FLOOR]
+        other = _ranked(at.under(here.floor.still), free, trail)[:IF_WHITE]
         tried += [listed[0] for listed in other if listed[0].kind.name not in names]
     refitted: list[Fitted | None] = []
     for score in tried:
@@ -238,9 +238,9 @@ def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[li
 
 
 def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
-    """Return the fit with one effect taken out, from the trail or made now; the better of both where that is in doubt.
+    """Return the fit with one effect taken out: the one on the trail, or the better of it and one made now.
 
-    A fit made before the others were found may have stopped in another valley.
+    A fit made before the other effects were found may have stopped in another valley.
     """
     names = tuple(n for n in fitted.names if n != name)
     known = trail.of(names)
@@ -256,7 +256,7 @@ def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
 
 
 def without_effect(fitted: Fitted, name: str, stop: Stop) -> Fitted | None:
-    """Return the fit with one effect taken out, begun where it stands; None where nothing can be fitted."""
+    """Return the fit with one effect taken out, begun at the parameters it has; None where nothing can be fitted."""
     hypothesis = Hypothesis(
         fitted.hypothesis.data,
         tuple(kind for kind in fitted.hypothesis.effects if kind.name != name),
@@ -272,7 +272,7 @@ def without_effect(fitted: Fitted, name: str, stop: Stop) -> Fitted | None:
 
 
 def prune(fitted: Fitted, trail: Trail) -> Fitted:
-    """Take out again what an effect found later has made needless."""
+    """Take out effects that a later one has made needless."""
     while True:
         removable = trail.added(fitted)
         if len(removable) < 2:

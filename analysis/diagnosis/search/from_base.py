@@ -1,4 +1,4 @@
-"""Search for effects from the base model's fit: with those the model already has, or from where the shot was read."""
+"""Where a search of the catalogue begins: at the base model's fit, or at the readings of the collision."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ import numpy as np
 from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
-from analysis.diagnosis.search.wider import narrower
+from analysis.diagnosis.search.wider_effects import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.base_fit import slow_enough
 from analysis.inference.fit.begin import Begin
@@ -18,7 +18,7 @@ from analysis.inference.fit.hypothesis_fit import Fitted, finish, search
 from analysis.inference.fit.with_effect import joined
 from analysis.shot.shot import Stop
 
-_SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # of the stiffness and damping of the contact that was read
+_SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # times the stiffness and damping of the contact as it was read
 
 
 def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[str], stop: Stop) -> Fitted:
@@ -40,12 +40,14 @@ def explored(
     most: int = CRITERIA.most_effects,
     limit: Limit | None = None,
 ) -> tuple[Fitted, Trail]:
-    """Return the best fit with ``most`` effects, and what was tried from where; ``given`` is where the base began."""
+    """Return the best fit with at most ``most`` effects, and the trail; ``given`` is where the base fit began."""
     if not before.converged and given.left > CRITERIA.drawn_far:
         return _from_the_guess(before, catalogue, stop, limit)
     best, trail = explore(before, catalogue, stop, most=most, limit=limit)
     again = trail.of(before.names)
-    if again is not None and better(again, before):  # an effect's detour led the base itself to a better place
+    if again is not None and better(
+        again, before
+    ):  # taking an effect in and out led the base itself to a better minimum
         return explore(again, catalogue, stop, most=most, limit=limit)
     return best, trail
 
@@ -53,10 +55,10 @@ def explored(
 def _from_the_guess(
     before: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, limit: Limit | None
 ) -> tuple[Fitted, Trail]:
-    """Return the best fit with effects, begun where the collision was read, not where the base was drawn.
+    """Return the best fit with effects, begun at the readings of the collision, not at the base model's fit.
 
-    What a base model lacks a thousandfold draws its own parameters to a wall: no step from there leads back.  It may
-    have drawn the contact that was read too, so a softer one is a second place to begin.
+    A missing effect that is a thousand times the noise drives the base parameters to a bound, from where no step leads
+    back.  It may have spoilt the reading of the contact as well, so a softer contact is a second place to begin.
     """
     hypothesis = before.hypothesis
     shots = hypothesis.data.shots

@@ -1,4 +1,4 @@
-"""Is there a ripple that the averaged samples do not show?
+"""Fits of other data of the same shots: at the record's own rate, and with the response to a site computed anew.
 
 An interferometer's periodic error turns once or twice a fringe, and the block passes a hundred thousand fringes a
 second: only near the turn is it slow enough for samples averaged to 20 kS/s.  A weak one is seen at the record's rate
@@ -29,10 +29,10 @@ _FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lin
 _TURNS = 2  # of plates and fit
 
 
-def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[Fitted, Trail] | None:
+def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[Fitted, Trail] | None:
     """Return the best fit and its trail at the record's rate (100 kS/s at most) if that shows a ripple, else None.
 
-    What else is there was found at the averaged samples' rate.
+    All other effects were found at the rate of the averaged samples.
     """
     ripple = next((kind for kind in trail.catalogue if named(kind.name).ripples), None)
     here = best.hypothesis.data
@@ -54,12 +54,12 @@ def seen_finely(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[
     return None if finest is None else _anew(finest, trail)
 
 
-def swayed_from_there(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
-    """Return the best fit and its trail with the site's directions, and the plates, as they are where the fit ended.
+def with_sway_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
+    """Return the best fit and its trail with the response to the site's motion computed anew where the fit ended.
 
-    What an effect does had drawn the base parameters with which the directions were computed, and a plate that swings
-    far does not act as far along them as they say.  A frame shakes bodies that are straight lines: those of the fit,
-    or those that come nearest to it without the effect (of a plate that stiffens with its deflection), as is likelier.
+    The response was computed with base parameters that the missing effect had shifted, and is linear in the plate's
+    swing, which a plate that swings far is not.  The bodies that the frame shakes are linear: those of the fit, or
+    those that come nearest to it without the effect (for a plate that stiffens with its deflection), as is likelier.
     """
     for _ in range(_TURNS):
         here, start = best.hypothesis.data, trail.start
@@ -79,7 +79,7 @@ def swayed_from_there(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
 
 
 def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
-    """Return each shot's plate at first touch as the fit leaves it, and the most that moved, over its std."""
+    """Return each shot's plate at first touch by the fit's residual, and the largest change in standard deviations."""
     plates, moved, floor = [], 0.0, fitted.floor
     for shot, left in zip(fitted.hypothesis.data.shots, fitted.residual_m, strict=True):
         assert shot.sway is not None
@@ -90,7 +90,7 @@ def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
 
 
 def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
-    """Return the best fit, which knows other data of the same shots, with a trail of these."""
+    """Return the best fit, which is of other data of the same shots, with a trail of these data."""
     anew = replace(trail, start=_at(trail.start, best.hypothesis.data, trail.stop), fits={}, last=None, asked=set())
     anew.keep(best)
     return polish(prune(best, anew), anew), anew
@@ -103,9 +103,9 @@ def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:
 def _promised(
     ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail: Trail
 ) -> tuple[Mapping[str, float], ...] | None:
-    """Return the values a shot from which a ripple promises to pay at the record's rate, None where it does not.
+    """Return each shot's values at which a ripple promises to pay at the record's rate, None where none does.
 
-    What a building does is slow, a ripple is quick: what the frame has most likely done is taken off, once and for all.
+    A building is slow and a ripple quick: the frame's most likely motion is taken off first.
     """
     here = best.hypothesis.data
     still = []
@@ -123,7 +123,7 @@ def _promised(
 
 
 def _beside(best: Fitted, data: JointData) -> Projector:
-    """Return the projector of a fit over other data of the same shots, the noise learnt from what it leaves there."""
+    """Return the projector of a fit over other data of the same shots, the noise learnt from its residual there."""
     hypothesis = replace(best.hypothesis, data=data)
     left = residuals(hypothesis, best.z)
     start = best.floor if data.site is not None else best.floor.without_site

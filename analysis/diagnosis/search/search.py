@@ -1,7 +1,6 @@
-"""The search through the catalogue, under a noise that the shots may have: a path that wanders, or a building.
+"""Search of the catalogue under one noise that the shots may have: a path that wanders, or a building that shakes it.
 
-The two look alike in flight; in contact they do not.  A law that the model lacks bends flights, too, and may pass for
-either.  So where the readings tell of a site, the shots are searched with it and without it.
+The two look alike in flight; in contact they do not.  A missing law bends flights as well and may look like either.
 """
 
 import math
@@ -15,9 +14,9 @@ from analysis.collision.effects import named
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, climb, paired
 from analysis.diagnosis.search.from_base import accept, explored
-from analysis.diagnosis.search.full_rate import swayed_from_there
+from analysis.diagnosis.search.full_rate import with_sway_updated
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.residual import Residual, judge
+from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference.fit.base_fit import base_fit, pays_along
 from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -32,9 +31,9 @@ from analysis.shot.shot import Progress, Stop
 
 @dataclass(frozen=True)
 class Searched:
-    """The best fit under one noise, how it was come to, and the catalogue that was asked.
+    """The best fit under one noise, the trail that led to it, and the catalogue that was searched.
 
-    ``rounds`` are those in which one more effect might still join.
+    In ``rounds`` more, one more effect might still join in each.
     """
 
     best: Fitted
@@ -43,25 +42,25 @@ class Searched:
     rounds: int = 0
 
     @cached_property
-    def rest(self) -> Residual:
-        """Get what the best fit leaves over."""
-        return judge(self.best, self.trail.projector_of(self.best))
+    def residual(self) -> Residual:
+        """Get the residual of the best fit."""
+        return residual_of(self.best, self.trail.projector_of(self.best))
 
     def to_the_end(self) -> "Searched":
-        """Return the search with the rounds that were left out, where something is left to explain."""
-        if not self.rounds or not self.rest.significant:
+        """Return the search with the rounds that were left out, where there is a residual to explain."""
+        if not self.rounds or not self.residual.significant:
             return self
         return Searched(climb(self.best, self.trail, self.rounds), self.trail, self.catalogue)
 
     def with_pairs(self) -> "Searched":
-        """Return the search with the likeliest two that it did not ask together, where that is likelier."""
+        """Return the search with two effects that it had not tried together, where that is likelier."""
         pair = self.trail.within("two effects that hide each other", lambda: paired(self.trail), None)
         return self if pair is None or pair.bic >= self.best.bic else replace(self, best=pair)
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What is searched: the base of ``motions`` begins as ``given``, ``accepted`` effects are part of the model."""
+    """A search of ``motions``: the base fit begins at ``given``, ``accepted`` effects are part of the model."""
 
     motions: Sequence[Motion]
     given: Begin
@@ -72,7 +71,7 @@ class Search:
     limit: Limit | None = None
 
     def under(self, site: Site | None, *, most: int = CRITERIA.most_effects) -> Searched:
-        """Search under one noise with at most ``most`` effects; what shakes the frame is the site, no finding."""
+        """Search under one noise with at most ``most`` effects; motion of the frame is the site's and no finding."""
         data = joint_data(self.motions, self.given, site)
         catalogue = [
             kind
@@ -86,15 +85,15 @@ class Search:
             self.tell("scoring the catalogue", 0.15)
             if site is None:
                 return explored(start, self.given, catalogue, self.stop, most=most, limit=self.limit)
-            # What plates seem to do beside a missing effect would call for a second one.
+            # Plates seem to move where an effect is missing, and would call for a second effect.
             first, trail = explored(start, self.given, catalogue, self.stop, most=1, limit=self.limit)
-            first, trail = swayed_from_there(first, trail)
+            first, trail = with_sway_updated(first, trail)
             more = CRITERIA.most_effects - len(trail.added(first))
             return (climb(first, trail, more) if trail.added(first) else first), trail
 
         along = own_flights(data.shots, CRITERIA.own_flights)
         best, trail = along_with(along)
-        if along:  # bends of each shot's own take up what one law of all does, at the price of a number each
+        if along:  # accelerations of each shot's own may stand in for one law of all shots
             plain, plain_trail = along_with(())
             if plain.bic <= best.bic or not pays_along(best, along, self.stop):
                 best, trail = plain, plain_trail
@@ -102,10 +101,10 @@ class Search:
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)
 
     def likelier_without_site(self, searched: Searched) -> bool:
-        """Return whether the shots are likelier as if no building shook them, their effects the same: one fit more.
+        """Return whether the shots are likelier with no building, their effects the same: one more fit.
 
-        An effect that bends flights is read as a building, and its strengths, learnt beside a base model that lacks the
-        effect, are a wide valley: a fit may end in it with a contact's start off by ten times the noise.
+        An effect that bends flights is read as a building.  The building's strengths, learnt with a base model that
+        lacks the effect, are badly known, and a fit may end with the touch wrong by ten times the noise.
         """
         best = searched.best
         if not best.names:

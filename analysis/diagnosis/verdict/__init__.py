@@ -1,1 +1,1 @@
-"""What stands: held-out shots, look-alikes, what is left over, and the criteria of it all."""
+"""The verdict: held-out shots, look-alikes, residuals, and the criteria that decide."""

@@ -1,157 +1,170 @@
-"""The gates an effect must pass to be named: it pays on held-out shots, stands out, and leaves nothing unlike it.
+"""The gates that an effect must pass to be named: it predicts held-out shots, stands out, and leaves no misfit.
 
-What stands of the effects that a search found follows: after held-out shots, size, look-alikes and what is left.
+``settle`` takes the fit that a search found through those gates that may take an effect out of it; ``accepted_effects``
+decides of what is then left which effects are named.
 """
 
 from dataclasses import dataclass, replace
 
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import FoundEffect, Verdict
-from analysis.diagnosis.search.competing_models import Separations, apart, challenged, unmissed
+from analysis.diagnosis.search.competing_models import (
+    Separations,
+    alternative_without_misfit,
+    separations_of,
+    with_look_alikes_tried,
+)
 from analysis.diagnosis.search.forward_selection import Trail, another_way, better, without
 from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
-from analysis.diagnosis.verdict.residual import Residual, judge
+from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.screen.projector import Projector
 from analysis.shot.shot import Progress
 
-Told = tuple[Prediction, Prediction]
+Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the model before, by the fit
 
 
-def paying(best: Fitted, held: tuple[int, ...], trail: Trail) -> tuple[Fitted, Told | None]:
-    """Return the fit without the effects that do not pay on the held-out shot, and what is foretold of it.
+def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tuple[Fitted, Predictions | None]:
+    """Return the fit without the effects that do not help to predict the held-out shots, and its predictions.
 
-    All foretelling is compared under the best fit's floor.
+    All predictions are compared under the noise of the best fit.
     """
-    if not held:
+    if not held_out:
         return best, None
     before, floor = trail.start, best.floor
-    first = predict(before, held, floor, trail.stop)
+    first = predict(before, held_out, floor, trail.stop)
     while best is not before:
-        told = predict(best, held, floor, trail.stop)
-        if first is None or told is None:
+        prediction = predict(best, held_out, floor, trail.stop)
+        if first is None or prediction is None:
             return best, None
         added = trail.added(best)
         if len(added) == 1:
             break
-        shorter = [(f, predict(f, held, floor, trail.stop)) for f in (without(best, n, trail) for n in added) if f]
-        worse = [(f.bic, f) for f, t in shorter if t is not None and not told.beats(t)]
-        if not worse:
+        fewer = [one for name in added if (one := without(best, name, trail)) is not None]
+        shorter = [(one, predict(one, held_out, floor, trail.stop)) for one in fewer]
+        no_worse = [(one.bic, one) for one, of_it in shorter if of_it is not None and not prediction.beats(of_it)]
+        if not no_worse:
             break
-        best = min(worse, key=lambda pair: pair[0])[1]
+        best = min(no_worse, key=lambda pair: pair[0])[1]
     else:
         return before, (first, first) if first is not None else None
-    return (best, (first, told)) if told.earns_a_name(first) else (before, (first, first))
+    return (best, (first, prediction)) if prediction.earns_a_name(first) else (before, (first, first))
 
 
-def without_the_faint(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
+def without_faint_effects(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
     """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
-    at = trail.projector_of(best)
+    projector = trail.projector_of(best)
     while added := trail.added(best):
         fewer = {name: without(best, name, trail) for name in added}
-        sizes = {name: min(snr(best, at, name), missed_without(best, fewer[name])) for name in added}
+        sizes = {name: min(snr(best, projector, name), missed_without(best, fewer[name])) for name in added}
         faintest = min(added, key=sizes.__getitem__)
         if sizes[faintest] >= CRITERIA.size_of_one(len(added)):
-            pay = {name: one.bic - best.bic for name, one in fewer.items() if one is not None}
-            faintest = min(pay, key=pay.__getitem__, default="")
-            if len(added) == 1 or not faintest or pay[faintest] >= CRITERIA.several_fall:
+            pays = {name: one.bic - best.bic for name, one in fewer.items() if one is not None}
+            faintest = min(pays, key=pays.__getitem__, default="")
+            if len(added) == 1 or not faintest or pays[faintest] >= CRITERIA.several_fall:
                 break
         best = (fewer[faintest] if len(added) > 1 else None) or trail.start
-        at = trail.projector_of(best)
+        projector = trail.projector_of(best)
     if best is not trail.start and not trail.pays(best, trail.start):
-        best, at = trail.start, trail.projector_of(trail.start)
-    return best, at
+        best, projector = trail.start, trail.projector_of(trail.start)
+    return best, projector
 
 
-def accepted_effects(effects: list[FoundEffect], rest: Residual, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
-    """Return the effects that may be named, and the verdict."""
-    if effects and not _pass(effects, rest, best):
+def accepted_effects(effects: list[FoundEffect], residual: Residual, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
+    """Return the effects of the fit ``best`` that may be named, all of them or none, and the verdict."""
+    if effects and not _pass(effects, residual, best):
         return [], conclude(explained=False, effects=())
-    return effects, conclude(explained=not rest.significant, effects=effects)
+    return effects, conclude(explained=not residual.significant, effects=effects)
 
 
-def _pass(effects: list[FoundEffect], rest: Residual, best: Fitted) -> bool:
+def _pass(effects: list[FoundEffect], residual: Residual, best: Fitted) -> bool:
     """Return whether all effects of a fit pass the gates that depend on its residual."""
-    if not best.converged or rest.rough:
+    if not best.converged or residual.rough:
         return False
-    if not rest.significant:
-        # Beside a floor that still wanders chance gives any freedom much: an effect must do more than the next one.
-        free = rest.misfit.size if best.floor.wanders else 0.0
-        return all(effect.evidence["snr"] > CRITERIA.clear_of_rest * free for effect in effects)
+    if not residual.significant:
+        # Beside a noise that wanders any freedom gains much by chance: an effect must do more than the next freedom.
+        by_chance = residual.misfit.size if best.floor.wanders else 0.0
+        return all(effect.evidence["snr"] > CRITERIA.clear_of_rest * by_chance for effect in effects)
     # Several together imitate what none of them is, and a misfit says that the law is another one.
-    doubtful = len(effects) > 1 or rest.misfitting
+    doubtful = len(effects) > 1 or residual.misfitting
     times = CRITERIA.clear_of_misfit if doubtful else CRITERIA.clear_of_rest
-    return all(clear(effect, rest, times) for effect in effects)
+    return all(clear(effect, residual, times) for effect in effects)
 
 
-def clear(effect: FoundEffect, rest: Residual, times: float) -> bool:
-    """Return whether an effect is ``times`` as large as what stays unexplained, and not merely one of many."""
+def clear(effect: FoundEffect, residual: Residual, times: float) -> bool:
+    """Return whether an effect is ``times`` as large as the residual, and has few enough look-alikes to be a class."""
     few = len(effect.indistinguishable_from) <= CRITERIA.undetermined
-    return few and effect.evidence["snr"] > times * rest.missed
+    return few and effect.evidence["snr"] > times * residual.missed
 
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """The fit that stands, its projector, its effects' separations, what it leaves over, what is foretold with it.
+    """A fit whose effects passed the gates so far: its projector, separations from look-alikes, and residual.
 
-    ``passed`` is the fit of which the held-out shots were foretold.
+    ``predictions`` of the held-out shots are by the model before and by the fit ``predicted``.
     """
 
     best: Fitted
-    at: Projector
-    far: Separations
-    rest: Residual
-    told: Told | None
-    passed: Fitted
+    projector: Projector
+    separations: Separations
+    residual: Residual
+    predictions: Predictions | None
+    predicted: Fitted
 
     @classmethod
-    def nothing(cls, start: Fitted, at: Projector) -> "Settled":
-        """Return that nothing stands beside the fit that a search began with."""
-        return cls(start, at, {}, judge(start, at), None, start)
+    def nothing(cls, start: Fitted, projector: Projector) -> "Settled":
+        """Return the fit that a search began with, without any effect of it."""
+        return cls(start, projector, {}, residual_of(start, projector), None, start)
 
 
 def settle(
-    best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress, limit: Limit, judged: Residual | None = None
+    best: Fitted,
+    trail: Trail,
+    held_out: tuple[int, ...],
+    progress: Progress,
+    limit: Limit,
+    residual: Residual | None = None,
 ) -> Settled:
-    """Return what stands of ``best``, or of what another way leads to where that leaves something unexplained.
+    """Return ``best`` as it passes the gates; where that leaves a residual, what other first effects lead to may win.
 
-    ``judged`` is what ``best`` leaves over, where that is known.
+    ``residual`` is that of ``best``, where it is known.
     """
-    stands = _settled(best, trail, held, tell, judged)
-    if not stands.rest.significant:
-        return stands
-    tell("looking for another way", 0.75)
+    settled = _settled(best, trail, held_out, progress, residual)
+    if not settled.residual.significant:
+        return settled
+    progress("searching from other first effects", 0.75)
     timed = replace(trail, stop=limit)
-    other = limit.within("the search from other first effects", lambda: another_way(stands.best, timed), stands.best)
-    if not better(other, stands.best):
-        return stands
-    again = _settled(other, trail, held, lambda _what, _fraction: None)
-    calmer = not again.rest.significant and again.best is not trail.start
-    return again if calmer or better(again.best, stands.best) else stands
+    what = "the search from other first effects"
+    other = limit.within(what, lambda: another_way(settled.best, timed), settled.best)
+    if not better(other, settled.best):
+        return settled
+    again = _settled(other, trail, held_out, lambda _what, _fraction: None)
+    calmer = not again.residual.significant and again.best is not trail.start
+    return again if calmer or better(again.best, settled.best) else settled
 
 
 def _settled(
-    best: Fitted, trail: Trail, held: tuple[int, ...], tell: Progress, judged: Residual | None = None
+    best: Fitted, trail: Trail, held_out: tuple[int, ...], progress: Progress, known: Residual | None = None
 ) -> Settled:
-    tell("foretelling a held-out shot", 0.55)
+    progress("predicting a held-out shot", 0.55)
     given = best
-    passed, told = paying(best, held, trail)
+    predicted, predictions = keep_predictive(best, held_out, trail)
 
-    def foretells(other: Fitted) -> bool:
-        if told is None:
+    def predicts(other: Fitted) -> bool:
+        if predictions is None:
             return True
-        of_other = predict(other, held, passed.floor, trail.stop)
-        return of_other is not None and of_other.earns_a_name(told[0])
+        prediction = predict(other, held_out, predicted.floor, trail.stop)
+        return prediction is not None and prediction.earns_a_name(predictions[0])
 
-    tell("testing what is left", 0.7)
-    best, at = without_the_faint(passed, trail)
-    best, at, far = challenged(best, at, trail, foretells)
-    rest = judged if judged is not None and best is given else judge(best, at)
-    if rest.significant and best is not trail.start:
-        clean, there, left = unmissed(best, at, rest, trail, foretells)
-        if clean is not best:
-            return Settled(clean, there, apart(clean, there, trail), left, told, passed)
-    return Settled(best, at, far, rest, told, passed)
+    progress("testing the residual", 0.7)
+    best, projector = without_faint_effects(predicted, trail)
+    best, projector, separations = with_look_alikes_tried(best, projector, trail, predicts)
+    residual = known if known is not None and best is given else residual_of(best, projector)
+    if residual.significant and best is not trail.start:
+        other, of_other, left = alternative_without_misfit(best, projector, residual, trail, predicts)
+        if other is not best:
+            return Settled(other, of_other, separations_of(other, of_other, trail), left, predictions, predicted)
+    return Settled(best, projector, separations, residual, predictions, predicted)

@@ -1,4 +1,4 @@
-"""What it says against an effect that its numbers, free in every shot, fall where another effect foretells them.
+"""Evidence against an effect whose numbers, free in every shot, lie where another effect predicts them.
 
 A plate that swings when the block arrives has two numbers in every shot, and with them can do what one shared number of
 another effect does.  Each shot in which it does so and nothing else is a coincidence, which chi^2 does not see.  The
@@ -22,7 +22,7 @@ _ROUNDS = 300  # of expectation and maximisation; microseconds each
 
 @dataclass(frozen=True, slots=True)
 class Unforetold:
-    """What numbers that nothing foretold cost: ``nats`` of ln L.
+    """The cost in ``nats`` of ln L of numbers that no model predicts.
 
     ``scatter`` is how far each of a shot's is from zero, in their order there and in the vector's units.
     """
@@ -32,7 +32,7 @@ class Unforetold:
 
 
 def unforetold(fitted: Fitted, effect: str) -> Unforetold | None:
-    """Return what the numbers of one effect of a fit cost, None where the data do not know them."""
+    """Return the cost of the numbers of one effect of a fit, None where the data do not determine them."""
     free = fitted.hypothesis.free_parameters
     places = [fitted.hypothesis.offset + k for k, (name, _, _) in enumerate(free) if name == effect]
     names = [parameter.name for name, parameter, _ in free if name == effect]

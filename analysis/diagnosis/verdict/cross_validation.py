@@ -1,4 +1,4 @@
-"""How a model does on a shot that took no part in its fit."""
+"""Cross-validation: how well a model predicts a shot that took no part in its fit."""
 
 import math
 from collections.abc import Callable
@@ -60,7 +60,7 @@ class Prediction:
 def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
     """Return the shots to hold out, one at a time: of two the slower, of more the slowest, a middle one, the fastest.
 
-    Not ``in_turn``: the middle one alone.  It is foretold by interpolation, which a wrong model may do well: that
+    Not ``in_turn``: the middle one alone.  Its prediction is an interpolation, at which a wrong model may be good: that
     serves where nothing is decided.
     """
     speeds = [abs(shot.course.velocity_in_m_per_s) for shot in data.shots]
@@ -74,10 +74,10 @@ def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
 
 
 def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> Prediction | None:
-    """Foretell each held-out shot from a fit of the shared parameters to all others; None where one fails.
+    """Predict each held-out shot from a fit of the shared parameters to all others; None where one fails.
 
-    Only its start is fitted on the shot itself, and a plate that no other was taken on.  ``floor`` whitens it: give the
-    same one to what is compared.
+    Only its start is fitted to the shot itself, and a plate that no other shot was taken on.  ``floor`` whitens it:
+    give the same one to predictions that are compared.
     """
     each = side_by_side(lambda shot: _predict(fitted, shot, floor, stop), held)
     told = [one for one in each if one is not None]

@@ -1,4 +1,4 @@
-"""Could another effect have done the same?  The part of an effect that no other can imitate, in units of the noise."""
+"""Identifiability: the part of an effect that no other can imitate, in units of the noise."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ class Separation:
     starts: dict[str, tuple[Mapping[str, float], ...]]
 
     def too_close(self, remainder: float = 0.0) -> tuple[str, ...]:
-        """Return the effects that cannot be told from this one, closest first.
+        """Return the effects that are indistinguishable from this one, closest first.
 
         What stays unexplained, of size ``remainder`` in units of the noise, may stand in for a difference of its size.
         """
@@ -38,7 +38,7 @@ class Separation:
 
 
 def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
-    """Return the projector of a fit whose ``left`` is what one of its effects does beside all other parameters."""
+    """Return the projector of a fit whose ``left`` is the part of one effect that no other parameter can absorb."""
     hypothesis = fitted.hypothesis
     own = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.free_parameters) if effect == name]
     basis = at.tangents.without(own).span()
@@ -54,15 +54,15 @@ def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
 
 
 def snr(fitted: Fitted, at: Projector, name: str) -> float:
-    """Return the size of one effect of a fit beside all its other parameters, in units of the noise."""
+    """Return the size of the part of one effect that no other parameter can absorb, in units of the noise."""
     return float(np.linalg.norm(beside(fitted, at, name).left))
 
 
 def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
-    """Return the size of what a fit without an effect leaves more than the fit with it, in units of the noise.
+    """Return by how much the residual grows without an effect, in units of the noise.
 
-    Not to first order: what an effect does may be large, and nearly all of it undone along a bent path.  Infinite where
-    there is no fit without it.
+    This is not to first order: an effect may be large, and other parameters undo nearly all of it along a bent path.
+    Infinite where there is no fit without it.
     """
     if fewer is None:
         return float("inf")

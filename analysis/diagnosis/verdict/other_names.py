@@ -1,4 +1,4 @@
-"""What else an effect that was found may be: the other names under which the shots allow it."""
+"""Which other effects an effect that was found may be."""
 
 import math
 from functools import partial
@@ -16,10 +16,10 @@ from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
 def other_names(
     best: Fitted, name: str, remainder: Residual, far: Separation, trail: Trail
 ) -> tuple[tuple[str, ...], float | None]:
-    """Return the effects that may stand for one of a fit's, and by how much the best of them falls behind (BIC).
+    """Return the effects that may be meant instead of one of a fit, and the lead over the best of them (BIC).
 
-    Those that are near to first order, and those whose fit in its place is nearly as likely.  None where none was
-    fitted.  Raises Cancelled.
+    These are the effects that nearly coincide with it to first order, and those whose fit in its place is nearly as
+    likely.  The lead is None where none was fitted.  Raises Cancelled.
     """
     others = list(far.too_close(remainder.size))
     kept = {n for n in best.names if n != name}
@@ -45,15 +45,15 @@ def other_names(
 
 
 def _behind(other: Fitted, best: Fitted) -> float:
-    """Return how much less likely a fit is than the best, as chi^2, each beside its own noise."""
+    """Return how much less likely a fit is than the best, as chi^2, each with its own noise."""
     return 2 * (best.log_likelihood - other.log_likelihood)
 
 
 def _falls_behind(best: Fitted, name: str, other: str, found: Fitted | None, far: Separation, trail: Trail) -> bool:
-    """Return whether a line that is near to first order is not when it is fitted.
+    """Return whether a line that coincides to first order does not when it is fitted.
 
-    There every shot has an amplitude of its own, in truth all have one.  It is fitted from where it was ``found`` on
-    the way and from where it imitates the effect best, and each search led to its end.
+    To first order every shot has an amplitude of its own; in truth all share one.  It is fitted from where it was
+    ``found`` in the search and from where it imitates the effect best, both to the end.
     """
     if "{" in other or named(other).wave is None or other not in far.starts:
         return False

@@ -1,4 +1,4 @@
-"""What no effect accounts for: is it noise, and if not, where in the shot and at which frequency does it stand?"""
+"""Residuals: are they noise, and if not, where in the shot and at which frequency are they large?"""
 
 import math
 from collections.abc import Sequence
@@ -42,27 +42,27 @@ class Residual:
 
     @property
     def missed(self) -> float:
-        """Get the size of whatever is significantly left, shared shape or misfit, in units of the noise."""
+        """Get the size of the significant part, shared shape or misfit, in units of the noise."""
         return max(self.size, self.misfit.size if self.misfitting else 0.0)
 
     @property
     def misfitting(self) -> bool:
-        """Return whether the hypothesis would need a freedom that it would not need if it were right."""
+        """Get whether the hypothesis needs a freedom that a right one would not need."""
         return self.misfit.significant
 
     @property
     def rough(self) -> bool:
-        """Return whether the remainder is not even roughly noise, so that no likelihood can be believed."""
+        """Get whether the residual is not even roughly noise, so that no likelihood can be believed."""
         return self.correlation > CRITERIA.rough_correlation or self.ratio > CRITERIA.rough_ratio
 
     @property
     def significant(self) -> bool:
-        """Return whether something is left that the noise does not do."""
+        """Get whether the residual is more than noise."""
         return self.rough or self.coherence > self.limit or self.misfitting
 
 
-def judge(fitted: Fitted, at: Projector) -> Residual:
-    """Test what a fit leaves over."""
+def residual_of(fitted: Fitted, at: Projector) -> Residual:
+    """Test the residual of a fit."""
     shots = fitted.hypothesis.data.shots
     white = fitted.whitened()
     correlation = _correlation(white)
@@ -149,10 +149,10 @@ def _bumps(shot: Samples) -> Floats:
 
 
 def describe(fitted: Fitted) -> str:
-    """Return in words where the remainder is large, how it goes with the speed, and its strongest line.
+    """Return in words where the residual is large, how it goes with the speed, and its strongest line.
 
-    Sizes are what stands above the sensor's white noise, of a camera the whole is mostly that, and beside what the
-    site has most likely done.
+    Sizes are those above the sensor's white noise, which of a camera is nearly all, and with the site's most likely
+    motion taken off.
     """
     shots = fitted.hypothesis.data.shots
     noise_m = fitted.floor.white_m
@@ -182,7 +182,7 @@ def describe(fitted: Fitted) -> str:
 
 
 def looks_like(misfit: LackOfFit, what: str = "it") -> str:
-    """Return the freedom that ``what`` misses most, in words that continue a description, or nothing."""
+    """Return in words which freedom ``what`` would use most, as the end of a description, or nothing."""
     return f"; {what} looks like {misfit.shape}" if misfit.significant else ""
 
 

@@ -62,7 +62,7 @@ def kept(sizes: dict[str, float], worth: float, monkeypatch: pytest.MonkeyPatch)
         acceptance, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name), worth=fit.worth)
     )
     every = Fit(tuple(sizes), worth=worth)
-    return acceptance.without_the_faint(cast(Any, every), Trail(cast(Any, Fit(())), (), calm))[0].names
+    return acceptance.without_faint_effects(cast(Any, every), Trail(cast(Any, Fit(())), (), calm))[0].names
 
 
 @pytest.mark.parametrize(("least", "left"), [(11.0, 1), (20.0, 2), (40.0, 3)])

@@ -1,6 +1,6 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
-from analysis.diagnosis.search.competing_models import challenged
+from analysis.diagnosis.search.competing_models import with_look_alikes_tried
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
@@ -19,10 +19,10 @@ def test_the_better_of_two_look_alikes_takes_the_place() -> None:
     assert wrong is not None
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
-    best, _, far = challenged(wrong, projector(wrong), trail, lambda _: True)
+    best, _, far = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: True)
     assert best.names == (true,) and best.bic < wrong.bic - CRITERIA.least_lead
     assert list(far) == [true]
-    kept, _, _ = challenged(wrong, projector(wrong), trail, lambda _: False)
+    kept, _, _ = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: False)
     assert kept is wrong  # what does not predict a held-out shot takes no place
 
 
@@ -38,5 +38,5 @@ def test_what_rings_in_the_same_place_is_asked_however_far_apart_it_is_to_first_
     assert far.from_other[true] > 0.7 * far.snr  # a line so narrow that its twin beside it stands apart
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
-    best, _, _ = challenged(wrong, projector(wrong), trail, lambda _: True)
+    best, _, _ = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: True)
     assert best.names == (true,) and best.bic < wrong.bic

@@ -79,11 +79,11 @@ def test_effects_that_passed_no_gate_are_named_beside_a_law_only_where_nothing_r
         "effect_parameters": lambda _: {"tilt": EFFECT.parameters},
         "snr": lambda *_: 40.0,
         "missed_without": lambda *_: 40.0,
-        "retold": lambda law, *_: law,
+        "in_joint_fit": lambda law, *_: law,
     }.items():
         monkeypatch.setattr(beyond, name, made)
     rest = SimpleNamespace(significant=remains)
-    found = SimpleNamespace(fitted=fit, foretold=(None, None), rest=rest, explains=not remains, laws=(_Law(),))
+    found = SimpleNamespace(fitted=fit, predictions=(None, None), residual=rest, explains=not remains, laws=(_Law(),))
     joined = beyond._together(cast(Any, found), [EFFECT], cast(Any, None), (), lambda: False, passed=passed)
     assert (len(joined.effects), len(joined.imitations)) == (named, imitating)
     assert joined.verdict is (Verdict.PARTLY_EXPLAINED if remains else Verdict.LAW_LEARNED)

@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.search.full_rate import seen_finely
+from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
@@ -13,7 +13,7 @@ RIPPLE = "cyclic_error"
 def test_a_ripple_too_weak_for_averaged_samples_is_seen_at_the_records_rate() -> None:
     motions = shots({RIPPLE: {"amplitude_m": 1.5e-10, "order": 2.0}})
     before = base_fit(motions)
-    found = seen_finely(before, Trail(before, list(KINDS.values()), calm), motions)
+    found = at_full_rate(before, Trail(before, list(KINDS.values()), calm), motions)
     assert found is not None
     best, _ = found
     assert best.names == (RIPPLE,)
@@ -21,4 +21,4 @@ def test_a_ripple_too_weak_for_averaged_samples_is_seen_at_the_records_rate() ->
     assert before.hypothesis.data.shots[0].spacing_s == pytest.approx(1 / RATE_HZ)
     clean = shots({})
     alone = base_fit(clean)
-    assert seen_finely(alone, Trail(alone, list(KINDS.values()), calm), clean) is None
+    assert at_full_rate(alone, Trail(alone, list(KINDS.values()), calm), clean) is None

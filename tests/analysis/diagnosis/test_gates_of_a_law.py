@@ -8,10 +8,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from analysis.diagnosis.learning import law_instead, law_learning
-from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.learning import law_learning, single_law
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
-from analysis.diagnosis.learning.law_telling import FormFit
+from analysis.diagnosis.learning.learned_law import FormFit
+from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.identifiability import Separation
@@ -59,7 +59,7 @@ class Case:
         end = one if self.led_on is None else replace(one, fitted=cast(Any, Fit(self.led_on)))
         named: list[bool] = []
 
-        def told(_start: Fit, _fits: list[FormFit], named_by_form: bool, *_: object) -> str:
+        def as_learned(_start: Fit, _fits: list[FormFit], named_by_form: bool, *_: object) -> str:
             named.append(named_by_form)
             return "law"
 
@@ -74,9 +74,9 @@ class Case:
         patch.setattr(law_learning, "_led_on", lambda _one, _stop: end)
         patch.setattr(law_learning, "over_kinks", lambda fitted, _stop: fitted)
         patch.setattr(law_learning, "projector", lambda _fitted: None)
-        patch.setattr(law_learning, "judge", lambda *_: NOTHING_LEFT)
+        patch.setattr(law_learning, "residual_of", lambda *_: NOTHING_LEFT)
         patch.setattr(law_learning, "predict", predict)
-        patch.setattr(law_learning, "told", told)
+        patch.setattr(law_learning, "as_learned", as_learned)
         start = cast(Any, Fit(START, self.shots, floor="of the start"))
         return learn_law(start, self.held, lambda _what, _fraction: None, calm, beat=self.beat), named
 
@@ -113,11 +113,11 @@ def test_a_form_that_is_far_behind_its_curve_is_not_the_law(
     assert found is not None and told == [named]
 
 
-def discovery(bic: float = 900.0, rest: Residual = NOTHING_LEFT, *forms: str | None, converged: bool = True) -> Any:
+def discovery(bic: float = 900.0, residual: Residual = NOTHING_LEFT, *forms: str | None, converged: bool = True) -> Any:
     laws = tuple(SimpleNamespace(name="law", form=form) for form in forms or ("power",))
     told = Prediction((), 10.0, 1.0, np.zeros(1)), Prediction((), 9.0, 1.0, np.zeros(1))
     fitted = Fit(bic, converged=converged)
-    return Discovery(cast(Any, Fit(START)), cast(Any, laws), cast(Any, fitted), rest, told)
+    return Discovery(cast(Any, Fit(START)), cast(Any, laws), cast(Any, fitted), residual, told)
 
 
 @pytest.mark.parametrize(
@@ -134,12 +134,12 @@ def test_a_law_explains_all_in_forms_that_meet_it_and_leave_nothing(found: Disco
     assert found.explains is explains
 
 
-def alone(found: Discovery | None, patch: pytest.MonkeyPatch, nearest: float = 50.0, size: float = 100.0) -> LawAlone:
+def alone(found: Discovery | None, patch: pytest.MonkeyPatch, nearest: float = 50.0, size: float = 100.0) -> SingleLaw:
     """Return a law that the shots show, with its size and how far the nearest row of the catalogue is from it."""
-    patch.setattr(law_instead, "learn_law", lambda *_: found)
-    patch.setattr(law_instead, "projector", lambda _fitted: None)
-    patch.setattr(law_instead, "separation", lambda *_: Separation(size, {"cubic": nearest}, {}))
-    return LawAlone(cast(Any, Fit(START)), (0,), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
+    patch.setattr(single_law, "learn_law", lambda *_: found)
+    patch.setattr(single_law, "projector", lambda _fitted: None)
+    patch.setattr(single_law, "separation", lambda *_: Separation(size, {"cubic": nearest}, {}))
+    return SingleLaw(cast(Any, Fit(START)), (0,), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
 
 
 @pytest.mark.parametrize(
@@ -157,11 +157,11 @@ def test_a_law_stands_instead_of_effects_where_it_explains_all_and_is_no_row_of_
     found: Discovery | None, nearest: float, size: float, instead: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     law = alone(found, monkeypatch, nearest, size)
-    assert law.explains_instead(cast(Any, Fit(900.0)), ()) is instead
+    assert law.replaces_effects(cast(Any, Fit(900.0)), ()) is instead
 
 
 @pytest.mark.parametrize(("found", "ahead"), [(discovery(889.9), True), (discovery(890.1), False), (None, False)])
 def test_a_law_takes_the_place_of_named_effects_that_the_shots_exclude(
     found: Discovery | None, ahead: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert alone(found, monkeypatch).ahead_of(cast(Any, Fit(900.0))) is ahead
+    assert alone(found, monkeypatch).is_likelier_than(cast(Any, Fit(900.0))) is ahead

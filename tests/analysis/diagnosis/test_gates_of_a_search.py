@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
-from analysis.diagnosis.verdict.acceptance import paying, settle
+from analysis.diagnosis.verdict.acceptance import keep_predictive, settle
 from analysis.diagnosis.verdict.coincidence import Unforetold, by_chance
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, worst
@@ -63,7 +63,7 @@ def test_one_effect_makes_the_held_out_shots_likelier(
     surprise: float, passes: bool, foretold: Callable[..., list[Floor]]
 ) -> None:
     floors = foretold({(): 10.0, ("tilt",): surprise})
-    best, told = paying(cast(Any, Fit(("tilt",), WANDERING)), HELD, trail())
+    best, told = keep_predictive(cast(Any, Fit(("tilt",), WANDERING)), HELD, trail())
     assert best.names == (("tilt",) if passes else ())
     assert told == (predicted(10.0), predicted(surprise if passes else 10.0))
     assert floors == [WANDERING, WANDERING]
@@ -82,7 +82,7 @@ def test_each_of_two_effects_pays_on_the_held_out_shots(
     alone: dict[tuple[str, ...], float], left: tuple[str, ...], foretold: Callable[..., list[Floor]]
 ) -> None:
     foretold({(): 10.0, ("adhesion", "tilt"): 8.5, **alone})
-    best, told = paying(cast(Any, BOTH), HELD, trail())
+    best, told = keep_predictive(cast(Any, BOTH), HELD, trail())
     assert best.names == left
     assert told == (predicted(10.0), predicted(8.5 if len(left) == 2 else 8.0))
 
@@ -90,13 +90,13 @@ def test_each_of_two_effects_pays_on_the_held_out_shots(
 def test_where_no_effect_of_two_pays_nothing_is_left(foretold: Callable[..., list[Floor]]) -> None:
     foretold({(): 10.0, ("adhesion", "tilt"): 12.0, ("tilt",): 11.0, ("adhesion",): 11.0})
     found = trail()
-    assert paying(cast(Any, BOTH), HELD, found) == (found.start, (predicted(10.0), predicted(10.0)))
+    assert keep_predictive(cast(Any, BOTH), HELD, found) == (found.start, (predicted(10.0), predicted(10.0)))
 
 
 def test_where_nothing_can_be_foretold_nothing_is_claimed_of_it(foretold: Callable[..., list[Floor]]) -> None:
     foretold({(): 10.0, ("tilt",): None})
-    assert paying(cast(Any, ONE), HELD, trail()) == (cast(Any, ONE), None)
-    assert paying(cast(Any, ONE), (), trail()) == (cast(Any, ONE), None)
+    assert keep_predictive(cast(Any, ONE), HELD, trail()) == (cast(Any, ONE), None)
+    assert keep_predictive(cast(Any, ONE), (), trail()) == (cast(Any, ONE), None)
 
 
 class Stages:
@@ -113,19 +113,21 @@ class Stages:
             self.asked += 1
             return other
 
-        def challenged(best: Fit, at: object, *_: object) -> tuple[Fit, object, dict[str, object]]:
+        def with_look_alikes_tried(best: Fit, at: object, *_: object) -> tuple[Fit, object, dict[str, object]]:
             return self.instead.get(best, best), at, {}
 
-        def unmissed(best: Fit, at: object, rest: Residual, *_: object) -> tuple[Fit, object, Residual]:
+        def alternative_without_misfit(
+            best: Fit, at: object, rest: Residual, *_: object
+        ) -> tuple[Fit, object, Residual]:
             clean = self.clean.get(best, best)
             return clean, at, rest if clean is best else left[clean]
 
-        patch.setattr(acceptance, "paying", lambda best, *_: (self.paid.get(best, best), None))
-        patch.setattr(acceptance, "without_the_faint", lambda best, *_: (self.bright.get(best, best), None))
-        patch.setattr(acceptance, "challenged", challenged)
-        patch.setattr(acceptance, "judge", lambda best, _at: left[best])
-        patch.setattr(acceptance, "unmissed", unmissed)
-        patch.setattr(acceptance, "apart", lambda *_: {})
+        patch.setattr(acceptance, "keep_predictive", lambda best, *_: (self.paid.get(best, best), None))
+        patch.setattr(acceptance, "without_faint_effects", lambda best, *_: (self.bright.get(best, best), None))
+        patch.setattr(acceptance, "with_look_alikes_tried", with_look_alikes_tried)
+        patch.setattr(acceptance, "residual_of", lambda best, _at: left[best])
+        patch.setattr(acceptance, "alternative_without_misfit", alternative_without_misfit)
+        patch.setattr(acceptance, "separations_of", lambda *_: {})
         patch.setattr(acceptance, "another_way", another_way)
 
 
@@ -186,15 +188,15 @@ def test_a_rival_that_leaves_nothing_takes_the_place_of_what_leaves_something(
     stages = Stages(monkeypatch, {ONE: rest, OTHER: NOTHING_LEFT}, ONE)
     stages.clean[ONE] = OTHER
     stands = settled(trail())
-    assert stands.best == (OTHER if clean else ONE) and not stands.rest.significant
-    assert stands.passed == ONE  # of which the held-out shots were foretold
+    assert stands.best == (OTHER if clean else ONE) and not stands.residual.significant
+    assert stands.predicted == ONE  # by which the held-out shots were predicted
 
 
 def test_what_is_known_to_be_left_counts_for_the_fit_that_left_it_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     stages = Stages(monkeypatch, {ONE: SHAPE_LEFT, START: SHAPE_LEFT}, ONE)
-    assert settled(trail(), NOTHING_LEFT).rest is NOTHING_LEFT
+    assert settled(trail(), NOTHING_LEFT).residual is NOTHING_LEFT
     stages.paid[ONE] = START
-    assert settled(trail(), NOTHING_LEFT).rest is SHAPE_LEFT
+    assert settled(trail(), NOTHING_LEFT).residual is SHAPE_LEFT
 
 
 @pytest.mark.parametrize(("surprise", "may"), [(9.9, True), (10.1, False)])
@@ -202,10 +204,12 @@ def test_what_is_named_instead_is_foretold_better_than_nothing(
     surprise: float, may: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Stages(monkeypatch, {ONE: NOTHING_LEFT, OTHER: NOTHING_LEFT}, ONE)
-    monkeypatch.setattr(acceptance, "paying", lambda best, *_: (best, (predicted(10.0), predicted(5.0))))
+    monkeypatch.setattr(acceptance, "keep_predictive", lambda best, *_: (best, (predicted(10.0), predicted(5.0))))
     monkeypatch.setattr(acceptance, "predict", lambda *_: predicted(surprise))
     monkeypatch.setattr(
-        acceptance, "challenged", lambda best, at, _trail, foretells: (OTHER if foretells(OTHER) else best, at, {})
+        acceptance,
+        "with_look_alikes_tried",
+        lambda best, at, _trail, foretells: (OTHER if foretells(OTHER) else best, at, {}),
     )
     assert settled(trail()).best == (OTHER if may else ONE)
 

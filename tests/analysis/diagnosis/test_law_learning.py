@@ -44,7 +44,7 @@ def test_a_law_of_the_place_is_learned_with_its_form(attraction: tuple[Fitted, D
     size, length = law.parameters["a"][0], law.parameters["b"][0]
     assert abs(size.value + 2e-3) < 4 * size.std < 4e-6
     assert abs(length.value - 7e-4) < 4 * length.std < 1.4e-6
-    before, after = found.foretold
+    before, after = found.predictions
     assert after.rms_m < 0.01 * before.rms_m
     assert found.fitted.floor.std_m == pytest.approx(LawRig().noise_m / math.sqrt(2.5), rel=0.3)  # of averaged samples
     assert law.visited[0] < -1e-3 and law.visited[1] > 1e-3

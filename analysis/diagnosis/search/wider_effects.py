@@ -1,7 +1,6 @@
-"""The wider of two effects, asked where the narrow one was found: a frame that shakes the plate beside the optics.
+"""The wider of two effects, tried where the narrow one was found: a frame that shakes the plate as well as the optics.
 
-It has the narrow one's parameters and one more, and is asked in its place, from where that stands: one fit, and none
-where the narrow one was not found.
+It has the parameters of the narrow one and one more, and is fitted in its place, beginning at its parameters.
 """
 
 from collections.abc import Iterable
@@ -16,12 +15,12 @@ from analysis.shot.shot import Stop
 
 
 def narrower(names: Iterable[str]) -> set[str]:
-    """Return the effects that the named ones hold: they cannot stand beside them."""
+    """Return the effects that the named ones contain: they cannot join beside them."""
     return {named(name).widens for name in names} - {""}
 
 
 def widened(here: Fitted, name: str, stop: Stop) -> list[Fitted]:
-    """Return the fits with wider effects in the place of one of a fit's, begun where it stands."""
+    """Return the fits with wider effects in the place of one of a fit, begun at its parameters."""
     hypothesis = here.hypothesis
     rows = [row for row in WIDER.values() if row.widens == name]
     if hypothesis.data.base.one_body:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.diagnosis.learning.contact_words import told
+from analysis.diagnosis.contact_family import sentence
 from analysis.diagnosis.result import FoundEffect, LearnedLaw
 from analysis.shot.quantity import Quantity
 
@@ -32,12 +32,12 @@ def _damping(n: float, std: float = 4e-3, form: str = "power") -> LearnedLaw:
     ],
 )
 def test_a_contact_of_the_literature_is_named(effects: list[FoundEffect], laws: list[LearnedLaw], name: str) -> None:
-    assert name in told(effects, laws)
+    assert name in sentence(effects, laws)
 
 
 def test_an_exponent_that_was_assumed_is_not_told_as_found() -> None:
-    assert "not tried" in told([FoundEffect("nonlinear_contact_damping", {}, {})], [])
-    assert "not tried" not in told([], [_damping(1.0, form="linear")])
+    assert "not tried" in sentence([FoundEffect("nonlinear_contact_damping", {}, {})], [])
+    assert "not tried" not in sentence([], [_damping(1.0, form="linear")])
 
 
 @pytest.mark.parametrize(
@@ -52,4 +52,4 @@ def test_an_exponent_that_was_assumed_is_not_told_as_found() -> None:
     ],
 )
 def test_nothing_is_said_of_others(effects: list[FoundEffect], laws: list[LearnedLaw]) -> None:
-    assert told(effects, laws) == ""
+    assert sentence(effects, laws) == ""

@@ -1,4 +1,4 @@
-"""How a learned law is told: its numbers, its curve with its band, and what else the shots cannot exclude."""
+"""A learned law as a result: its numbers, its curve with uncertainty, and the forms that the shots cannot exclude."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,8 +17,8 @@ from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.shot.quantity import Quantity
 
 Floats = NDArray[np.float64]
-_SHOWN = 81  # points of a curve that is told
-_SAME = 1e-3  # of the largest force that is news: what may lie between two readings of one function
+_SHOWN = 81  # points of the curve
+_SAME = 1e-3  # of the largest force that the base model lacks: curves of one function differ by less
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,10 @@ class FormFit:
         return self.form.form.values(at, self.values())
 
 
-def told(start: Fitted, fits: Sequence[FormFit], named: bool, after: Prediction, held: tuple[int, ...]) -> LearnedLaw:
-    """Return the law of the first of ``fits`` (best first) as it is told, the others as what it may be instead."""
+def as_learned(
+    start: Fitted, fits: Sequence[FormFit], named: bool, after: Prediction, held: tuple[int, ...]
+) -> LearnedLaw:
+    """Return the law of the first of ``fits`` (best first) with its curve; the others are what it may be instead."""
     best = fits[0]
     learned, fitted = best.learned, best.fitted
     term = learned.terms[-1]
@@ -96,8 +98,8 @@ def told(start: Fitted, fits: Sequence[FormFit], named: bool, after: Prediction,
     )
 
 
-def retold(law: LearnedLaw, beside: Fitted, named: bool) -> LearnedLaw:
-    """Return a law as it is when another was found beside it: its numbers from the fit that holds both."""
+def in_joint_fit(law: LearnedLaw, beside: Fitted, named: bool) -> LearnedLaw:
+    """Return a law with its numbers from the fit ``beside``, which holds another law as well."""
     if not named:
         return law
     formula = from_key(law.name).formula.text
@@ -126,14 +128,14 @@ def _other(one: FormFit, best: FormFit, at: Floats, shown: Floats) -> OtherForm:
 
 
 def news(argument: Argument, at: Floats, shown: Floats) -> Floats:
-    """Return of a curve what the base model does not hold already: nearly all of a law nearly linear may be k_N."""
+    """Return the part of a curve that the base model lacks: a nearly linear law may be nearly all k_N."""
     return _as(shown, np.zeros(at.size), gauge(argument, at), np.ones(at.size))
 
 
 def is_same_function(other: OtherForm, shown: Floats, new_n: Floats) -> bool:
-    """Return whether another form is the same curve over the range visited, as y|y| is y^2 of what has one sign.
+    """Return whether another form is the same curve over the range visited, as y|y| is y^2 where y has one sign.
 
-    ``shown`` is the curve, ``new_n`` what is news of it, which alone tells its forms apart.
+    ``shown`` is the curve, ``new_n`` the part of it that the base model lacks, by which forms differ.
     """
     if other.curve_force_n is None:
         return False
@@ -141,7 +143,7 @@ def is_same_function(other: OtherForm, shown: Floats, new_n: Floats) -> bool:
 
 
 def _as(curve: Floats, shown: Floats, columns: Floats, std: Floats) -> Floats:
-    """Return a curve moved by what the base model holds already, so that it lies on ``shown`` as well as it can."""
+    """Return a curve moved by what the base model can absorb, so that it lies as close to ``shown`` as it can."""
     if not columns.shape[1]:
         return curve
     weight = 1.0 / np.maximum(std, 1e-3 * float(std.max()) or 1.0)

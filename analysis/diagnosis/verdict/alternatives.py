@@ -1,4 +1,4 @@
-"""What is told beside a verdict: every effect that was tried, what no shot could show, the shot that would decide."""
+"""Alternatives and detection limits: every effect that was tried, what the shots could not show, what would decide."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
     for name, score in trail.scores.items():
         fitted = trail.of((*before.names, name))
         if fitted is not None and fitted.log_likelihood < before.log_likelihood:
-            fitted = None  # with nothing of the effect it would be as likely: the search did not arrive
+            fitted = None  # at zero strength it would be as likely: the search did not converge
         parameters: dict[str, Quantity] = effect_parameters(fitted)[name] if fitted else {}
         delta = fitted.bic - before.bic if fitted else None
         if name in best.names:
@@ -36,7 +36,7 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
 
 
 def blind_spots(at: Projector, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[str, ...]:
-    """Return what this data could not have shown, with the size from which it would have stood out by 5 sigma."""
+    """Return what these data could not have shown, with the size that would have stood out by 5 sigma."""
     out = []
     for kind in catalogue:
         if kind.name in best.names or len(kind.starts) > 12:
@@ -54,7 +54,7 @@ def blind_spots(at: Projector, catalogue: Sequence[TrialEffect], best: Fitted) -
 
 
 def separating(effects: Sequence[FoundEffect], data: JointData) -> str:
-    """Return which further shot would tell effects from those they cannot be told from, in words."""
+    """Return in words which further shot would separate effects from their look-alikes."""
     speeds = [abs(s.course.velocity_in_m_per_s) for s in data.shots]
     return "; ".join(
         dict.fromkeys(

@@ -46,10 +46,10 @@ def member(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Member
     return None
 
 
-def told(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> str:
-    """Return the contact that was met as a further sentence, or nothing.
+def sentence(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> str:
+    """Return the contact of the literature that was found as a further sentence, or nothing.
 
-    The catalogue's damping has its exponent by assumption, which is said: small, it passes for one of another exponent.
+    The exponent of the catalogue's damping is an assumption, which is said: a small one fits other exponents too.
     """
     met = member(effects, laws)
     if met is None:

@@ -1,7 +1,7 @@
-"""One law instead of effects: asked as soon as the catalogue's likeliest leave something, before other ways are tried.
+"""One law in the place of all effects, tried as soon as the catalogue's likeliest effects leave a residual.
 
-Such ways (a third effect, another first one, look-alikes) cost more than the law does, and where the truth is off the
-catalogue they end in nothing.  A law that may be a row of the catalogue changes no name: the long way is gone then.
+A third effect, other first effects and look-alikes take longer than one law, and explain nothing where the truth is off
+the catalogue.  A law that may be an effect of the catalogue does not replace it: the catalogue is searched on then.
 """
 
 from collections.abc import Sequence
@@ -17,13 +17,13 @@ from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.screen.projector import projector
 from analysis.shot.shot import Progress, Stop
 
-_A_ROW = 0.05  # of a law's size: a row so near, to first order and between samples, may be the law itself
-_HALF = 0.5  # of a diagnosis: the rest of the long way may follow
+_SAME = 0.05  # of a law's size: an effect that differs by less, to first order, may be the law itself
+_HALF = 0.5  # of a diagnosis, as its progress shows it: the rest may follow
 
 
 @dataclass(frozen=True)
-class LawAlone:
-    """The one law that ``start`` lacks, learned when it is first asked for; ``held`` are foretold in turn."""
+class SingleLaw:
+    """The one law that ``start`` lacks, learned when it is first needed; the shots ``held`` are predicted in turn."""
 
     start: Fitted
     held: tuple[int, ...]
@@ -40,15 +40,15 @@ class LawAlone:
 
         return self.limit.within("one law in the place of effects", learned, None)
 
-    def explains_instead(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:
-        """Return whether the law explains all where ``best`` does not, and is none of the ``catalogue``'s rows."""
+    def replaces_effects(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:
+        """Return whether the law explains all where ``best`` does not, and is no effect of the ``catalogue``."""
         law = self.found
         if law is None or not law.explains or law.fitted.bic > best.bic - CRITERIA.law_fall:
             return False
         apart = separation(law.fitted, projector(law.fitted), law.laws[0].name, catalogue, self.stop)
-        return not apart.too_close(_A_ROW * apart.snr)
+        return not apart.too_close(_SAME * apart.snr)
 
-    def ahead_of(self, named: Fitted) -> bool:
-        """Return whether the shots tell the law from ``named`` effects, which stand where they do not."""
+    def is_likelier_than(self, named: Fitted) -> bool:
+        """Return whether the law is likelier than ``named`` effects by more than the shots leave open."""
         law = self.found
         return law is not None and law.fitted.bic < named.bic - CRITERIA.form_excluded

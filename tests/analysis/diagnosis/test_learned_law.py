@@ -7,7 +7,7 @@ from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.forms import FORMS
 from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis import words
-from analysis.diagnosis.learning.law_telling import is_same_function, news
+from analysis.diagnosis.learning.learned_law import is_same_function, news
 from analysis.diagnosis.result import OtherForm
 from analysis.shot.quantity import Quantity
 

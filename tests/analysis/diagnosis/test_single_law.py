@@ -5,7 +5,7 @@ import math
 import pytest
 
 from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.learning.law_instead import LawAlone
+from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.cross_validation import choose
@@ -22,7 +22,7 @@ def test_a_law_that_explains_all_ends_the_search() -> None:
     assert found.verdict is Verdict.LAW_LEARNED
     assert [(law.where, law.argument, law.form) for law in found.laws] == [("block", "place", "exponential")]
     assert "trying a force of the place" in told
-    assert "looking for another way" not in told
+    assert "searching from other first effects" not in told
 
 
 def test_two_rows_that_look_like_a_third_are_named_before_a_law_is() -> None:
@@ -36,6 +36,6 @@ def test_two_rows_that_look_like_a_third_are_named_before_a_law_is() -> None:
 @pytest.mark.slow
 def test_a_law_that_may_be_a_row_of_the_catalogue_stands_instead_of_none() -> None:
     start = begun(LawRig(on_plate=lambda _x, _v, y, _u: -100.0 * y**3))
-    alone = LawAlone(start, choose(start.hypothesis.data), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
+    alone = SingleLaw(start, choose(start.hypothesis.data), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
     assert alone.found is not None and alone.found.explains  # as a cubic of the bend, which cubic stiffness is
-    assert not alone.explains_instead(start, trial_effects())
+    assert not alone.replaces_effects(start, trial_effects())

@@ -168,10 +168,9 @@ def describe(fitted: Fitted) -> str:
                 square.setdefault(name, []).append(float(np.mean(residual[here] ** 2)) - white)
     rms = {name: _root(values) * 1e9 for name, values in square.items()}
     loud = sorted((name for name in rms if rms[name] > 0.0), key=lambda name: -rms[name])
-    parts = [
-        f"{_nm(_root(above) * 1e9)} rms in displacement above the white noise of {_nm(noise_m * 1e9)}"
-        + "".join(f", {name} {_nm(rms[name])}" for name in loud[:3])
-    ]
+    total, noise = _root(above) * 1e9, _nm(noise_m * 1e9)
+    size = f"{_nm(total)} rms in displacement" if total > 0.0 else "in all no rms in displacement"
+    parts = [f"{size} above the white noise of {noise}" + "".join(f", {name} {_nm(rms[name])}" for name in loud[:3])]
     if len(shots) > 1 and max(speeds) / min(speeds) > 1.15 and min(above) > 0.0:
         slope = float(np.polyfit(np.log(speeds), 0.5 * np.log(above), 1)[0])
         parts.append(f"its size goes as the speed to the power {slope:.1f}")
@@ -183,7 +182,7 @@ def describe(fitted: Fitted) -> str:
 
 def looks_like(misfit: LackOfFit, what: str = "it") -> str:
     """Return in words which freedom ``what`` would use most, as the end of a description, or nothing."""
-    return f"; {what} looks like {misfit.shape}" if misfit.significant else ""
+    return f"; {what} looks like {misfit.shape} ({misfit.size:.0f} noise norms)" if misfit.significant else ""
 
 
 def _root(squares: Sequence[float]) -> float:

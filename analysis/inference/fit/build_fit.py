@@ -1,4 +1,4 @@
-"""The one way from what a search found to a Fit, whoever searched: quantities, covariance, overlays, remainders."""
+"""Build a Fit from the end of a search: quantities, covariance, the model over the measurement, residuals."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from analysis.collision.moments import rings
 from analysis.collision.parameters import Floats
 from analysis.inference.fit.base import OWN_NAMES
-from analysis.inference.fit.overlay import lay_over
 from analysis.inference.fit.response import Response
-from analysis.shot.fit import Fit, ShotFit
+from analysis.shot.fit import Fit, Overlay, ShotFit
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
+from analysis.signal.filters import derivatives
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,11 +129,35 @@ def _shot_fit(estimate: Estimate, part: Part) -> ShotFit:
         velocity_out_m_per_s=velocity_out,
         touch_time_s=touch_time,
         offset_m=offset,
-        overlay=lay_over(motion, path.displacement_m, path.plate_m, path.gap_m, path.events_s),
+        overlay=_overlay(motion, path.displacement_m, path.plate_m, path.gap_m, path.events_s),
         residual_m=np.where(part.used, motion.displacement_m - path.displacement_m, np.nan),
         reduced_chi2=float(part.whitened @ part.whitened) / max(1, part.whitened.size - len(places)),
         own_parameters=own,
         rings=rings(part.whitened),
         sway_std_m=part.sway_std_m,
         plate_number=part.plate_number,
+    )
+
+
+def _overlay(
+    motion: Motion,
+    displacement_m: Floats,
+    plate_displacement_m: Floats,
+    gap_m: Floats,
+    events_s: tuple[tuple[str, float], ...],
+) -> Overlay:
+    """Return the overlay of a solved shot; ``displacement_m`` is the model's as the optics would see it.
+
+    Velocity and force are its derivatives through the motion's own filters, so that model and measurement are
+    smeared alike.
+    """
+    velocity, acceleration = derivatives(displacement_m, motion.sample_rate_hz, motion.bandwidth_hz)
+    return Overlay(
+        time_s=motion.time_s,
+        displacement_m=displacement_m,
+        velocity_m_per_s=velocity,
+        force_n=motion.moving_mass_kg * acceleration,
+        deflection_m=plate_displacement_m,
+        gap_m=gap_m,
+        events_s=events_s,
     )

@@ -22,16 +22,13 @@ class Coordinates:
 
     ``plate`` says whether the first four parameters are plate and contact (else they are left as they are); stiffness
     and mass of further plates stand at the places ``further_at`` and after them;
-    ``own_at`` holds where each shot's (v_i, touch time, offset) begin, ``reference_s`` its expected touch;
-    the parameters ``inverse_at`` are searched by their inverse, those ``logarithmic_at`` by their logarithm.
+    ``own_at`` holds where each shot's (v_i, touch time, offset) begin, ``reference_s`` its expected touch.
     """
 
     block_mass_kg: float
     plate: bool
     own_at: tuple[int, ...]
     reference_s: tuple[float, ...]
-    inverse_at: tuple[int, ...] = ()
-    logarithmic_at: tuple[int, ...] = ()
     further_at: tuple[int, ...] = ()
 
     def to_search(self, parameters: Floats) -> Floats:
@@ -44,10 +41,6 @@ class Coordinates:
                 z[at : at + 2] = self._searched(float(parameters[at]), float(parameters[at + 1]), k_n)
         for at, reference in zip(self.own_at, self.reference_s, strict=True):
             z[at + 2] = parameters[at + 2] + parameters[at] * (reference - parameters[at + 1])
-        for at in self.inverse_at:
-            z[at] = 1 / parameters[at]
-        for at in self.logarithmic_at:
-            z[at] = math.log(parameters[at])
         return z
 
     def to_parameters(self, z: Floats) -> tuple[Floats, Floats]:
@@ -72,11 +65,6 @@ class Coordinates:
             out[at + 2] = z[at + 2] - z[at] * ahead
             slope[at + 2, at] = -ahead
             slope[at + 2, at + 1] = z[at]
-        for at in self.inverse_at:
-            out[at] = 1 / max(z[at], 1e-12)
-            slope[at, at] = -(out[at] ** 2)
-        for at in self.logarithmic_at:
-            out[at] = slope[at, at] = math.exp(min(z[at], 60.0))
         return out, slope
 
     def _searched(self, k_p: float, m_p: float, k_n: float) -> tuple[float, float]:

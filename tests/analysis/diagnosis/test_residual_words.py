@@ -1,0 +1,48 @@
+"""What is said of a residual: its size above the white noise, and never zero as if that were a size."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit
+from analysis.diagnosis.verdict.residual import describe, looks_like
+
+
+def _fit(scale: float) -> Any:
+    """Return a fit of one shot whose residual is ``scale`` times white noise of 0.1 nm."""
+    noise_m, count = 1e-10, 4000
+    left_m = scale * noise_m * np.random.default_rng(3).standard_normal(count)
+    course = SimpleNamespace(
+        touch_time_s=0.05, contact_time_s=0.03, turnaround_time_s=0.065, release_time_s=0.08, velocity_in_m_per_s=-0.2
+    )
+    shot = SimpleNamespace(
+        valid=np.ones(count, dtype=bool),
+        weight=1.0,
+        course=course,
+        centre_s=5e-5 * np.arange(count),
+        spacing_s=5e-5,
+        beside_the_site=lambda _floor, left: left,
+    )
+    floor = SimpleNamespace(white_m=noise_m)
+    data = SimpleNamespace(shots=[shot])
+    return SimpleNamespace(
+        hypothesis=SimpleNamespace(data=data),
+        floor=floor,
+        residual_m=(left_m,),
+        whitened=lambda: [left_m / noise_m],
+    )
+
+
+@pytest.mark.parametrize(("scale", "said"), [(2.0, "0.17 nm rms in displacement above"), (0.99, "in all no rms in")])
+def test_a_residual_within_the_noise_is_not_said_to_be_0_nm(scale: float, said: str) -> None:
+    text = describe(cast(Any, _fit(scale)))
+    assert text.startswith(said) and "above the white noise of 0.1 nm" in text
+    assert not text.startswith("0 nm")
+
+
+def test_what_a_residual_looks_like_has_a_size() -> None:
+    misfit = LackOfFit("a force of the place", 104.0, 63.0, 4)
+    assert looks_like(misfit) == "; it looks like a force of the place (10 noise norms)"
+    assert looks_like(NOTHING) == ""

@@ -133,7 +133,7 @@ def fit_jointly(
 
     def fit() -> Fit:
         if base == "driven":
-            from analysis.drive.fit import fit_driven
+            from analysis.drive.driven_fit import fit_driven
 
             return fit_driven(motions, effects, left)
         from analysis.inference.fit.shot_fit import fit_shots

@@ -57,7 +57,7 @@ def test_a_drive_s_fit_has_its_seconds_too(monkeypatch: pytest.MonkeyPatch) -> N
             fits.append(regress(table))
         return fits[-1]
 
-    monkeypatch.setattr("analysis.drive.fit.accept", endless)
+    monkeypatch.setattr("analysis.drive.driven_fit.fit_accepted", endless)
     with pytest.raises(AnalysisError, match="no end of the fit after 1 s"):
         fit_jointly([Drive().motion()], "driven", (), seconds=1.0)
     time.sleep(0.2)

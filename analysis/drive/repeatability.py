@@ -136,5 +136,5 @@ def folds(table: Table, count: int) -> NDArray[np.int64]:
         of = table.record == record
         time_s = table.time_s[of] - table.time_s[of][0]
         whole = cycle_s if cycle_s is not None else float(time_s[-1]) * (1.0 + 1e-9)
-        out[of] = np.repeatability(count * np.mod(time_s, whole) / whole).astype(np.int64)
+        out[of] = np.floor(count * np.mod(time_s, whole) / whole).astype(np.int64)
     return out

@@ -47,7 +47,7 @@ class NextShot:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """The limits of the rig: speeds and weights to choose from, free path before the plate, flight recorded after it."""
+    """The limits of the rig: speeds and weights to choose from, free path before the plate, recorded flight after."""
 
     speeds_m_per_s: tuple[float, ...] = SPEEDS_M_PER_S
     added_kg: tuple[float, ...] = ADDED_KG

@@ -121,7 +121,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
     if shot.motion is None:
         return shot
     from analysis.reading.read import NoImpact, read_impact
-    from analysis.reading.sense import check_collision, why_none
+    from analysis.reading.record_checks import check_collision, why_reversed
     from analysis.shot.rate_error import with_rate_error
     from analysis.signal.cross_talk import LEFT as CROSS_TALK
 
@@ -137,7 +137,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
                 impact = replace(impact, deflection_max_m=unsure)
             shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
         except (NoImpact, AnalysisError) as error:
-            shot = replace(shot, problem=why_none(motion) or str(error))
+            shot = replace(shot, problem=why_reversed(motion) or str(error))
         except (LinAlgError, ValueError, IndexError, ZeroDivisionError):
             shot = replace(shot, problem="the motion is in too many pieces, or too torn, to be read as one collision")
     shot = replace(shot, seconds={**shot.seconds, "impact": time.perf_counter() - started})

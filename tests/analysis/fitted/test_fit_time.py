@@ -40,7 +40,7 @@ def test_a_span_that_no_collision_has_is_questioned_before_anything_is_fitted() 
 
 def test_a_fit_that_finds_no_end_is_refused_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert shot_of(2e3, 1.0, AnalysisSettings()).fit is not None  # compiled from here on
-    monkeypatch.setattr("analysis.reading.sense.LONGEST_S", 1e9)
+    monkeypatch.setattr("analysis.reading.record_checks.LONGEST_S", 1e9)
     began = time.process_time()
     shot = shot_of(2e3, 1e-6, AnalysisSettings(fit_seconds=2.0))
     assert time.process_time() - began < 12.0

@@ -35,7 +35,7 @@ class Bins:
 
 
 def binned(motion: Motion, into: tuple[int, int], out: tuple[int, int] | None) -> Bins:
-    """Return the bins of both flights, of one length, counted from the contact outwards; those with holes are left out."""
+    """Return the bins of both flights, of one length, counted from the contact outwards, without those with holes."""
     step = 1.0 / motion.sample_rate_hz
     total = into[1] - into[0] + 1 + (out[1] - out[0] + 1 if out is not None else 0)
     each = max(1, round(BIN_S / step), -(-total // MOST_BINS))

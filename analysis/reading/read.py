@@ -13,8 +13,8 @@ from analysis.reading.edges import Edge, edge_of_flight
 from analysis.reading.flight import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
 from analysis.reading.locate import CollisionSpan, find_collision
 from analysis.reading.vibration_lines import without_lines
+from analysis.shot.consistency import reading_flags
 from analysis.shot.disturbance import Disturbance, Shaking
-from analysis.shot.doubts import doubts_of_reading
 from analysis.shot.impact import Impact, KineticCor
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen, Quantity, Reading
@@ -104,7 +104,7 @@ def _read(motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None
         bounce_releases_s=tuple(e.time_s for e in bounces.releases),
     )
     momentum = pulse.read_momentum(motion, touch, release, drag, (v_in, v_out), noise)
-    flags += doubts_of_reading(impact, momentum)
+    flags += reading_flags(impact, momentum)
     return replace(impact, flags=tuple(flags), disturbance=_disturbance(flights, motion, impact))
 
 

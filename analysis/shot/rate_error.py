@@ -14,9 +14,8 @@ import numpy as np
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity, Reading
+from analysis.shot.quantity import Quantity, Reading, power_of_time
 from analysis.shot.recording import Recording
-from analysis.shot.units import power_of_time
 
 FLAG = "rate_contradicted"
 DELIVERED = "lmm:delivered_rate_hz"  # global key: the rate by the computer's clock, where it is not the stated one

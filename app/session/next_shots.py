@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import awaits_fit
 from analysis.planning.next_shot import MOST_SHOTS, NextShot
 from analysis.planning.shot_log import PlannedStep, PlanningState, next_step, plan_next
 from analysis.shot.shot import Shot

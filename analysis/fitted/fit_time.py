@@ -88,7 +88,7 @@ def _compiling() -> Any:
 def run_in_time(
     work: Callable[[], Result], seconds: float, cancelled: Stop | None = None, words: str | None = None
 ) -> Result:
-    """Return the result of ``work``, or raise what it raises; AnalysisError with ``words`` after ``seconds`` of FitTime.
+    """Return the result of ``work``, or raise what it raises; AnalysisError with ``words`` after so many seconds.
 
     The work runs in a thread of its own, as a kernel cannot be interrupted.  A thread that does not end is left behind:
     it holds no lock, ends with the process, and its result is dropped.  Raises Cancelled.

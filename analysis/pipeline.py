@@ -1,7 +1,7 @@
-"""Run one shot through the whole road: demodulate, read, fit; stop where it breaks and say why.
+"""Analyse one shot: demodulate, read, fit; where a step fails the shot states why.
 
-The readings need no model and are there long before it at a first start: ``read`` ends with them, ``fitted`` goes on.
-Each step is imported where it is taken, so that a window need not wait for it.
+``read`` ends with the readings, which need no model and are available long before it at a first start; ``fitted`` adds
+the fit.  Each step is imported where it is used, so that a window does not wait for it.
 """
 
 import time
@@ -9,8 +9,7 @@ from dataclasses import replace
 
 from numpy.linalg import LinAlgError
 
-from analysis.fitted.awaited_fit import with_fit_to_follow
-from analysis.fitted.fitted_shot import fit_again
+from analysis.fitted.fitted_shot import fit_again, with_fit_to_follow
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen
 from analysis.shot.recording import FLAG, Recording, Setup, corrected
@@ -38,7 +37,7 @@ def read(
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Shot:
-    """Analyse a raw recording up to its readings; where a fit is due the shot is flagged to await it.
+    """Analyse a raw recording up to its readings; the shot is flagged as awaiting its fit where one is wanted.
 
     Raises Cancelled; every other failure is the shot's ``problem``.
     """
@@ -88,7 +87,7 @@ def analyse_motion(
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Shot:
-    """Analyse a motion that another instrument demodulated; what needs the optics stays unseen."""
+    """Analyse a motion that another instrument demodulated."""
     shot = Shot(
         name=name,
         path=path,
@@ -107,7 +106,7 @@ def analyse_motion(
 
 
 def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | None = None) -> Shot:
-    """Return a shot that was read with its fit; as it is where none is due.  Raises Cancelled."""
+    """Return a shot that was read with its fit; unchanged where none is wanted.  Raises Cancelled."""
     if shot.motion is None:
         return shot
     _tell(progress, cancelled, "fitting the model", 0.6)
@@ -121,14 +120,14 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
     if shot.motion is None:
         return shot
     from analysis.reading.read import NoImpact, read_impact
-    from analysis.reading.sense import check_collision, why_none
+    from analysis.reading.record_checks import check_collision, why_reversed
     from analysis.shot.rate_error import with_rate_error
     from analysis.signal.cross_talk import LEFT as CROSS_TALK
 
     _tell(progress, cancelled, "reading the impact", 0.5)
     started = time.perf_counter()
     motion = shot.motion
-    if shot.settings.model != "driven":  # a slider under a known force strikes nothing
+    if shot.settings.model != "driven":  # a driven slider has no collision
         try:
             check_collision(motion)
             impact = with_rate_error(read_impact(motion), motion)
@@ -137,7 +136,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
                 impact = replace(impact, deflection_max_m=unsure)
             shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
         except (NoImpact, AnalysisError) as error:
-            shot = replace(shot, problem=why_none(motion) or str(error))
+            shot = replace(shot, problem=why_reversed(motion) or str(error))
         except (LinAlgError, ValueError, IndexError, ZeroDivisionError):
             shot = replace(shot, problem="the motion is in too many pieces, or too torn, to be read as one collision")
     shot = replace(shot, seconds={**shot.seconds, "impact": time.perf_counter() - started})

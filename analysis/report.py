@@ -9,8 +9,7 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.result import to_result as diagnosis_result
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import to_result as foretold_result
-from analysis.fitted.readings_model import readings_model
-from analysis.fitted.readings_model import to_result as readings_model_result
+from analysis.fitted.fitted_shot import readings_model, readings_model_result
 from analysis.shot.disturbance import Disturbance
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import to_json
@@ -38,7 +37,7 @@ def result(shots: Sequence[Shot], diagnosis: Diagnosis | None, foretold: Foretol
 
 
 def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
-    """Return one shot's entry; what was not seen is null.  ``others`` of the same rig tell its repeatability."""
+    """Return one shot's entry; what was not seen is null.  ``others`` of the same rig give its repeatability."""
     impact = shot.impact
     entry: dict[str, Any] = {
         "name": shot.name,
@@ -65,7 +64,7 @@ def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
 
 
 def disturbance_result(disturbance: Disturbance | None) -> dict[str, Any] | None:
-    """Return what moved the path beside the block, and its share of the variance of each number that it concerns."""
+    """Return the disturbance of the path, and its share of each number's variance."""
     if disturbance is None:
         return None
     return {
@@ -85,7 +84,7 @@ def disturbance_result(disturbance: Disturbance | None) -> dict[str, Any] | None
 
 
 def fit_result(fit: Fit | None) -> dict[str, Any] | None:
-    """Return the fit's entry; a fit that did not converge gives no numbers."""
+    """Return the fit's entry; the parameters of a fit that did not converge are null."""
     if fit is None:
         return None
     parameters = {
@@ -101,7 +100,7 @@ def fit_result(fit: Fit | None) -> dict[str, Any] | None:
 
 
 def _finite(value: Any) -> Any:
-    """Replace what JSON cannot hold by null, all the way down."""
+    """Replace numbers that are not finite by null, at every depth."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

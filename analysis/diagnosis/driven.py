@@ -9,13 +9,12 @@ import numpy as np
 from analysis.diagnosis import driven_words as words
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.verdict.conclusion import conclude
-from analysis.drive.alike import look_alikes
-from analysis.drive.fit import as_fit, chi2, noise_n
-from analysis.drive.mass import Weighed, weigh
-from analysis.drive.regress import BentValues, Regression, regress
-from analysis.drive.repeat import Floor, floor
-from analysis.drive.run import prepare
-from analysis.drive.search import Explored, Ground, Trial, explore
+from analysis.drive.driven_fit import as_fit, chi2, filtered_noise_n
+from analysis.drive.law_search import LawSearch, Split, Trial, look_alikes, search_laws
+from analysis.drive.mass_check import MassCheck, check_mass
+from analysis.drive.regress import NonlinearValues, Regression, regress
+from analysis.drive.repeatability import Repeatability, repeatability_of
+from analysis.drive.stretch import prepare
 from analysis.drive.table import Mask, Table
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Progress, Stop
@@ -43,72 +42,74 @@ def diagnose_driven(
     there is nothing to judge, Cancelled when asked to stop.
     """
     began = time.perf_counter()
-    tell = progress or (lambda _what, _share: None)
+    tell = progress or (lambda _what, _fraction: None)
     tell("fitting mass, drag and offset", 0.0)
     table = Table.of(prepare(motions), cancelled or (lambda: False))
-    ground = Ground.of(table)
+    split = Split.of(table)
     tell("trying the laws of a drive", 0.1)
-    explored = explore(ground, accepted, lambda share: tell("trying the laws of a drive", 0.1 + 0.7 * share))
+    searched = search_laws(split, accepted, lambda share: tell("trying the laws of a drive", 0.1 + 0.7 * share))
     tell("fitting the whole record", 0.85)
-    free = regress(table, explored.found.laws, None, explored.found.bent)
-    weighed = weigh(motions, free)
-    before = _halves(ground, tuple(accepted), explored.found.bent, weighed)
-    after = _halves(ground, explored.found.laws, explored.found.bent, weighed)
-    below = floor(table, after.whole, noise_n(motions, table.runs, after.whole))
+    free = regress(table, searched.found.laws, None, searched.found.nonlinear)
+    mass_check = check_mass(motions, free)
+    before = _halves(split, tuple(accepted), searched.found.nonlinear, mass_check)
+    after = _halves(split, searched.found.laws, searched.found.nonlinear, mass_check)
+    repeatability = repeatability_of(table, after.whole, filtered_noise_n(motions, table.stretches, after.whole))
     tell("telling look-alikes apart", 0.9)
-    effects = tuple(_found(ground, after.whole, explored, law) for law in after.whole.laws if law not in accepted)
-    verdict = conclude(explained=after.whole.rms_n <= SMALL_REST * below.force_n, effects=effects)
+    effects = tuple(_found(split, after.whole, searched, law) for law in after.whole.laws if law not in accepted)
+    verdict = conclude(explained=after.whole.rms_n <= SMALL_REST * repeatability.force_n, effects=effects)
+    done = verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND)
+    remainder = "" if done else words.rest(table, after.whole, repeatability)
     seconds = time.perf_counter() - began
     diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=words.sentence(effects, before.whole, after.whole, after.held_n, below, weighed),
+        sentence=words.sentence(effects, before.whole, after.whole, after.held_n, repeatability, mass_check),
         effects=effects,
-        candidates=_candidates(explored, weighed),
-        error_before=_errors(before.whole.rms_n, below),
-        error_after=_errors(after.whole.rms_n, below),
-        error_held_out_before=_errors(before.held_n, below),
-        error_held_out_after=_errors(after.held_n, below),
-        fit_before=as_fit(motions, before.whole, weighed, below, 0.0),
-        fit_after=as_fit(motions, after.whole, weighed, below, seconds),
-        remainder="" if verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND) else words.rest(table, after.whole, below),
-        blind_spots=words.blind_spots(table, explored.coinciding, weighed),
-        separating_shot=words.separating(effects, explored.coinciding),
+        candidates=_candidates(searched, mass_check),
+        error_before=_errors(before.whole.rms_n, repeatability),
+        error_after=_errors(after.whole.rms_n, repeatability),
+        error_held_out_before=_errors(before.held_n, repeatability),
+        error_held_out_after=_errors(after.held_n, repeatability),
+        fit_before=as_fit(motions, before.whole, mass_check, repeatability, 0.0),
+        fit_after=as_fit(motions, after.whole, mass_check, repeatability, seconds),
+        remainder=remainder,
+        blind_spots=words.blind_spots(table, searched.unidentifiable, mass_check),
+        separating_shot=words.separating(effects, searched.unidentifiable),
         seconds=seconds,
     )
     tell("diagnosed", 1.0)
     return diagnosis
 
 
-def _halves(ground: Ground, laws: tuple[str, ...], bent: BentValues, weighed: Weighed) -> _Halves:
+def _halves(split: Split, laws: tuple[str, ...], nonlinear: NonlinearValues, mass_check: MassCheck) -> _Halves:
     def fitted(mask: Mask | None) -> Regression:
-        return regress(ground.table, laws, mask, bent, weighed.fixed)
+        return regress(split.table, laws, mask, nonlinear, mass_check.fixed)
 
-    return _Halves(fitted(None), fitted(ground.kept).foretold_n(ground.held))
+    return _Halves(fitted(None), fitted(split.kept).rms_of(split.held))
 
 
-def _errors(force_n: float, below: Floor) -> Errors:
+def _errors(force_n: float, repeatability: Repeatability) -> Errors:
     """Return the errors; without a loop around it the model's own path drifts, so only the force is compared."""
-    return Errors(float("nan"), float("nan"), force_n, chi2(force_n, below))
+    return Errors(float("nan"), float("nan"), force_n, chi2(force_n, repeatability))
 
 
-def _found(ground: Ground, whole: Regression, explored: Explored, law: str) -> FoundEffect:
-    pay = explored.pays[law]
-    evidence = {"delta_bic": pay.delta_bic, "held_out_force_rms_without_it_n": pay.without_n}
-    others = look_alikes(ground.table, whole, law)
+def _found(split: Split, whole: Regression, searched: LawSearch, law: str) -> FoundEffect:
+    merit = searched.merits[law]
+    evidence = {"delta_bic": merit.delta_bic, "held_out_force_rms_without_it_n": merit.without_it_n}
+    others = look_alikes(split.table, whole, law)
     parameters = whole.parameters(law)
     return FoundEffect(law, parameters, evidence, others, words.effect(law, parameters, whole, others))
 
 
-def _candidates(explored: Explored, weighed: Weighed) -> tuple[Candidate, ...]:
-    out = [_candidate(trial) for trial in explored.trials if len(trial.added) == 1]
+def _candidates(searched: LawSearch, mass_check: MassCheck) -> tuple[Candidate, ...]:
+    out = [_candidate(trial) for trial in searched.trials if len(trial.added) == 1]
     coincides = "not identifiable: in this motion it is a mixture of what is in the model"
-    out += [Candidate(law, 0.0, None, {}, coincides) for law in explored.coinciding]
-    gain = weighed.gain_error
+    out += [Candidate(law, 0.0, None, {}, coincides) for law in searched.unidentifiable]
+    gain = mass_check.gain_error
     if gain is None:
         remark = "not identifiable: while no mass is stated it only rescales mass, drag and friction"
         out.append(Candidate("gain_error", 0.0, None, {}, remark))
     else:
-        remark = "the stated mass agrees" if weighed.agrees else f"the same as a mass of {weighed.fitted} kg"
+        remark = "the stated mass agrees" if mass_check.agrees else f"the same as a mass of {mass_check.fitted} kg"
         score = abs(gain.value) / gain.std if gain.std > 0.0 else 0.0
         out.append(Candidate("gain_error", score, None, {"fraction": gain}, remark))
     return tuple(out)
@@ -119,5 +120,5 @@ def _candidate(trial: Trial) -> Candidate:
     quantities = trial.found.parameters(law)
     first = next(iter(quantities.values()))
     score = abs(first.value) / first.std if first.std > 0.0 else 0.0
-    remark = f"foretold force error {trial.held_out_n:.3g} N"
+    remark = f"force error {trial.validation_n:.3g} N on the validation half"
     return Candidate(law, float(np.nan_to_num(score)), trial.delta_bic, quantities, remark)

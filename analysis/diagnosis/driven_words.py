@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from analysis.diagnosis.result import FoundEffect
 from analysis.diagnosis.words import plain, quantity, stem
 from analysis.drive.catalogue import LAWS
-from analysis.drive.mass import Weighed
+from analysis.drive.mass_check import MassCheck
 from analysis.drive.regress import Regression, rms
-from analysis.drive.repeat import Floor
+from analysis.drive.repeatability import Repeatability
 from analysis.drive.table import Table
 from analysis.shot.quantity import Quantity
 
@@ -22,12 +22,12 @@ def sentence(
     before: Regression,
     after: Regression,
     held_n: float,
-    below: Floor,
-    weighed: Weighed,
+    repeatability: Repeatability,
+    mass_check: MassCheck,
 ) -> str:
     """Return the verdict's sentence: what was found, the error before and after, and what the drive repeats to."""
-    times = after.rms_n / below.force_n if below.force_n > 0.0 else float("inf")
-    against = f"{after.rms_n:.3g} N is {times:.2g} times {below.what} ({below.force_n:.2g} N)"
+    times = after.rms_n / repeatability.force_n if repeatability.force_n > 0.0 else float("inf")
+    against = f"{after.rms_n:.3g} N is {times:.2g} times {repeatability.what} ({repeatability.force_n:.2g} N)"
     if effects:
         listed = "; ".join(effect.sentence for effect in effects)
         text = (
@@ -38,7 +38,7 @@ def sentence(
         text = f"Adequate: mass, viscous drag and offset leave nothing to speak of; {against}."
     else:
         text = f"Unexplained: {before.rms_n:.3g} N rms remain and no law of the catalogue predicts them; {against}."
-    return f"{text} {weighed.words}".strip()
+    return f"{text} {mass_check.words}".strip()
 
 
 def effect(law: str, parameters: Mapping[str, Quantity], found: Regression, others: Sequence[str]) -> str:
@@ -68,30 +68,31 @@ def _meaning(law: str, parameters: Mapping[str, Quantity], found: Regression) ->
     return ""
 
 
-def blind_spots(table: Table, coinciding: Sequence[str], weighed: Weighed) -> tuple[str, ...]:
+def blind_spots(table: Table, unidentifiable: Sequence[str], mass_check: MassCheck) -> tuple[str, ...]:
     """Return what these records could not have shown, and the band in which everything was compared."""
-    run = table.runs[0]
+    stretch = table.stretches[0]
     out = [
-        f"anything faster than {run.bandwidth_hz:.3g} Hz: up to there the motion stands clear of its noise, and force "
-        "and motion are compared through the same filter",
+        f"anything faster than {stretch.bandwidth_hz:.3g} Hz: up to there the motion stands clear of its noise, and "
+        "force and motion are compared through the same filter",
         "a constant force of the drive and a tilt of the guide are one number here: the offset",
     ]
-    out += [f"{plain(law)} of any size: in this motion it is a mixture of what is in the model" for law in coinciding]
-    if weighed.stated is None:
+    mixed = "of any size: in this motion it is a mixture of what is in the model"
+    out += [f"{plain(law)} {mixed}" for law in unidentifiable]
+    if mass_check.stated is None:
         out.append("an error of the force's scale only rescales mass, drag and friction")
     return tuple(out)
 
 
-def separating(effects: Sequence[FoundEffect], coinciding: Sequence[str]) -> str:
+def separating(effects: Sequence[FoundEffect], unidentifiable: Sequence[str]) -> str:
     """Return the motion that would show what this one could not."""
-    if "coulomb_friction" in coinciding:
+    if "coulomb_friction" in unidentifiable:
         return "a motion both ways: one way, friction is a constant force"
     if any(e.indistinguishable_from for e in effects):
         return "another motion: slower reversals, several top speeds, another part of the travel"
     return ""
 
 
-def rest(table: Table, found: Regression, below: Floor) -> str:
+def rest(table: Table, found: Regression, repeatability: Repeatability) -> str:
     """Say what the remaining force goes with: direction, reversals, place, the cycle."""
     left = found.residual_n
     speed, place = table.velocity_m_per_s, table.displacement_m
@@ -100,9 +101,9 @@ def rest(table: Table, found: Regression, below: Floor) -> str:
     one_way = np.stack([np.maximum(speed, 0.0), (speed > 0.0).astype(np.float64), speed, np.ones(speed.size)], axis=1)
     waves = [f(2.0 * np.pi * k * place / np.ptp(place)) for k in (1, 2, 3) for f in (np.sin, np.cos)]
     along = np.stack([np.ones(place.size), place, *waves], axis=1)
-    times = rms(left) / below.force_n
+    times = rms(left) / repeatability.force_n
     parts = [
-        f"{rms(left):.3g} N rms remain, {times:.2g} times {below.what} ({below.force_n:.2g} N)",
+        f"{rms(left):.3g} N rms remain, {times:.2g} times {repeatability.what} ({repeatability.force_n:.2g} N)",
         f"{_explained(left, one_way):.0%} of their power goes with the direction of motion",
         f"{_explained(left, along):.0%} with the place along the guide",
         f"{float(left[slow] @ left[slow]) / total:.0%} stand in the {np.mean(slow):.0%} of samples around reversals",

@@ -8,8 +8,7 @@ from analysis.diagnosis import contact_family
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.shot.fit import Fit
-from analysis.shot.quantity import Quantity
-from analysis.shot.units import parts
+from analysis.shot.quantity import Quantity, words_and_unit
 
 CLASSES = {
     frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",
@@ -37,13 +36,13 @@ def plain(name: str) -> str:
 
 def unit_of(parameter: str) -> str:
     """Return the unit that a parameter's name carries, or nothing."""
-    return parts(parameter.split(".")[0])[1]
+    return words_and_unit(parameter.split(".")[0])[1]
 
 
 def stem(parameter: str) -> str:
     """Return a parameter's name without its unit, in words."""
     name, _, shot = parameter.partition(".")
-    return parts(name)[0] + (f" of shot {shot}" if shot else "")
+    return words_and_unit(name)[0] + (f" of shot {shot}" if shot else "")
 
 
 def quantity(name: str, value: Quantity, unit: str | None = None) -> str:

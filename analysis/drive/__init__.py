@@ -1,1 +1,1 @@
-"""A driven slider: what force a motion takes, which laws of the drive show in it, and what the drive repeats to."""
+"""A slider driven by a measured force: its mass, drag and further laws by regression, and its repeatability."""

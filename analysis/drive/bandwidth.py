@@ -1,4 +1,4 @@
-"""How wide the derivatives of a driven record may be, from the record itself."""
+"""The bandwidth in which force and motion of a driven record are compared, chosen from the record itself."""
 
 import itertools
 from functools import lru_cache
@@ -11,19 +11,18 @@ from analysis.shot.shot import AnalysisError
 from analysis.signal.filters import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives, stretches
 
 Floats = NDArray[np.float64]
-CLEAR = 100.0  # signal over noise power at the edge: a noise of 1 % in a regressor bends what it multiplies by as much
+CLEAR = 100.0  # signal over noise power at the edge: noise of 1 % in a regressor biases its coefficient by as much
 BANDS_AN_OCTAVE = 4
-LEAST_FILTERS = 60.0  # of the filter's time 1 / bandwidth that a record must hold: its ends cost six
+LEAST_FILTERS = 60.0  # a record must last so many times the filter's time 1 / bandwidth: its ends cost six
 _PIECES = 6  # of the record, for the spectrum
 
 
 def bandwidth_of(motion: Motion) -> float:
-    """Return the bandwidth in Hz in which force and motion are to be compared.
+    """Return the bandwidth in Hz in which force and motion are compared.
 
-    The wider of two: as far as the motion stands ``CLEAR`` of its noise; and as far as differentiating that noise
-    adds no more to the force than the force's own noise (beyond, wider shows nothing more of either).  At most what
-    the derivative filters can do, at least what leaves the record longer than the filter.  Raises AnalysisError where
-    there is no motion to speak of.
+    The wider of two: up to where the motion's power is ``CLEAR`` times its noise, and up to where mass times the noise
+    of the acceleration equals the noise of the force.  At most what the derivative filters can do, at least what
+    leaves the record longer than the filter.  Raises AnalysisError where the record is too short or nothing moves.
     """
     rate = motion.sample_rate_hz
     start, stop = max(
@@ -39,16 +38,16 @@ def bandwidth_of(motion: Motion) -> float:
     if float(np.ptp(place)) < 20.0 * noise_m:
         raise AnalysisError(f"displacement_m: no motion, nothing goes further than its noise of {noise_m:.2g} m")
     widest, narrowest = MAX_BANDWIDTH_SHARE * rate, LEAST_FILTERS * rate / place.size
-    clear = min(widest, max(narrowest, _clear(place, rate, noise_m)))
-    even = _even(place, force, rate, clear, (noise_m, force_noise(motion)))
+    clear = min(widest, max(narrowest, _clear_hz(place, rate, noise_m)))
+    even = _equal_noise_hz(place, force, rate, clear, (noise_m, force_noise(motion)))
     return min(widest, max(clear, even))
 
 
 def force_noise(motion: Motion) -> float:
-    """Return the white noise of the measured force, in N a sample.
+    """Return the standard deviation in N of one force sample's white noise.
 
-    The motion's own estimate takes all that changes from sample to sample for noise; where the force is driven so
-    fast, the top of its spectrum lies lower.
+    The motion's own estimate counts everything that changes from sample to sample as noise; where the drive itself
+    changes so fast, the top of the force's spectrum gives a smaller, truer value.
     """
     from scipy.signal import welch  # with all of scipy.stats: not at every start
 
@@ -62,7 +61,7 @@ def force_noise(motion: Motion) -> float:
     return min(float(np.nanmedian(motion.force_std_n)), float(white))
 
 
-def _even(place: Floats, force: Floats, rate: float, clear: float, noise: tuple[float, float]) -> float:
+def _equal_noise_hz(place: Floats, force: Floats, rate: float, clear: float, noise: tuple[float, float]) -> float:
     """Return the bandwidth at which mass times the noise of the acceleration is the noise of the force."""
     velocity, acceleration = derivatives(place, rate, clear)
     columns = np.stack([acceleration, velocity, np.sign(velocity), np.ones(place.size)], axis=1)
@@ -82,11 +81,11 @@ def _acceleration_gains() -> tuple[tuple[float, float], ...]:
     return tuple((share, derivative_filters(1.0, share).acceleration_gain) for share in shares)
 
 
-def _clear(place: Floats, rate: float, noise_m: float) -> float:
-    """Return the highest frequency at which the displacement is ``CLEAR`` of white noise.
+def _clear_hz(place: Floats, rate: float, noise_m: float) -> float:
+    """Return the highest frequency at which the displacement's power is ``CLEAR`` times its white noise.
 
-    Differentiation raises noise and motion alike, so that their ratio is that of the displacement.  The spectrum is
-    that of its second differences, which are flat enough for a window not to leak the slow motion over the fast one.
+    Differentiation raises noise and motion alike, so their ratio is that of the displacement.  The spectrum is taken
+    of second differences: they are so flat that the window does not leak the slow motion over the fast one.
     """
     from scipy.signal import welch  # with all of scipy.stats: not at every start
 
@@ -95,11 +94,11 @@ def _clear(place: Floats, rate: float, noise_m: float) -> float:
     frequency, density = frequency[1:], density[1:]
     seen = density / (2.0 * np.sin(np.pi * frequency / rate)) ** 4
     top = seen[frequency > 0.8 * frequency[-1]]
-    floor = min(2.0 * noise_m**2 / rate, float(np.median(top)))
+    repeatability = min(2.0 * noise_m**2 / rate, float(np.median(top)))
     edges = frequency[0] * 2.0 ** (np.arange(200) / BANDS_AN_OCTAVE)
     clear = float(frequency[0])
     for low, high in itertools.pairwise(edges):
         inside = (frequency >= low) & (frequency < high)
-        if inside.any() and float(np.mean(seen[inside])) > CLEAR * floor:
+        if inside.any() and float(np.mean(seen[inside])) > CLEAR * repeatability:
             clear = float(high)
     return clear

@@ -1,7 +1,7 @@
-"""What a drive may have beside mass, viscous drag and a constant force: one row a law, one function a row.
+"""The laws that may act in a drive in addition to mass, viscous drag and a constant force.
 
-A law adds a force to M a + c v + f_0, linear in some parameters ("linear") and not in others ("bent"), which are
-searched.  Adding a law is adding a function and a row; nothing else changes.  Sources: H. Olsson, K. J. Astroem et al.,
+A law adds a force to M a + c v + f_0 that is linear in some parameters, which are solved for, and nonlinear in others,
+which are searched.  To add a law, add a function and a row of ``LAWS``.  Sources: H. Olsson, K. J. Astroem et al.,
 "Friction models and friction compensation", Eur. J. Control 4 (1998); J. Swevers, W. Verdonck, J. De Schutter,
 "Dynamic model identification for industrial robots", IEEE Control Syst. 27 (2007).
 """
@@ -11,18 +11,18 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from analysis.drive.presliding import bristles
-from analysis.drive.run import LONGEST_DELAY, Run
+from analysis.drive.stretch import LONGEST_DELAY, Stretch
 
 Floats = NDArray[np.float64]
 Columns = tuple[Floats, ...]
 BASE = ("moving_mass_kg", "viscous_coefficient_n_s_per_m", "offset_n")
 
 
-class Span(Enum):
-    """What a bent parameter is laid out against before it is searched."""
+class ParameterScale(Enum):
+    """The quantity of the record that a nonlinear parameter's bounds and grid are given in shares of."""
 
     SPEED = "the fastest speed"
     TRAVEL = "the travel"
@@ -32,115 +32,138 @@ class Span(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Bent:
-    """A parameter in which the force is not linear: its bounds and the points tried first, in shares of ``span``."""
+class NonlinearParameter:
+    """A parameter in which the force is not linear: its bounds and first grid, in shares of ``scale``."""
 
     name: str
-    span: Span
+    scale: ParameterScale
     low: float
     high: float
-    tried: tuple[float, ...] = ()
+    grid: tuple[float, ...] = ()
     logarithmic: bool = True
 
-    def scaled(self, runs: Sequence[Run]) -> float:
+    def scale_in(self, stretches: Sequence[Stretch]) -> float:
         """Return what one share is worth in these records, in the parameter's unit."""
-        if self.span is Span.SPEED:
-            return max(float(np.abs(run.velocity_m_per_s[run.used]).max()) for run in runs)
-        if self.span in (Span.TRAVEL, Span.PITCH):
-            return max(float(np.ptp(run.displacement_m[run.used])) for run in runs)
-        return 1.0 / runs[0].bandwidth_hz if self.span is Span.TIME else 1.0
+        if self.scale is ParameterScale.SPEED:
+            return max(float(np.abs(stretch.velocity_m_per_s[stretch.used]).max()) for stretch in stretches)
+        if self.scale in (ParameterScale.TRAVEL, ParameterScale.PITCH):
+            return max(float(np.ptp(stretch.displacement_m[stretch.used])) for stretch in stretches)
+        return 1.0 / stretches[0].bandwidth_hz if self.scale is ParameterScale.TIME else 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """A row: ``force(run, bent)`` returns one column (n,) a linear parameter, in N a unit of it; ``formula`` says what.
+    """One law of a drive.
 
-    Without ``force`` the law moves the time of the measured force (its one bent parameter, in s).  ``of_force``: it is
-    made of that force, and where it is nearly the force itself it would explain anything.
+    ``force(stretch, nonlinear)`` returns a column (n,) for each linear parameter, in N per unit of it.  Without
+    ``force`` the law delays the measured force by its one nonlinear parameter, in s.  ``of_force``: the law is computed
+    from the measured force, so where it is nearly proportional to it, it would explain anything.
     """
 
     name: str
     linear: tuple[str, ...]
     formula: str
-    force: Callable[[Run, Sequence[float]], Columns] | None
-    bent: tuple[Bent, ...] = ()
+    force: Callable[[Stretch, Sequence[float]], Columns] | None
+    nonlinear: tuple[NonlinearParameter, ...] = ()
     of_force: bool = False
     words: str = ""  # where the name alone does not say it
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Get the names of all parameters, the linear ones first."""
-        return (*self.linear, *(bent.name for bent in self.bent))
+        return (*self.linear, *(parameter.name for parameter in self.nonlinear))
 
 
-def coulomb(run: Run, _bent: Sequence[float]) -> Columns:
-    """F_c sgn v, in N."""
-    return (np.sign(run.velocity_m_per_s),)
+def coulomb(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
+    """Return F_c sgn v, F_c in N."""
+    return (np.sign(stretch.velocity_m_per_s),)
 
 
-def directional_drag(run: Run, _bent: Sequence[float]) -> Columns:
+def directional_drag(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
     """Return c_d |v|, c_d in N s/m: the drag is c + c_d one way and c - c_d the other."""
-    return (np.abs(run.velocity_m_per_s),)
+    return (np.abs(stretch.velocity_m_per_s),)
 
 
-def quadratic_drag(run: Run, _bent: Sequence[float]) -> Columns:
+def quadratic_drag(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
     """Return c v|v|, c in N s2/m2."""
-    return (run.velocity_m_per_s * np.abs(run.velocity_m_per_s),)
+    return (stretch.velocity_m_per_s * np.abs(stretch.velocity_m_per_s),)
 
 
-def stribeck(run: Run, bent: Sequence[float]) -> Columns:
+def stribeck(stretch: Stretch, nonlinear: Sequence[float]) -> Columns:
     """Return F_s sgn v exp(-|v|/v_s), F_s in N, above zero if friction rises towards rest (R. Stribeck, 1902)."""
-    v = run.velocity_m_per_s
-    return (np.sign(v) * np.exp(-np.abs(v) / bent[0]),)
+    v = stretch.velocity_m_per_s
+    return (np.sign(v) * np.exp(-np.abs(v) / nonlinear[0]),)
 
 
-def dahl(run: Run, bent: Sequence[float]) -> Columns:
-    """Return F_d (z - sgn v), F_d in N: so much of the sliding friction builds up over a reach (m) after a turn."""
-    v = run.velocity_m_per_s
-    return (bristles(run.displacement_m, v, np.ones(v.size), bent[0]) - np.sign(v),)
+def dahl(stretch: Stretch, nonlinear: Sequence[float]) -> Columns:
+    """Return F_d (z - sgn v), F_d in N: sliding friction that builds up over a reach (m) after each reversal."""
+    v = stretch.velocity_m_per_s
+    return (bristle_deflection(stretch.displacement_m, v, np.ones(v.size), nonlinear[0]) - np.sign(v),)
 
 
-def lugre(run: Run, bent: Sequence[float]) -> Columns:
-    """Return F_l (z - sgn v), z bending to 1 + e exp(-(v/v_s)^2) over a reach (m); v_s in m/s, e without unit."""
-    v = run.velocity_m_per_s
-    level = 1.0 + bent[2] * np.exp(-((v / bent[1]) ** 2))
-    return (bristles(run.displacement_m, v, level, bent[0]) - np.sign(v),)
+def lugre(stretch: Stretch, nonlinear: Sequence[float]) -> Columns:
+    """Return F_l (z - sgn v), z approaching 1 + e exp(-(v/v_s)^2) over a reach (m); v_s in m/s, e without unit."""
+    v = stretch.velocity_m_per_s
+    level = 1.0 + nonlinear[2] * np.exp(-((v / nonlinear[1]) ** 2))
+    return (bristle_deflection(stretch.displacement_m, v, level, nonlinear[0]) - np.sign(v),)
 
 
-def ripple(run: Run, bent: Sequence[float]) -> Columns:
-    """Return s sin(2 pi x/p) + c cos(2 pi x/p), s and c in N, p in m: as of magnets or a screw."""
-    angle = 2.0 * np.pi * run.displacement_m / bent[0]
+@njit(cache=True, nogil=True, error_model="numpy")
+def bristle_deflection(displacement_m: Floats, velocity_m_per_s: Floats, level: Floats, reach_m: float) -> Floats:
+    """Return the bristles' deflection z, shape (n,), in shares of sliding friction: dz/dx = (level - z sgn v)/reach.
+
+    ``level``, shape (n,), is the deflection in steady sliding: 1 for Dahl's law (P. Dahl, 1968), Stribeck's curve for
+    LuGre's (C. Canudas de Wit et al., IEEE Trans. Autom. Control 40, 1995).  Exact for a level constant over a step.
+    The record begins in steady sliding in its first direction.  Cost: one exponential per sample.
+    """
+    out = np.empty(displacement_m.size)
+    deflection = 0.0
+    for i in range(displacement_m.size):
+        if velocity_m_per_s[i] != 0.0:
+            deflection = np.sign(velocity_m_per_s[i]) * level[i]
+            break
+    for i in range(displacement_m.size):
+        way = displacement_m[i] - displacement_m[max(0, i - 1)]
+        end = np.sign(way) * level[i]
+        deflection = end + (deflection - end) * np.exp(-abs(way) / (reach_m * level[i]))
+        out[i] = deflection
+    return out
+
+
+def ripple(stretch: Stretch, nonlinear: Sequence[float]) -> Columns:
+    """Return s sin(2 pi x/p) + c cos(2 pi x/p), s and c in N, p in m: as magnets or a screw make."""
+    angle = 2.0 * np.pi * stretch.displacement_m / nonlinear[0]
     return np.sin(angle), np.cos(angle)
 
 
-def place_friction(run: Run, _bent: Sequence[float]) -> Columns:
+def place_friction(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
     """Return sgn v (s x + q x^2), s in N/m, q in N/m2: a guide that is tighter in places."""
-    way, x = np.sign(run.velocity_m_per_s), run.displacement_m
+    way, x = np.sign(stretch.velocity_m_per_s), stretch.displacement_m
     return way * x, way * x**2
 
 
-def load_friction(run: Run, _bent: Sequence[float]) -> Columns:
-    """Return m |F| sgn v, m without unit: friction that grows with the force a gear or screw passes on."""
-    return (np.abs(run.force_n) * np.sign(run.velocity_m_per_s),)
+def load_friction(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
+    """Return m |F| sgn v, m without unit: friction proportional to the force that a gear or screw transmits."""
+    return (np.abs(stretch.force_n) * np.sign(stretch.velocity_m_per_s),)
 
 
-def gradient(run: Run, _bent: Sequence[float]) -> Columns:
+def gradient(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
     """Return k x, k in N/m: a spring, a cable, a guide that is not level throughout."""
-    return (run.displacement_m,)
+    return (stretch.displacement_m,)
 
 
-def quadratic_spring(run: Run, _bent: Sequence[float]) -> Columns:
+def quadratic_spring(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
     """Return k_2 x^2, k_2 in N/m2."""
-    return (run.displacement_m**2,)
+    return (stretch.displacement_m**2,)
 
 
-def cubic_spring(run: Run, _bent: Sequence[float]) -> Columns:
+def cubic_spring(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
     """Return k_3 x^3, k_3 in N/m3."""
-    return (run.displacement_m**3,)
+    return (stretch.displacement_m**3,)
 
 
-SPEED = Bent("speed_m_per_s", Span.SPEED, 3e-4, 1.0, tuple(np.geomspace(0.005, 0.3, 7)))
-REACH = Bent("reach_m", Span.TRAVEL, 1e-7, 0.3, tuple(np.geomspace(1e-5, 0.03, 8)))
+SPEED = NonlinearParameter("speed_m_per_s", ParameterScale.SPEED, 3e-4, 1.0, tuple(np.geomspace(0.005, 0.3, 7)))
+REACH = NonlinearParameter("reach_m", ParameterScale.TRAVEL, 1e-7, 0.3, tuple(np.geomspace(1e-5, 0.03, 8)))
 LAWS: dict[str, Law] = {
     law.name: law
     for law in (
@@ -154,15 +177,15 @@ LAWS: dict[str, Law] = {
         Law(
             "lugre_friction", ("force_n",), "F_l (z - sgn v), z bending to 1 + e exp(-(v/v_s)^2) over a reach", lugre,
             (
-                Bent("reach_m", Span.TRAVEL, 1e-7, 0.3, (1e-4, 1e-3)),
-                Bent("speed_m_per_s", Span.SPEED, 3e-4, 1.0, (0.03, 0.1)),
-                Bent("static_excess", Span.NUMBER, -0.95, 5.0, (0.5,), logarithmic=False),
+                NonlinearParameter("reach_m", ParameterScale.TRAVEL, 1e-7, 0.3, (1e-4, 1e-3)),
+                NonlinearParameter("speed_m_per_s", ParameterScale.SPEED, 3e-4, 1.0, (0.03, 0.1)),
+                NonlinearParameter("static_excess", ParameterScale.NUMBER, -0.95, 5.0, (0.5,), logarithmic=False),
             ),
             words="LuGre friction",
         ),
         Law(
             "position_ripple", ("sine_n", "cosine_n"), "s sin(2 pi x/p) + c cos(2 pi x/p)", ripple,
-            (Bent("pitch_m", Span.PITCH, 1.0 / 400.0, 0.7),),
+            (NonlinearParameter("pitch_m", ParameterScale.PITCH, 1.0 / 400.0, 0.7),),
             words="a ripple along the travel",
         ),
         Law("place_dependent_friction", ("slope_n_per_m", "curvature_n_per_m2"), "sgn v (s x + q x^2)", place_friction,
@@ -175,7 +198,12 @@ LAWS: dict[str, Law] = {
         Law("cubic_stiffness", ("coefficient_n_per_m3",), "k_3 x^3", cubic_spring),
         Law(
             "drive_delay", (), "F(t - time)", None,
-            (Bent("time_s", Span.TIME, -LONGEST_DELAY, LONGEST_DELAY, tuple(np.linspace(-0.2, 0.2, 17)), False),),
+            (
+                NonlinearParameter(
+                    "time_s", ParameterScale.TIME, -LONGEST_DELAY, LONGEST_DELAY, tuple(np.linspace(-0.2, 0.2, 17)),
+                    logarithmic=False,
+                ),
+            ),
             words="a delay between force and motion",
         ),
     )

@@ -1,4 +1,4 @@
-"""Least squares on the force: what a motion takes, linear parameters solved for, bent ones searched around them."""
+"""Least squares on the force of a driven slider: linear parameters are solved for, nonlinear ones searched."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,34 +7,33 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from analysis.drive.catalogue import BASE, LAWS, Span
+from analysis.drive.catalogue import BASE, LAWS, ParameterScale
 from analysis.drive.table import Mask, Table
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError
 
 Floats = NDArray[np.float64]
-BentValues = Mapping[str, tuple[float, ...]]  # of each law that has bent parameters
-NOTHING = 1e-150  # a column's length, whose square is still a number: a law that acts nowhere in a motion is shorter
-SAME = 1e-7  # of a column: less than this beside the others and it is one of them
+NonlinearValues = Mapping[str, tuple[float, ...]]  # by law, for each law that has nonlinear parameters
+ZERO_LENGTH = 1e-150  # of a column, its square still a number: a law that acts nowhere in a motion is shorter
+DEPENDENT = 1e-7  # of a column: with less than this orthogonal to the others it depends on them
 _EVALUATIONS = 40
-_STEP = 1e-3  # of a search coordinate, for the derivatives of what is bent
+_STEP = 1e-3  # of a search coordinate, for derivatives by nonlinear parameters
 
 
 @dataclass(frozen=True, slots=True)
 class Regression:
-    """A solution over the samples of ``mask``; ``residual_n``, shape (m,), is over all of them, foretold ones too.
+    """A least-squares solution over the samples of ``mask``; ``residual_n``, shape (m,), is over all samples.
 
-    ``tangents``, shape (m, free parameters), is how the modelled force moves with every parameter that was fitted.
-    ``covariance`` is over ``names``, linear ones in the order of base and laws, then the bent ones; it carries the
-    remainder's correlation in time (sums over blocks), so that a remainder of thousands of neighbouring samples is
-    not taken for thousands of independent ones.
+    ``tangents``, shape (m, free parameters), are the derivatives of the modelled force by every fitted parameter.
+    ``covariance`` is over ``names``, linear ones in the order of base and laws, then the nonlinear ones; it includes
+    the residual's correlation in time (sums over blocks), as neighbouring samples are not independent.
     """
 
     names: tuple[str, ...]
     values: Floats
     covariance: Floats
     laws: tuple[str, ...]
-    bent: BentValues
+    nonlinear: NonlinearValues
     residual_n: Floats
     tangents: Floats
     mask: Mask
@@ -42,15 +41,15 @@ class Regression:
 
     @property
     def rms_n(self) -> float:
-        """Get the root mean square of what remains where it was fitted."""
-        return rms(self.residual_n[self.mask])
+        """Get the rms residual over the fitted samples."""
+        return self.rms_of(self.mask)
 
-    def foretold_n(self, held: Mask) -> float:
-        """Return the root mean square of what remains on other samples."""
-        return rms(self.residual_n[held])
+    def rms_of(self, samples: Mask) -> float:
+        """Return the rms residual in N over these samples."""
+        return rms(self.residual_n[samples])
 
     def quantity(self, name: str) -> Quantity:
-        """Return a parameter by its name."""
+        """Return a parameter with its standard uncertainty, by its name."""
         place = self.names.index(name)
         variance = float(self.covariance[place, place])
         return Quantity(float(self.values[place]), float(np.sqrt(max(0.0, variance))), "least squares on F")
@@ -61,87 +60,101 @@ class Regression:
 
 
 def rms(values: Floats) -> float:
-    """Return the root mean square."""
+    """Return the root mean square; 0 of no values."""
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
-def delay_of(bent: BentValues) -> float:
-    """Return how much later than the force the motion answers, in s."""
-    return bent["drive_delay"][0] if "drive_delay" in bent else 0.0
+def delay_of(nonlinear: NonlinearValues) -> float:
+    """Return the delay in s of the motion after the force."""
+    return nonlinear["drive_delay"][0] if "drive_delay" in nonlinear else 0.0
 
 
-def design(table: Table, laws: Sequence[str], bent: BentValues) -> Floats:
-    """Return the columns of base and laws, shape (m, 3 + linear parameters)."""
+def design(table: Table, laws: Sequence[str], nonlinear: NonlinearValues) -> Floats:
+    """Return the regressors of base and laws, shape (m, 3 + linear parameters)."""
     moving = [LAWS[name] for name in laws if LAWS[name].force is not None]
-    return np.concatenate([table.base(), *(table.columns(law, bent.get(law.name, ())) for law in moving)], axis=1)
+    return np.concatenate([table.base(), *(table.columns(law, nonlinear.get(law.name, ())) for law in moving)], axis=1)
 
 
-def coincide(columns: Floats) -> bool:
-    """Return whether one of the columns (m, k) is a mixture of the others."""
+def linearly_dependent(columns: Floats) -> bool:
+    """Return whether one of the columns (m, k) is a linear combination of the others."""
     scale = np.linalg.norm(columns, axis=0)
     if not np.all(np.isfinite(scale)) or bool((scale == 0.0).any()):
         return True
-    return bool(np.linalg.svd(columns / scale, compute_uv=False)[-1] < SAME**0.5)
+    return bool(np.linalg.svd(columns / scale, compute_uv=False)[-1] < DEPENDENT**0.5)
 
 
 def regress(
     table: Table,
     laws: Sequence[str] = (),
     mask: Mask | None = None,
-    start: BentValues | None = None,
+    start: NonlinearValues | None = None,
     fixed: Mapping[str, float] | None = None,
 ) -> Regression:
     """Return the least-squares solution of base and laws over the samples of ``mask`` (all by default).
 
-    ``start`` says where the search of bent parameters begins; ``fixed`` holds parameters, by the names of the result,
-    that are known.  Raises AnalysisError where the motion does not tell the columns apart, Cancelled.
+    ``start`` gives first values of nonlinear parameters by law; ``fixed`` gives known parameters by the names of the
+    result.  Raises AnalysisError where the columns depend on each other in this motion, Cancelled.
     """
-    table.check()
+    table.raise_if_cancelled()
     mask = table.everything if mask is None else mask
     fixed = fixed or {}
-    begin = {name: _begun(name, start or {}, fixed) for name in laws if LAWS[name].bent}
-    bent = _searched(table, laws, mask, begin, fixed)
-    linear, columns, target = _linear(table, laws, bent, fixed)
-    if linear and coincide(columns[mask]):
-        raise AnalysisError(_not_apart(laws))
-    values = _solved(columns[mask], target[mask])
+    begin = {name: _start_values(name, start or {}, fixed) for name in laws if LAWS[name].nonlinear}
+    nonlinear = _search_nonlinear(table, laws, mask, begin, fixed)
+    linear, columns, target = _linear_part(table, laws, nonlinear, fixed)
+    if linear and linearly_dependent(columns[mask]):
+        raise AnalysisError(_why_dependent(laws))
+    values = _least_squares(columns[mask], target[mask])
     residual = target - columns @ values
-    free = [(name, k) for name in bent for k in range(len(bent[name])) if _called(name, k) not in fixed]
-    slopes = [_slope(table, laws, bent, fixed, values, name, k) for name, k in free]
-    whole = np.column_stack([columns, *slopes])
-    names = (*linear, *(_called(name, k) for name, k in free))
-    known = tuple(name for name in _all_names(laws) if name in fixed)
+    free = _free_nonlinear(nonlinear, fixed)
+    slopes = [_derivative(table, laws, nonlinear, fixed, values, at) for at in free]
+    tangents = np.column_stack([columns, *slopes])
+    names = (*linear, *(_parameter_name(*at) for at in free))
+    known = tuple(name for name in _parameter_names(laws) if name in fixed)
     covariance = np.zeros((len(names) + len(known),) * 2)
-    covariance[: len(names), : len(names)] = _covariance(whole[mask], residual[mask])
-    every = np.array([*values, *(bent[name][k] for name, k in free), *(fixed[name] for name in known)])
-    order = [(*names, *known).index(name) for name in _all_names(laws)]
+    covariance[: len(names), : len(names)] = _covariance(tangents[mask], residual[mask])
+    every = np.array([*values, *(nonlinear[name][k] for name, k in free), *(fixed[name] for name in known)])
+    order = [(*names, *known).index(name) for name in _parameter_names(laws)]
     return Regression(
-        _all_names(laws), every[order], covariance[np.ix_(order, order)], tuple(laws), bent, residual, whole, mask,
-        independent(residual[mask], table.record[mask]),
-    )  # fmt: skip
+        names=_parameter_names(laws),
+        values=every[order],
+        covariance=covariance[np.ix_(order, order)],
+        laws=tuple(laws),
+        nonlinear=nonlinear,
+        residual_n=residual,
+        tangents=tangents,
+        mask=mask,
+        independent_samples=independent_count(residual[mask], table.record[mask]),
+    )
 
 
-def _begun(law: str, start: BentValues, fixed: Mapping[str, float]) -> tuple[float, ...]:
-    given = start.get(law, (np.nan,) * len(LAWS[law].bent))
-    return tuple(fixed.get(_called(law, k), value) for k, value in enumerate(given))
+def _free_nonlinear(nonlinear: NonlinearValues, fixed: Mapping[str, float]) -> list[tuple[str, int]]:
+    """Return (law, index) of the nonlinear parameters that are not fixed."""
+    return [
+        (name, k) for name in nonlinear for k in range(len(nonlinear[name])) if _parameter_name(name, k) not in fixed
+    ]
 
 
-def _all_names(laws: Sequence[str]) -> tuple[str, ...]:
+def _start_values(law: str, start: NonlinearValues, fixed: Mapping[str, float]) -> tuple[float, ...]:
+    given = start.get(law, (np.nan,) * len(LAWS[law].nonlinear))
+    return tuple(fixed.get(_parameter_name(law, k), value) for k, value in enumerate(given))
+
+
+def _parameter_names(laws: Sequence[str]) -> tuple[str, ...]:
     linear = [f"{name}.{parameter}" for name in laws for parameter in LAWS[name].linear]
-    return (*BASE, *linear, *(_called(name, k) for name in laws for k in range(len(LAWS[name].bent))))
+    return (*BASE, *linear, *(_parameter_name(name, k) for name in laws for k in range(len(LAWS[name].nonlinear))))
 
 
-def _called(law: str, k: int) -> str:
-    return f"{law}.{LAWS[law].bent[k].name}"
+def _parameter_name(law: str, k: int) -> str:
+    return f"{law}.{LAWS[law].nonlinear[k].name}"
 
 
-def _linear(
-    table: Table, laws: Sequence[str], bent: BentValues, fixed: Mapping[str, float]
+def _linear_part(
+    table: Table, laws: Sequence[str], nonlinear: NonlinearValues, fixed: Mapping[str, float]
 ) -> tuple[tuple[str, ...], Floats, Floats]:
-    """Return the free linear parameters, their columns, and the force less what is known of it."""
-    names = _all_names(laws)[: 3 + sum(len(LAWS[name].linear) for name in laws)]
-    columns = design(table, laws, bent)
-    target = table.force(delay_of(bent))
+    """Return the names of the free linear parameters, their columns, and the force minus the known parts."""
+    names = _parameter_names(laws)[: 3 + sum(len(LAWS[name].linear) for name in laws)]
+    columns = design(table, laws, nonlinear)
+    target = table.force(delay_of(nonlinear))
     for place, name in enumerate(names):
         if name in fixed:
             target = target - fixed[name] * columns[:, place]
@@ -149,50 +162,50 @@ def _linear(
     return tuple(names[place] for place in free), columns[:, free], target
 
 
-def _solved(columns: Floats, target: Floats) -> Floats:
+def _least_squares(columns: Floats, target: Floats) -> Floats:
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     return np.asarray(np.linalg.lstsq(columns / scale, target, rcond=None)[0] / scale)
 
 
-def _quickly(columns: Floats, target: Floats) -> Floats:
-    """Return ``_solved`` by its normal equations: less exact, and a tenth of the work."""
-    scale = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), NOTHING)
+def _normal_equations(columns: Floats, target: Floats) -> Floats:
+    """Return ``_least_squares`` by normal equations: less exact, at a tenth of the cost."""
+    scale = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), ZERO_LENGTH)
     gram = (columns.T @ columns) / np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
     return np.asarray(np.linalg.solve(gram, columns.T @ target / scale) / scale)
 
 
-def _searched(
-    table: Table, laws: Sequence[str], mask: Mask, begin: BentValues, fixed: Mapping[str, float]
+def _search_nonlinear(
+    table: Table, laws: Sequence[str], mask: Mask, begin: NonlinearValues, fixed: Mapping[str, float]
 ) -> dict[str, tuple[float, ...]]:
-    """Return the bent parameters at which the linear ones leave least."""
-    free = [(name, k) for name in begin for k in range(len(begin[name])) if _called(name, k) not in fixed]
+    """Return the nonlinear parameters at which the linear ones leave the least squares."""
+    free = _free_nonlinear(begin, fixed)
     held = {name: list(values) for name, values in begin.items()}
     if not free:
         return dict(begin)
-    knobs = [LAWS[name].bent[k] for name, k in free]
-    scales = [knob.scaled(table.runs) for knob in knobs]
+    parameters = [LAWS[name].nonlinear[k] for name, k in free]
+    scales = [parameter.scale_in(table.stretches) for parameter in parameters]
 
     def at(z: Floats) -> dict[str, tuple[float, ...]]:
         values = {name: list(row) for name, row in held.items()}
-        for (name, k), knob, scale, coordinate in zip(free, knobs, scales, z, strict=True):
-            share = float(np.exp(coordinate)) if knob.logarithmic else float(coordinate)
+        for (name, k), parameter, scale, coordinate in zip(free, parameters, scales, z, strict=True):
+            share = float(np.exp(coordinate)) if parameter.logarithmic else float(coordinate)
             values[name][k] = scale * share
         return {name: tuple(row) for name, row in values.items()}
 
     def left(z: Floats) -> Floats:
-        table.check()
-        _, columns, target = _linear(table, laws, at(z), fixed)
+        table.raise_if_cancelled()
+        _, columns, target = _linear_part(table, laws, at(z), fixed)
         columns, target = columns[mask], target[mask]
-        return np.asarray(target - columns @ _quickly(columns, target))
+        return np.asarray(target - columns @ _normal_equations(columns, target))
 
     first, low, high, step = [], [], [], []
-    for (name, k), knob, scale in zip(free, knobs, scales, strict=True):
+    for (name, k), parameter, scale in zip(free, parameters, scales, strict=True):
         share = held[name][k] / scale
-        ends = (knob.low, knob.high)
-        if knob.span is Span.PITCH:  # one wave more or less along the travel is another ripple
+        ends = (parameter.low, parameter.high)
+        if parameter.scale is ParameterScale.PITCH:  # one wave more or fewer along the travel is another ripple
             ends = (share / (1.0 + 0.5 * share), share / (1.0 - min(0.9, 0.5 * share)))
-        ends = (float(np.log(ends[0])), float(np.log(ends[1]))) if knob.logarithmic else ends
-        z = float(np.log(share)) if knob.logarithmic else share
+        ends = (float(np.log(ends[0])), float(np.log(ends[1]))) if parameter.logarithmic else ends
+        z = float(np.log(share)) if parameter.logarithmic else share
         low.append(ends[0])
         high.append(ends[1])
         first.append(min(max(z, ends[0] + 1e-6 * (ends[1] - ends[0])), ends[1] - 1e-6 * (ends[1] - ends[0])))
@@ -208,61 +221,68 @@ def _differences(left, width: Sequence[float]):  # type: ignore[no-untyped-def]
     def jacobian(z: Floats) -> Floats:
         out = []
         here = left(z)
-        for k, span in enumerate(width):
+        for k, scale in enumerate(width):
             moved = np.array(z)
-            moved[k] += _STEP * span
-            out.append((left(moved) - here) / (_STEP * span))
+            moved[k] += _STEP * scale
+            out.append((left(moved) - here) / (_STEP * scale))
         return np.stack(out, axis=1)
 
     return jacobian
 
 
-def _slope(
-    table: Table, laws: Sequence[str], bent: BentValues, fixed: Mapping[str, float], values: Floats, name: str, k: int
+def _derivative(
+    table: Table,
+    laws: Sequence[str],
+    nonlinear: NonlinearValues,
+    fixed: Mapping[str, float],
+    values: Floats,
+    at: tuple[str, int],
 ) -> Floats:
-    """Return how the modelled force moves with a bent parameter, the linear ones as they are."""
-    knob = LAWS[name].bent[k]
-    size = _STEP * (bent[name][k] if knob.logarithmic else knob.scaled(table.runs) * (knob.high - knob.low))
+    """Return the derivative of the modelled force by the nonlinear parameter ``at`` (law, index), others constant."""
+    name, k = at
+    parameter = LAWS[name].nonlinear[k]
+    width = parameter.scale_in(table.stretches) * (parameter.high - parameter.low)
+    size = _STEP * (nonlinear[name][k] if parameter.logarithmic else width)
     sides = []
     for sign in (-1.0, 1.0):
-        row = list(bent[name])
+        row = list(nonlinear[name])
         row[k] += sign * size
-        _, columns, target = _linear(table, laws, {**bent, name: tuple(row)}, fixed)
+        _, columns, target = _linear_part(table, laws, {**nonlinear, name: tuple(row)}, fixed)
         sides.append(columns @ values - target)
     return np.asarray((sides[1] - sides[0]) / (2.0 * size))
 
 
 def _covariance(columns: Floats, residual: Floats) -> Floats:
     size = np.linalg.norm(columns, axis=0)
-    scale = np.where(size > NOTHING, size, 1.0)
-    scaled = columns / scale
-    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True)
-    out = inverse @ _long_run(scaled * residual[:, None]) @ inverse
+    scale = np.where(size > ZERO_LENGTH, size, 1.0)
+    scale_in = columns / scale
+    inverse = np.linalg.pinv(scale_in.T @ scale_in, rcond=1e-13, hermitian=True)
+    out = inverse @ _block_covariance(scale_in * residual[:, None]) @ inverse
     return np.asarray(out / np.outer(scale, scale))
 
 
-def _long_run(scores: Floats) -> Floats:
-    """Return the covariance of the scores' sum, from sums over blocks longer than they remember; shape (k, k)."""
+def _block_covariance(scores: Floats) -> Floats:
+    """Return the covariance of the scores' sum, (k, k), from sums over blocks longer than their correlation."""
     length = max(1, round(4.0 * scores.shape[0] ** (1.0 / 3.0)))
     blocks = np.add.reduceat(scores, np.arange(0, scores.shape[0], length), axis=0)
     return np.asarray(blocks.T @ blocks)
 
 
-def independent(residual: Floats, record: NDArray[np.int64]) -> float:
-    """Return how many independent samples a remainder is worth: less what neighbours share.
+def independent_count(residual: Floats, record: NDArray[np.int64]) -> float:
+    """Return the number of independent samples in a residual, smaller than its size where neighbours correlate.
 
-    Where one record is much noisier than the others it alone decides what is left, so that theirs count for little
-    (as in Kish's effective size of a weighted sample, 1965).
+    Where one record is much noisier than the others it alone decides the sum of squares, so that the others count for
+    little (as in Kish's effective size of a weighted sample, 1965).
     """
     variance = float(residual @ residual)
     if variance == 0.0:
         return float(residual.size)
     shares, counts = np.bincount(record, residual**2) / variance, np.bincount(record)
     evenly = 1.0 / float(np.sum(shares**2 / np.maximum(counts, 1)))
-    return evenly * variance / max(variance, float(_long_run(residual[:, None])[0, 0]))
+    return evenly * variance / max(variance, float(_block_covariance(residual[:, None])[0, 0]))
 
 
-def _not_apart(laws: Sequence[str]) -> str:
+def _why_dependent(laws: Sequence[str]) -> str:
     if laws:
         named = ", ".join(name.replace("_", " ") for name in laws)
         return f"the motion does not tell {named} from the rest of the model"

@@ -1,1 +1,1 @@
-"""A shot with its fit, and the readings that rest on a fit."""
+"""A shot with its fit, and the readings that come from a fit."""

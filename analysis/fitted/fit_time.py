@@ -1,33 +1,38 @@
-"""How long a fit may take: what its search asks at every step, so that no file can keep it for ever.
+"""Limit the time of a fit.
 
-Compiling is not counted: at a first start it takes a minute or two, and is nobody's data's doing.  Nor is what other
-programs take of the processor: the lesser counts of the time that passed and of the processor's.
+Time spent compiling is not counted (a minute or two at a first start), nor that of other programs: what counts is the
+smaller of elapsed and processor time.
 """
 
+import contextvars
 import threading
 import time
+from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
-from analysis.shot.shot import Cancelled, Stop
+from analysis.shot.shot import AnalysisError, Cancelled, Stop
 
-SECONDS = 20.0  # a shot; a usual fit takes one
-_Times = tuple[float, float]  # that passed, and of the processor, in s
+Result = TypeVar("Result")
+
+SECONDS = 20.0  # per shot; a usual fit takes one
+_LOOK_S = 0.02  # between looks at the time
+_Times = tuple[float, float]  # elapsed and processor time in s
 
 
 class FitTime:
-    """Says when a fit has to stop: asked by whoever waits for it, or out of its time."""
+    """The stop condition of a fit: cancelled by its caller, or out of time."""
 
     def __init__(self, seconds: float, cancelled: Stop | None = None) -> None:
-        """Begin: ``seconds`` from now on, at least one."""
+        """Allow ``seconds`` from now on, at least one."""
         self.seconds = max(seconds, 1.0)
         self._cancelled = cancelled
-        self._worked = _compiling().beside
+        self._worked = _compiling().uncompiled
         self._begun = self._worked()
         self.over = False
 
     def __call__(self) -> bool:
-        """Return whether to stop; raises Cancelled where that was asked for."""
+        """Return whether the time is over; raises Cancelled where the caller cancelled."""
         if self._cancelled is not None and self._cancelled():
             raise Cancelled
         spent = min(now - begun for now, begun in zip(self._worked(), self._begun, strict=True))
@@ -36,7 +41,7 @@ class FitTime:
 
     @property
     def words(self) -> str:
-        """Get what is said of a fit that was stopped."""
+        """Get the reason of a stopped fit, in words."""
         return f"no end of the fit after {self.seconds:g} s: the model does not come near, or a unit is wrong"
 
 
@@ -44,13 +49,13 @@ def _now() -> _Times:
     return time.monotonic(), time.process_time()
 
 
-def _less(one: _Times, other: _Times) -> _Times:
+def _minus(one: _Times, other: _Times) -> _Times:
     return one[0] - other[0], one[1] - other[1]
 
 
 @cache
 def _compiling() -> Any:
-    """Return what tells the time beside compiling, in whichever thread; numba is long loaded where one fits."""
+    """Return the clock that does not count compiling in any thread; numba is loaded already where a fit runs."""
     from numba.core import event
 
     class Compiling(event.Listener):  # type: ignore[misc]
@@ -67,14 +72,44 @@ def _compiling() -> Any:
         def on_end(self, event: Any) -> None:
             with self._lock:
                 if self._open == 1:
-                    self._sum = _less(self._sum, _less(self._since, _now()))
+                    self._sum = _minus(self._sum, _minus(self._since, _now()))
                 self._open = max(0, self._open - 1)
 
-        def beside(self) -> _Times:
-            """Return the time that was not spent with compiling, since some moment."""
+        def uncompiled(self) -> _Times:
+            """Return the time not spent compiling, from an arbitrary zero."""
             with self._lock:
-                return _less(self._since if self._open else _now(), self._sum)
+                return _minus(self._since if self._open else _now(), self._sum)
 
     counting = Compiling()
     event.register("numba:compile", counting)  # type: ignore[no-untyped-call]
     return counting
+
+
+def run_in_time(
+    work: Callable[[], Result], seconds: float, cancelled: Stop | None = None, words: str | None = None
+) -> Result:
+    """Return the result of ``work``, or raise what it raises; AnalysisError with ``words`` after so many seconds.
+
+    The work runs in a thread of its own, as a kernel cannot be interrupted.  A thread that does not end is left behind:
+    it holds no lock, ends with the process, and its result is dropped.  Raises Cancelled.
+    """
+    left = FitTime(seconds, cancelled)
+    result: list[Result] = []
+    raised: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            result.append(work())
+        except BaseException as error:  # raised in the caller's thread
+            raised.append(error)
+
+    context = contextvars.copy_context()  # numpy's handling of overflows is part of it
+    thread = threading.Thread(target=context.run, args=(run,), name="levimass fit", daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(_LOOK_S)
+        if thread.is_alive() and left():
+            raise AnalysisError(words or left.words)
+    if raised:
+        raise raised[0]
+    return result[0]

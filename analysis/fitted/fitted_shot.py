@@ -1,47 +1,71 @@
-"""A shot and its fit: what follows from a fit follows it, whoever made the fit.
+"""Fit a shot, and keep its readings, flags and settings consistent with the fit it has.
 
 The model is imported where it is used: a shot's readings, and the window, do not wait for it.
 """
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 from numpy.linalg import LinAlgError
 
-from analysis.fitted.awaited_fit import TO_FOLLOW, can_be_fitted
-from analysis.fitted.fit_time import SECONDS, FitTime
-from analysis.fitted.given_up import waited_for
+from analysis.fitted.fit_time import SECONDS, FitTime, run_in_time
+from analysis.shot.consistency import FIT_FLAGS, fit_flags
 from analysis.shot.disturbance import Shaking
-from analysis.shot.doubts import FIT_DOUBTS, doubts_of_fit
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
-from analysis.shot.quantity import NotSeen
+from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.rate_error import fit_with_rate_error
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
 
 _INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
-PATIENCE = 2.0  # times the time of a fit, after which it is left alone: one step of it does not end
-NOT_CONVERGED, FAILED = "fit_not_converged", "fit_failed"
+PATIENCE = 2.0  # times the time of a fit, after which it is abandoned: one step of it does not end
+NOT_CONVERGED, FAILED, TO_FOLLOW = "fit_not_converged", "fit_failed", "fit_to_follow"
+READ_FROM_MODEL = "read_from_model"  # the pulse's readings are the fitted model's
+PULSE = ("force_peak_n", "force_fwhm_s", "contact_time_s", "deflection_max_m")
+CONTACT = "cor_kinetic.contact"
+
+
+def awaits_fit(shot: Shot) -> bool:
+    """Return whether a shot is read and its fit is still to come."""
+    return TO_FOLLOW in shot.flags
+
+
+def can_be_fitted(shot: Shot) -> bool:
+    """Return whether a fit is wanted and the shot has what its model is fitted to."""
+    driven = shot.settings.model == "driven"  # a slider under a known force strikes nothing
+    return shot.motion is not None and shot.settings.fit and (shot.impact is not None or driven)
+
+
+def with_fit_to_follow(shot: Shot) -> Shot:
+    """Return a shot that was read, flagged as awaiting its fit where there is something to fit."""
+    if not can_be_fitted(shot):
+        return shot
+    impact = shot.impact
+    if impact is not None:
+        contact = NotSeen("the fit is still to come")
+        impact = replace(impact, cor_kinetic=replace(impact.cor_kinetic, contact=contact))
+    return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, TO_FOLLOW))))
 
 
 def unfitted(shot: Shot, why: str) -> Shot:
-    """Return a shot that awaits a fit which will not come, and why."""
+    """Return a shot whose fit failed, with the reason."""
     return replace(with_fit(shot, None), fit_problem=why)
 
 
 def with_fit(shot: Shot, fit: Fit | None) -> Shot:
-    """Return ``shot`` with this fit in place of the one it had; None says that a fit was tried and failed.
+    """Return ``shot`` with this fit in place of the one it had; None: a fit was tried and failed.
 
-    The fit's flags, the contact's COR and the effects in the settings are the new fit's; nothing of the old one stays.
+    Flags, the contact's COR and the effects in the settings become those of the new fit.
     """
     from analysis.fitted.kinetic_contact import fitted_contact_cor
 
     read = (*(shot.motion.flags if shot.motion else ()), *(shot.impact.flags if shot.impact else ()))
-    gone = {FAILED, TO_FOLLOW, *FIT_DOUBTS, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
+    gone = {FAILED, TO_FOLLOW, *FIT_FLAGS, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
     kept = (flag for flag in shot.flags if flag not in gone)
-    doubts = doubts_of_fit(shot.impact, fit) if fit and shot.impact else ()
-    flags = tuple(dict.fromkeys((*kept, *(flags_of(fit) if fit else (FAILED,)), *doubts)))
+    doubtful = fit_flags(shot.impact, fit) if fit and shot.impact else ()
+    flags = tuple(dict.fromkeys((*kept, *(flags_of(fit) if fit else (FAILED,)), *doubtful)))
     effects = fit.effects if fit else shot.settings.effects
     settings = replace(shot.settings, effects=effects)
     impact = shot.impact
@@ -52,35 +76,34 @@ def with_fit(shot: Shot, fit: Fit | None) -> Shot:
 
 
 def read_with(shot: Shot, fit: Fit) -> Shot:
-    """Return ``shot`` with those of its readings that rest on a model made again with ``fit``, a diagnosis's.
+    """Return ``shot`` with the readings that come from a model made again with ``fit``, the joint one of a diagnosis.
 
-    That is one of this shot and others together; the shot's own fit stays what it was.  Raises Cancelled.
+    The shot's own fit is unchanged.  Raises Cancelled.
     """
     if shot.impact is None or shot.motion is None or shot.fit is None or fit.model == "driven":
         return shot
-    from analysis.fitted.from_model import FLAG, with_model_readings
     from analysis.fitted.kinetic_contact import fitted_contact_cor
+    from analysis.fitted.pulse_from_fit import with_model_readings
 
     kinetic = replace(shot.impact.cor_kinetic, contact=fitted_contact_cor(fit, _mass_kg(shot)))
     impact = replace(shot.impact, cor_kinetic=kinetic)
-    if FLAG in impact.flags:  # a pulse is read from a fit of its shot alone
+    if READ_FROM_MODEL in impact.flags:  # the pulse is read from a fit of its shot alone
         again = fit_again(shot, fit.effects)
         impact = with_model_readings(impact, again.fit, shot.motion) if again.fit is not None else impact
     return replace(shot, impact=impact, readings_fit=fit)
 
 
 def read_together(shots: Sequence[Shot], fit: Fit) -> list[Shot]:
-    """Return ``shots`` with those of them that were fitted read with ``fit``, which is one of all these together."""
+    """Return ``shots`` with the fitted ones read with ``fit``, the joint fit of these."""
     plates = iter(part.plate_number for part in fit.shots)
     fitted = (shot.motion is not None and shot.fit is not None for shot in shots)
     return [read_with(shot, fit.on_plate(next(plates))) if it else shot for shot, it in zip(shots, fitted, strict=True)]
 
 
 def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool] | None = None) -> Shot:
-    """Return ``shot`` fitted with its own base model and ``effects``; as it is where there is nothing to fit.
+    """Return ``shot`` fitted with its own base model and ``effects``; unchanged where there is nothing to fit.
 
-    Where the data do not carry the model the shot comes back without a fit and flagged, as from a first analysis.
-    Raises Cancelled.
+    Where the fit fails the shot is returned without one and flagged.  Raises Cancelled.
     """
     if not can_be_fitted(shot):
         return shot
@@ -93,26 +116,26 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
         )
         fit = fit_with_rate_error(fit, shot.motion)
         fitted = with_fit(shot, fit)
-        return replace(fitted, problem=None) if driven else _read_again(replace(fitted, fit_problem=None))
+        return replace(fitted, problem=None) if driven else _with_pulse_from_fit(replace(fitted, fit_problem=None))
     except AnalysisError as error:
         failed = unfitted(shot, str(error))
-        if driven:  # the fit is all there is
+        if driven:  # it has no readings, only the fit
             return replace(failed, problem=shot.problem or str(error), fit_problem=shot.fit_problem)
         return failed
 
 
-def _read_again(shot: Shot) -> Shot:
-    """Return the shot with its pulse read from the fit, where derivatives of its record carry too little."""
+def _with_pulse_from_fit(shot: Shot) -> Shot:
+    """Return the shot with its pulse read from the fit, where its record is too coarse for derivatives."""
     if shot.impact is None or shot.fit is None or shot.motion is None:
         return shot
-    from analysis.fitted.from_model import with_model_readings
+    from analysis.fitted.pulse_from_fit import with_model_readings
 
     impact = with_model_readings(shot.impact, shot.fit, shot.motion)
     return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, *impact.flags))))
 
 
 def shaking_of(shot: Shot) -> Shaking | None:
-    """Return what shook the frame of a shot as far as its reading shows; None where that is too little to matter."""
+    """Return the vibration of a shot's frame as its reading shows it; None where it is too little to matter."""
     disturbance = shot.impact.disturbance if shot.impact else None
     return disturbance.shaking if disturbance else None
 
@@ -127,13 +150,13 @@ def fit_jointly(
 ) -> Fit:
     """Return one fit of all motions with this base model and effects.  Raises AnalysisError, Cancelled.
 
-    ``shakings`` say what shook the frame of each, where that is known; ``seconds`` are those that each motion may cost.
+    ``shakings`` are the vibrations of each motion's frame, where known; ``seconds`` is the limit of time per motion.
     """
     left = FitTime(seconds * len(motions), cancelled)
 
     def fit() -> Fit:
         if base == "driven":
-            from analysis.drive.fit import fit_driven
+            from analysis.drive.driven_fit import fit_driven
 
             return fit_driven(motions, effects, left)
         from analysis.inference.fit.shot_fit import fit_shots
@@ -141,31 +164,53 @@ def fit_jointly(
         return fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings)
 
     try:
-        return waited_for(
-            fit,
-            PATIENCE * left.seconds,
-            cancelled,
-            left.words,
-        )
+        return run_in_time(fit, PATIENCE * left.seconds, cancelled, left.words)
     except Cancelled:
         if left.over:
             raise AnalysisError(left.words) from None
         raise
     except AnalysisError as error:
         raise AnalysisError(in_words(error)) from error
-    except (LinAlgError, ValueError, IndexError, ZeroDivisionError) as error:  # of what no collision looks like
+    except (LinAlgError, ValueError, IndexError, ZeroDivisionError) as error:  # the motion is far from any collision
         raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from error
 
 
 def in_words(error: Exception) -> str:
-    """Return why a fit failed, without every number of a trial, which nobody set."""
+    """Return why a fit failed, without the parameters of the trial at which it failed."""
     return _INNER.sub("", str(error))
 
 
 def flags_of(fit: Fit) -> tuple[str, ...]:
-    """Return what a shot with this fit is flagged with."""
+    """Return the flags of a shot with this fit."""
     return tuple(dict.fromkeys((*fit.flags, *(() if fit.converged else (NOT_CONVERGED,)))))
 
 
 def _mass_kg(shot: Shot) -> float:
     return shot.motion.moving_mass_kg if shot.motion is not None else float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingsModel:
+    """The model from which ``readings``, by their names in the result, come: a base and its effects."""
+
+    base: str
+    effects: tuple[str, ...]
+    readings: tuple[str, ...]
+
+
+def readings_model(shot: Shot) -> ReadingsModel | None:
+    """Return the model from which some of the shot's readings come; None where all come from the motion alone."""
+    fit = shot.readings_fit or shot.fit
+    if fit is None or shot.impact is None:
+        return None
+    readings = PULSE if READ_FROM_MODEL in shot.impact.flags else ()
+    if isinstance(shot.impact.cor_kinetic.contact, Quantity):
+        readings = (*readings, CONTACT)
+    return ReadingsModel(fit.model, fit.effects, readings) if readings else None
+
+
+def readings_model_result(model: ReadingsModel | None) -> dict[str, Any] | None:
+    """Return the result file's entry."""
+    if model is None:
+        return None
+    return {"base": model.base, "effects": list(model.effects), "readings": list(model.readings)}

@@ -1,7 +1,7 @@
-"""The kinetic COR of the fitted contact: how much relative velocity the first contact alone gives back.
+"""The kinetic COR of the fitted contact: relative velocity out over in, of the first contact alone.
 
-docs/physics.md: e = -(relative velocity out / in) at the first contact, the plate at rest before it.  The ratios
-of bounce times depend on how the plate swings between the contacts; this one is the contact's own.
+docs/physics.md: e = -(relative velocity out / in) at the first contact, the plate at rest before it.  Ratios of bounce
+times depend on the plate's motion between the contacts; this ratio does not.
 """
 
 import math
@@ -34,10 +34,10 @@ def contact_cor(collision: Collision) -> float:
 
 
 def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
-    """Return e of the fitted contact with the standard uncertainty that the fit's covariance gives it.
+    """Return e of the fitted contact with its standard uncertainty from the fit's covariance.
 
-    The model is linear within a contact and its plate at rest before it, so e does not depend on the velocity, and a
-    wrong mass, which scales every parameter alike, leaves it untouched.
+    The model is linear within a contact and its plate at rest before it, so e depends neither on the velocity nor on
+    the mass, which scales every parameter alike.
     """
     if not fit.converged:
         return NotSeen("the fit did not converge")
@@ -81,7 +81,7 @@ def _first_release(collision: Collision, *, derivatives: bool) -> Event | None:
     reduced = 1.0 / (1.0 / collision.block_mass_kg + 1.0 / collision.plate_mass_kg)
     period = 2.0 * math.pi * math.sqrt(reduced / collision.contact_stiffness_n_per_m)
     relaxation = collision.contact_damping_n_s_per_m / collision.contact_stiffness_n_per_m
-    # A bounce of the small mass is over long before the swing on the plate's spring, which may have none.
+    # a bounce on the contact's spring ends long before the swing on the plate's spring, if there is one
     bounce = _PERIODS * (period + 5.0 * relaxation)
     for reach in (bounce, 1.1 * collision.contact_time_estimate_s):
         run = solve(collision, np.array([0.0, reach]), derivatives=derivatives)

@@ -1,1 +1,1 @@
-"""The paper beside this program: its numbers, figures and simulation, audited."""
+"""The paper compared with this program: its numbers, figures and simulation."""

@@ -1,4 +1,4 @@
-"""The paper beside this program: each number as printed, simulated, recomputed; what a difference was traced to."""
+"""Compare each number of the paper, as printed, with this program's, and state the cause of each difference."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 
 
 class Status(StrEnum):
-    """How a number of the paper stands."""
+    """The result of the comparison of one number."""
 
     AGREES = "agrees"  # as printed, within its digits
-    TRACED = "traced"  # it differs as printed, and agrees once the cause is taken into account
-    OPEN = "open"  # a difference remains that the published numbers do not settle
-    ADDED = "added"  # the paper does not give it; here because its reading needs it
+    TRACED = "traced"  # it differs as printed, and agrees when the cause is taken into account
+    OPEN = "open"  # a difference remains that the published numbers do not explain
+    ADDED = "added"  # not in the paper; needed to understand it
     INPUT = "input"  # the simulation was made with it
 
 
 @dataclass(frozen=True, slots=True)
 class PaperRow:
-    """One number of the paper beside this program's; differences are relative.
+    """One number of the paper and this program's; differences are relative.
 
-    ``printed`` is what the paper's own numbers give, taken as they stand; ``simulated`` comes from solving its model,
-    ``recomputed`` from geometry or a closed form; ``recorded`` is a shot's own reading where one was given.
+    ``printed`` is computed from the paper's own numbers as they are; ``simulated`` by solving its model, ``recomputed``
+    from geometry or a closed form; ``recorded`` is the reading of a shot where one was given.
     """
 
     key: str
@@ -125,7 +125,7 @@ _INPUTS = {
 
 
 def load() -> Mapping[str, Any]:
-    """Return the paper's numbers as they are bundled (resources/paper.toml)."""
+    """Return the paper's numbers (resources/paper.toml)."""
     with resources.files("resources").joinpath("paper.toml").open("rb") as file:
         return tomllib.load(file)
 
@@ -156,7 +156,7 @@ def ground(numbers: Mapping[str, Any]) -> Ground:
 
 
 def reproduce(shot: Shot | None = None) -> Reproduction:
-    """Compute every number of the paper; with a shot, its readings stand beside them.  About a second once compiled."""
+    """Compute every number of the paper, with a shot's readings where one is given.  About a second once compiled."""
     from analysis.paper.paper_audit import computed
 
     numbers = load()

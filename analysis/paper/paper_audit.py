@@ -1,4 +1,4 @@
-"""The audit's arithmetic: what the paper's own numbers give as printed, and what they give once the cause is known."""
+"""Compute the paper's numbers as printed, and with the causes of their differences taken into account."""
 
 import math
 from collections.abc import Mapping
@@ -31,14 +31,14 @@ class Ground:
 
 @dataclass(frozen=True, slots=True)
 class Computed:
-    """What the program has to say to one row; errors None: relative to the paper's number."""
+    """This program's values for one row; errors None: computed from them and the paper's number."""
 
     printed: float | None = None
     simulated: float | None = None
     recomputed: float | None = None
     error_before: float | None = None
     error_after: float | None = None
-    settles: bool = True  # False: nothing computed can settle it
+    settles: bool = True  # False: no computed number can explain the difference
     words: Mapping[str, float] = field(default_factory=dict)
 
 

@@ -1,4 +1,4 @@
-"""Figures 4 to 7 of the paper as curves: measured on the left, simulated on the right."""
+"""The curves of the paper's figures 4 to 7, measured and simulated."""
 
 from dataclasses import dataclass
 
@@ -53,10 +53,9 @@ class Figure:
 
 
 def plate_from_force(time_s: Floats, force_n: Floats, plate_stiffness_n_per_m: float, plate_mass_kg: float) -> Floats:
-    """Return the displacement in m, (n,), of a plate at rest at first that pushes a block away with a force.
+    """Return the displacement in m, (n,), of a plate, at rest first, from the force between block and plate.
 
-    m_p* x_p'' = -k_p x_p - F (Eq. 4), the force linear between samples.  The optics do not see
-    the plate; this is where the measured force, read as the reaction of the contact, has put it.
+    m_p* x_p'' = -k_p x_p - F (Eq. 4), the force linear between samples; the optics do not see the plate.
     """
     from scipy.signal import lsim  # with all of scipy.stats: not at every start
 
@@ -71,9 +70,9 @@ def plate_from_force(time_s: Floats, force_n: Floats, plate_stiffness_n_per_m: f
 
 
 def figures(collision: Collision, shot: Shot | None = None) -> tuple[Figure, ...]:
-    """Return figures 4 to 7: ``collision`` simulated, and ``shot`` beside it where it shows an impact.
+    """Return figures 4 to 7: ``collision`` simulated, and ``shot`` where it shows an impact.
 
-    The simulation is met at the shot's own velocity, so that both columns show the same collision.
+    The simulation has the shot's own velocity, so that both columns show the same collision.
     """
     seen = None if shot is None else _measured(shot, collision)
     why = "" if seen is not None else "no recording" if shot is None else shot.problem or "no impact in this shot"
@@ -140,7 +139,7 @@ def _measured(shot: Shot, collision: Collision) -> _Course | None:
         m_p = shot.fit.parameters["plate_mass_kg"].value
     force = motion.force_n[inside]
     plate = plate_from_force(time, force, k_p, m_p)
-    # The touch itself lies between two samples; the flight before it says where.
+    # the touch lies between two samples: its displacement is extrapolated from the flight
     flying = time < -0.2 * MARGIN_S
     displacement = motion.displacement_m[inside]
     displacement = displacement - float(np.mean(displacement[flying] - into.value * time[flying]))

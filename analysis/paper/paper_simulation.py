@@ -1,4 +1,4 @@
-"""The numbers a simulated collision gives, read from the model itself as a paper would print them."""
+"""Simulate a collision and read its numbers from the solution."""
 
 import math
 from dataclasses import dataclass

@@ -1,1 +1,1 @@
-"""The shot that decides: which next shots would tell competing models apart, or a parameter better, and how surely."""
+"""Plan the next shots: those that would separate competing models, or reduce a parameter's uncertainty."""

@@ -1,4 +1,4 @@
-"""The shots an operator could take next, and what each costs him."""
+"""The shots an operator could take next, and the effort of each."""
 
 from __future__ import annotations
 
@@ -19,25 +19,22 @@ MOST_SHOTS = 3  # of a plan
 MOST_MEMBERS = 4  # that are compared
 _OTHER_WEIGHTS = 0.5  # of a shot's effort
 _LONGER = 0.1
-_SAME_MASS = 1e-5  # relative: weighed twice, not weighted
+_SAME_MASS = 1e-5  # relative: the same block weighed twice
 
 
 @dataclass(frozen=True, slots=True)
 class NextShot:
-    """One shot as it can be set: speed at the touch, weights put on the block, flight on the record's two sides.
-
-    ``added_mass_kg`` counts from the block as found.
-    """
+    """The settings of a shot: speed at the touch, mass added to the block, recorded flight before and after contact."""
 
     speed_m_per_s: float
     added_mass_kg: float
     before_s: float
     after_s: float
-    longer: bool = False  # than the shots at hand
+    longer: bool = False  # than the present shots
 
     @property
     def words(self) -> str:
-        """Get what to set, for a person."""
+        """Get the settings in words."""
         weights = f" with {1e3 * self.added_mass_kg:.4g} g added" if self.added_mass_kg else ""
         record = f", recorded from {1e3 * self.before_s:.0f} ms before the touch to {1e3 * self.after_s:.0f} ms after"
         return f"{self.speed_m_per_s:.2g} m/s{weights}{f'{record} the contact' if self.longer else ''}"
@@ -50,7 +47,7 @@ class NextShot:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What the rig can do: speeds and weights to choose from, the free path before the plate, the flight after it."""
+    """The limits of the rig: speeds and weights to choose from, free path before the plate, recorded flight after."""
 
     speeds_m_per_s: tuple[float, ...] = SPEEDS_M_PER_S
     added_kg: tuple[float, ...] = ADDED_KG
@@ -63,7 +60,7 @@ class Reach:
 
 
 def as_found_kg(shots: Sequence[Samples] | Sequence[Motion]) -> float:
-    """Return the mass of the block without weights: the least of the shots'."""
+    """Return the mass of the block without weights: the smallest of the shots'."""
     return min(shot.moving_mass_kg for shot in shots)
 
 
@@ -73,14 +70,14 @@ def on_the_rig(shots: Sequence[Samples]) -> list[Samples]:
 
 
 def contact_s(shot: NextShot, shots: Sequence[Samples]) -> float:
-    """Return how long a shot's contact is likely to last: as the root of the mass on the plate's spring."""
+    """Return the expected contact time in s, which grows with the root of the mass."""
     like = on_the_rig(shots)[0]
     mass_kg = as_found_kg(shots) + shot.added_mass_kg
     return like.course.contact_time_s * math.sqrt(mass_kg / like.moving_mass_kg)
 
 
 def effort(sequence: Sequence[NextShot], on_the_block_kg: float) -> float:
-    """Return what a sequence costs, in shots: a change of weights is half a shot, a longer record a tenth."""
+    """Return the effort of a sequence in shots: a change of weights is half a shot, a longer record a tenth."""
     total, on = 0.0, on_the_block_kg
     for shot in sequence:
         total += 1.0 + _LONGER * shot.longer
@@ -95,7 +92,7 @@ def in_order(sequence: Sequence[NextShot], on_the_block_kg: float) -> tuple[Next
 
 
 def next_shots(shots: Sequence[Samples], reach: Reach) -> list[NextShot]:
-    """Return the shots to choose from: every speed and weight, recorded as the shots at hand and as long as it goes."""
+    """Return the possible shots: every speed and weight, recorded as long as the present shots and at full length."""
     before, after = usual_flights(shots)
     out = []
     for speed, added in itertools.product(reach.speeds_m_per_s, reach.added_kg):
@@ -108,14 +105,14 @@ def next_shots(shots: Sequence[Samples], reach: Reach) -> list[NextShot]:
 
 
 def usual_flights(shots: Sequence[Samples]) -> tuple[float, float]:
-    """Return the flight that the shots at hand hold before the touch and after the release, in s."""
+    """Return the flight that all present shots hold before the touch and after the release, in s."""
     before = min(shot.course.touch_time_s - float(shot.centre_s[0]) for shot in shots)
     after = min(float(shot.centre_s[-1]) - shot.course.release_time_s for shot in shots)
     return max(before, 2e-3), max(after, 5e-3)
 
 
 def undecided(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return the first found effect that another could stand for, and these others; none where every name is sure."""
+    """Return the first effect that the diagnosis could not distinguish from others, and those; () where none is."""
     for effect in diagnosis.effects:
         if effect.indistinguishable_from:
             return (effect.name, *effect.indistinguishable_from[: MOST_MEMBERS - 1])

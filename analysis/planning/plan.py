@@ -1,11 +1,11 @@
-"""Which next shots tell competing models apart: every sequence to first order, the promising ones by refitting.
+"""Plan the shots that separate competing models: all sequences to first order, promising ones by refitting.
 
 T-optimal design (Atkinson and Fedorov, Biometrika 62 (1975) 57) for models that may be nested: for every member that
-may be true, a sequence of shots is worth the distance of the nearest rival, fitted anew to the shots at hand and to
-what the member foretells of the new ones.  What is true is not known: a sequence counts by the worst of the members
-that any sequence can separate.  A member that none can, because a rival does all it does, is left out of that; where
-none is left, no shot of the rig decides.  Two that no shot parts do not keep those from a third: they are one with two
-readings, which is parted from the third.
+may be true, the worth of a sequence of shots is the distance of the nearest rival, fitted to the present shots and to
+what the member predicts of the new ones.  As the true member is not known, a sequence is rated by the worst of the
+members that any sequence can separate.  A member that no sequence can separate from a rival does not count; where none
+is left, no shot of the rig decides.  Two members that no shot separates from each other are treated as one, which may
+still be separated from a third.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -15,23 +15,23 @@ from math import inf
 from typing import Any
 
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.planning.contest import Contest
 from analysis.planning.distances import (
     Distances,
     Pair,
     Pairs,
     Shots,
-    hopeful,
     nearest,
+    promising,
     refitted,
-    screened,
-    searched_anew,
+    screen_shots,
+    search_rivals_again,
 )
+from analysis.planning.model_comparison import ModelComparison
 from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, as_found_kg, effort, in_order, next_shots
 from analysis.shot.shot import Cancelled, Progress, Stop
 
-SURE = 1.5  # noise norms above what is asked: what is reached scatters by one
-_KEPT = 8  # shots that go on into sequences of several
+SURE = 1.5  # noise norms above the required separation: the separation reached scatters by one
+_KEPT = 8  # shots that are combined into sequences of several
 _REFITTED = 3  # sequences of one length
 _SCREENING = 0.6  # of the time
 
@@ -41,12 +41,12 @@ Tell = Callable[[float], None]  # a fraction done
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The shots to take next; empty where none of the rig separates what competes.
+    """The shots to take next; empty where no shot of the rig separates the members.
 
-    ``expected`` gives, for every effect that may be the true one, the separation in noise norms after all of them,
-    ``after_first`` after the first alone; ``best`` is the most that any sequence tried would reach, of the member it
-    serves best.  ``inseparable`` are the members that a rival could still stand for after any of them.  ``one_with``
-    gives for a member that is parted from others those that no shot parts from it: what is expected leaves them out.
+    ``expected`` gives, for every effect that may be the true one, the separation in noise norms after all shots,
+    ``after_first`` after the first alone; ``best`` is the largest separation of any member by any sequence tried.
+    ``inseparable`` are the members that no sequence separates from all rivals.  ``inseparable_from`` gives, for a
+    member that is separated from some rivals, those that no shot separates from it; ``expected`` leaves them out.
     """
 
     shots: Shots
@@ -56,18 +56,18 @@ class Plan:
     after_first: Mapping[str, float]
     best: float
     inseparable: tuple[str, ...]
-    one_with: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    inseparable_from: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def settles(self) -> bool:
-        """Get whether the shots would separate what competes."""
+        """Get whether the shots would separate the members."""
         return bool(self.shots)
 
     @property
     def separation(self) -> float:
-        """Get the separation that the shots promise, whichever separable member is the true one."""
-        told = [value for name, value in self.expected.items() if name not in self.inseparable]
-        return min(told, default=max(self.expected.values(), default=0.0))
+        """Get the smallest expected separation over the separable members."""
+        separable = [value for name, value in self.expected.items() if name not in self.inseparable]
+        return min(separable, default=max(self.expected.values(), default=0.0))
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as the result file has it (docs/formats.md)."""
@@ -77,43 +77,35 @@ class Plan:
             "expected_if": dict(self.expected),
             "best_separation": self.best,
             "inseparable": list(self.inseparable),
-            "one_with": {name: list(others) for name, others in self.one_with.items()},
+            "one_with": {name: list(others) for name, others in self.inseparable_from.items()},
         }
 
 
 def plan(
-    contest: Contest,
+    comparison: ModelComparison,
     reach: Reach | None = None,
     *,
     most: int = MOST_SHOTS,
     progress: Progress = lambda _what, _fraction: None,
     stop: Stop = lambda: False,
 ) -> Plan:
-    """Return the cheapest sequence of at most ``most`` shots that separates what competes.  Raises Cancelled."""
-    shots = contest.members[0].fitted.hypothesis.data.shots
+    """Return the cheapest sequence of at most ``most`` shots that separates the members.  Raises Cancelled."""
+    shots = comparison.members[0].fitted.hypothesis.data.shots
 
     def screening(done: float) -> None:
-        progress("foretelling the next shots", _SCREENING * done)
+        progress("predicting the next shots", _SCREENING * done)
 
-    distances = screened(contest, next_shots(shots, reach or Reach()), screening, stop)
+    distances = screen_shots(comparison, next_shots(shots, reach or Reach()), screening, stop)
     on_the_block = shots[-1].moving_mass_kg - as_found_kg(shots)
 
     def refitting(done: float) -> None:
         progress("refitting the rivals", _SCREENING + (1 - _SCREENING) * done)
 
-    never = distances.never(most)
-    while True:
-        left = distances.without(never) if len(never) < len(distances.at_hand) else distances
-        chosen, found = _chosen(contest, left, most, on_the_block, refitting, stop)
-        if chosen is not None or left is distances:
-            break
-        most_of = {pair: max((values[pair] for values in found.values()), default=0.0) for pair in left.at_hand}
-        more = {pair for pair, value in most_of.items() if value < CRITERIA.separation}
-        # Each is parted by some sequence and no sequence parts them all, or none is and all were just tried.
-        if not more or (not never and len(more) == len(distances.at_hand)):
-            break
-        never |= more
-    names = [member.effect for member in contest.members]
+    def choose(pairs: Distances) -> tuple[Shots | None, dict[Shots, dict[Pair, float]]]:
+        return _chosen(comparison, pairs, most, on_the_block, refitting, stop)
+
+    left, never, chosen, found = _separable(distances, most, choose)
+    names = [member.effect for member in comparison.members]
     of = _most_of({shots: nearest(values) for shots, values in found.items()})
 
     def named(values: Mapping[int, float]) -> dict[str, float]:
@@ -126,29 +118,56 @@ def plan(
         expected = named(nearest(_found(found, chosen)))
         first = expected
         if len(chosen) > 1:
-            first = named(nearest(refitted(contest, chosen[:1], left, stop)))
-    one_with = _one_with(names, never) if chosen is not None and left is not distances else {}
+            first = named(nearest(refitted(comparison, chosen[:1], left, stop)))
+    inseparable_from = _inseparable_from(names, never) if chosen is not None and left is not distances else {}
     likely = [names[member] for member in distances.members]
     return Plan(
         shots=chosen or (),
         members=tuple(names),
-        now=contest.reached_from(one_with.get(names[0], ())),
+        now=comparison.separation_from(inseparable_from.get(names[0], ())),
         expected=expected,
         after_first=first,
         best=max(of.values(), default=0.0),
         inseparable=tuple(name for name in likely if named(of).get(name, 0.0) < CRITERIA.separation),
-        one_with=one_with,
+        inseparable_from=inseparable_from,
     )
 
 
-def _one_with(names: Sequence[str], never: Collection[Pair]) -> dict[str, tuple[str, ...]]:
-    return {names[a]: tuple(names[b] for one, b in sorted(never) if one == a) for a in sorted({a for a, _ in never})}
+def _separable(
+    distances: Distances,
+    most: int,
+    choose: Callable[[Distances], tuple[Shots | None, dict[Shots, dict[Pair, float]]]],
+) -> tuple[Distances, frozenset[Pair], Shots | None, dict[Shots, dict[Pair, float]]]:
+    """Choose a sequence, setting aside pairs that no sequence separates until one separates all others.
+
+    Returns the distances of the pairs that count, the pairs set aside, the sequence, and every sequence's distances.
+    """
+    never = distances.inseparable_pairs(most)
+    count = len(distances.present_information)
+    while True:
+        left = distances.without(never) if len(never) < count else distances
+        chosen, found = choose(left)
+        if chosen is not None or left is distances:
+            break
+        largest = {
+            pair: max((values[pair] for values in found.values()), default=0.0) for pair in left.present_information
+        }
+        more = {pair for pair, value in largest.items() if value < CRITERIA.separation}
+        # Either each pair is separated by some sequence and no sequence separates all, or all pairs were just tried.
+        if not more or (not never and len(more) == count):
+            break
+        never |= more
+    return left, never, chosen, found
+
+
+def _inseparable_from(names: Sequence[str], pairs: Collection[Pair]) -> dict[str, tuple[str, ...]]:
+    return {names[a]: tuple(names[b] for one, b in sorted(pairs) if one == a) for a in sorted({a for a, _ in pairs})}
 
 
 def _chosen(
-    contest: Contest, distances: Distances, most: int, on_the_block_kg: float, tell: Tell, stop: Stop
+    comparison: ModelComparison, distances: Distances, most: int, on_the_block_kg: float, tell: Tell, stop: Stop
 ) -> tuple[Shots | None, dict[Shots, dict[Pair, float]]]:
-    """Return the sequence to take, None where none tried separates, and what every one that was refitted brings."""
+    """Return the sequence to take (None where none separates) and the distances of every sequence refitted."""
     found: dict[Shots, dict[Pair, float]] = {}
     searched: set[Shots] = set()
     chosen: Shots | None = None
@@ -161,18 +180,18 @@ def _chosen(
 
     for length in range(1, most + 1):
         listed = _ranked(distances, length, on_the_block_kg)
-        promising = [one for one in listed if hopeful(max(distances.nearest(one).values()))]
+        promising = [one for one in listed if promising(max(distances.nearest(one).values()))]
         for sequence in promising[:_REFITTED] or (listed[:1] if length == most else ()):
             if stop():
                 raise Cancelled
             tell((length - 1) / most)
-            found[sequence] = refitted(contest, sequence, distances, stop)
+            found[sequence] = refitted(comparison, sequence, distances, stop)
             if sure(sequence):  # they come in the order of their effort
                 break
         chosen = _best(of_members(), on_the_block_kg)
         while chosen is not None and chosen not in searched and (sure(chosen) or length == most):
             searched.add(chosen)
-            found[chosen] = searched_anew(contest, chosen, found[chosen], distances, stop)
+            found[chosen] = search_rivals_again(comparison, chosen, found[chosen], distances, stop)
             chosen = _best(of_members(), on_the_block_kg)
         if chosen is not None and sure(chosen):
             break
@@ -180,9 +199,9 @@ def _chosen(
 
 
 def _ranked(distances: Distances, length: int, on_the_block_kg: float) -> list[Shots]:
-    """Return sequences of one length, best first: to first order, by the worst of the members that can be separated.
+    """Return the sequences of one length, best first by first-order worth.
 
-    Of several shots those are tried that do well alone, for any member.
+    Sequences of several shots are made of those that do well alone for any member.
     """
     alone: dict[NextShot, dict[int, float]] = {shot: distances.nearest((shot,)) for shot in distances.each}
     sequences: list[Shots] = [(shot,) for shot in alone]
@@ -202,7 +221,7 @@ def _ranked(distances: Distances, length: int, on_the_block_kg: float) -> list[S
 
 
 def _most_of(found: Found) -> dict[int, float]:
-    """Return the most that any of these sequences brings every member."""
+    """Return the largest separation of every member by any of these sequences."""
     out: dict[int, float] = {}
     for values in found.values():
         for member, value in values.items():
@@ -211,13 +230,13 @@ def _most_of(found: Found) -> dict[int, float]:
 
 
 def _worth(found: Found, values: Mapping[int, float]) -> float:
-    """Return the least separation among the members that some sequence separates; the largest where none does."""
+    """Return the smallest separation among members that some sequence separates; the largest where none does."""
     can = [member for member, most in _most_of(found).items() if most >= CRITERIA.separation]
     return min((values[m] for m in can), default=max(values.values()))
 
 
 def _best(found: Found, on_the_block_kg: float) -> Shots | None:
-    """Return the cheapest sequence that surely separates, else the best that does at all, else None."""
+    """Return the cheapest sequence that surely separates, else the best that separates at all, else None."""
     worth = {sequence: _worth(found, values) for sequence, values in found.items()}
     sure = [one for one in worth if worth[one] >= CRITERIA.separation + SURE]
     if sure:

@@ -1,8 +1,8 @@
-"""Which next shots make a number twice as sure, or all of them surer: the same exact derivatives, nobody competing.
+"""Plan the shots that reduce the uncertainty of one parameter, or of all of them.
 
-The information of independent shots adds up; a shot's own start is eliminated from its part.  For one parameter the
-criterion is its variance (c-optimal; A-optimal is the same over several), for all of them the determinant of their
-covariance (D-optimal; Fedorov, "Theory of Optimal Experiments", ch. 2).
+The information of independent shots adds up, each shot's own start eliminated.  For one parameter the criterion is its
+variance (c-optimal), for all of them the determinant of their covariance (D-optimal; Fedorov, "Theory of Optimal
+Experiments", ch. 2).
 """
 
 from collections.abc import Sequence
@@ -17,22 +17,22 @@ from numpy.typing import NDArray
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
 from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.planning.foreseen import at_hand, blank, foretold, informs
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
+from analysis.planning.predictions import blank_shot, information_of, predict, present_information
 from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop
 
 Floats = NDArray[np.float64]
 ALL = "all"
 HALF = 0.5
 _MOST = 3
-_KEPT = 8  # shots that go on into sequences of several
+_KEPT = 8  # shots that are combined into sequences of several
 
 
 @dataclass(frozen=True, slots=True)
-class Sharper:
-    """The shots that make a parameter surer: its standard uncertainty after them over that before, and both.
+class PrecisionPlan:
+    """The shots that reduce a parameter's standard uncertainty: ``ratio`` is that after them over that before.
 
-    For ``ALL`` ``ratio`` is the geometric mean over the parameters, and the uncertainties are not given.
+    For ``ALL`` it is the geometric mean over the parameters, and the uncertainties are None.
     """
 
     parameter: str
@@ -43,7 +43,7 @@ class Sharper:
 
     @property
     def words(self) -> str:
-        """Get the promise in words, without the shots."""
+        """Get the expected improvement in words, without the shots."""
         if self.parameter == ALL:
             return f"all parameters {1 / self.ratio:.2g} times as sure, on the geometric mean"
         return f"{self.parameter} {1 / self.ratio:.2g} times as sure ({self.std_before:.2g} to {self.std_after:.2g})"
@@ -59,7 +59,7 @@ class Sharper:
         }
 
 
-def sharpen(
+def plan_precision(
     fitted: Fitted,
     parameter: str,
     reach: Reach | None = None,
@@ -67,11 +67,11 @@ def sharpen(
     wanted: float = HALF,
     progress: Progress = lambda _what, _fraction: None,
     stop: Stop = lambda: False,
-) -> Sharper:
-    """Return the cheapest one to three shots that leave ``parameter`` ``wanted`` of its uncertainty; else the best.
+) -> PrecisionPlan:
+    """Return the cheapest one to three shots that reduce a parameter's uncertainty to ``wanted`` of it, else the best.
 
-    ``parameter`` is a shared one by its name in the fit ("contact_stiffness_n_per_m", "viscous_drag.coefficient_..."),
-    or ``ALL``.  Raises AnalysisError for a name that is not the fit's, Cancelled.
+    ``parameter`` is the name of a shared parameter in the fit ("contact_stiffness_n_per_m",
+    "viscous_drag.coefficient_..."), or ``ALL``.  Raises AnalysisError for another name, Cancelled.
     """
     hypothesis = fitted.hypothesis
     shared = hypothesis.shared
@@ -81,18 +81,18 @@ def sharpen(
     slope = hypothesis.slope(fitted.z)[np.ix_(shared, shared)]
     row = None if parameter == ALL else slope[names.index(parameter)]
     samples, floor = hypothesis.data.shots, fitted.floor
-    known = at_hand(fitted, floor).curvature
+    known = present_information(fitted, floor).curvature
     candidates = next_shots(samples, reach or Reach())
 
     def of_shot(shot: NextShot) -> Floats | None:
         if stop():
             raise Cancelled
         try:
-            return informs(fitted, foretold(fitted, blank(shot, fitted)), floor).curvature
+            return information_of(fitted, predict(fitted, blank_shot(shot, fitted)), floor).curvature
         except Infeasible:
             return None
 
-    progress("foretelling the next shots", 0.1)
+    progress("predicting the next shots", 0.1)
     each = {shot: c for shot, c in zip(candidates, side_by_side(of_shot, candidates), strict=True) if c is not None}
     before = _spread(known, row)
 
@@ -112,7 +112,7 @@ def sharpen(
     best = min(reached, key=order)
     progress("planned", 1.0)
     stated = parameter != ALL
-    return Sharper(
+    return PrecisionPlan(
         parameter,
         in_order(best, on_the_block),
         reached[best],

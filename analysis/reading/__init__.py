@@ -1,1 +1,1 @@
-"""Reading an impact from the motion alone: flights, edges, bounces, pulse; no model of the plate."""
+"""Read the numbers of an impact from the motion alone, without a model of the plate: flights, edges, bounces, pulse."""

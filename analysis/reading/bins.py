@@ -1,4 +1,4 @@
-"""The displacement of both free flights as means over some tenths of a millisecond, far above anything that shakes."""
+"""The displacement of both free flights averaged in bins of about half a millisecond, shorter than any vibration."""
 
 from dataclasses import dataclass, replace
 
@@ -35,7 +35,7 @@ class Bins:
 
 
 def binned(motion: Motion, into: tuple[int, int], out: tuple[int, int] | None) -> Bins:
-    """Return the means of both flights, bins of one length counted from the edges outwards; holes are left out."""
+    """Return the bins of both flights, of one length, counted from the contact outwards, without those with holes."""
     step = 1.0 / motion.sample_rate_hz
     total = into[1] - into[0] + 1 + (out[1] - out[0] + 1 if out is not None else 0)
     each = max(1, round(BIN_S / step), -(-total // MOST_BINS))
@@ -64,5 +64,5 @@ def binned(motion: Motion, into: tuple[int, int], out: tuple[int, int] | None) -
     )  # fmt: skip
 
 
-def kept(bins: Bins, keep: Mask) -> Bins:
+def select(bins: Bins, keep: Mask) -> Bins:
     return replace(bins, time_s=bins.time_s[keep], value_m=bins.value_m[keep], into=bins.into[keep])

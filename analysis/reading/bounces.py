@@ -1,4 +1,4 @@
-"""The first bounces: contacts and the short flights between them, which others dismiss as noise."""
+"""Find the first bounces: the contacts and the short flights between them."""
 
 from dataclasses import dataclass, replace
 
@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
-from analysis.reading.flights import Flight, fit_flight
-from analysis.reading.floor import Floor
+from analysis.reading.flight import Flight, fit_flight
+from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
@@ -25,8 +25,8 @@ LONG_FLIGHT = 24  # samples, after trimming
 LINE_TRIM = 0.12  # of a long flight, left out at each end of its line: the contact may begin before it shows
 EDGE_REACH_SAMPLES = 40  # of contact beyond a long flight: it is followed while its force keeps its sign
 EDGE_SAMPLES = 10  # of contact on either side of a short flight that show where it begins and ends
-GRAZES = 0.35  # of the first contact: a shorter flight looks like a contact that only grazes, and the other way round
-GRAZING = 0.04  # ... by how much that leaves each of its ends open
+GRAZES = 0.35  # of the first contact: a shorter flight cannot be distinguished from a contact of little force
+GRAZING = 0.04  # of the first contact: the uncertainty of both its ends for that reason
 PEAK_DEGREES = (7, 6, 5, 4)  # of the polynomial through the displacement about a force peak
 PEAK_REACH = 1.3  # how far beyond the peak it goes, in units of the rise before it
 
@@ -38,14 +38,14 @@ class Bounces:
     onsets: tuple[Edge, ...]
     releases: tuple[Edge, ...]
     peaks: tuple[Edge, ...]
-    disturbed: bool = False  # a flight is not straight: something else moves the block, and its edges mean little
+    disturbed: bool = False  # a flight is not straight: something else moves the block, and its edges are unreliable
 
 
-def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, floor: Floor) -> Bounces:
+def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, floor: FloorSpectrum) -> Bounces:
     """Find the flights inside the early contact, and between them the contacts with their force peaks.
 
-    A flight shows as a force that stands at nothing; its edges then come to a fraction of a sample from how the
-    displacement leaves the flight's straight line.
+    In a flight the force is zero; its edges are then found to a fraction of a sample by how the displacement departs
+    from the flight's straight line.
     """
     motion = _straightened(motion, flight_in)
     time = motion.time_s
@@ -75,13 +75,13 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
 
 
 def _straightened(motion: Motion, flight: Flight) -> Motion:
-    """Take the incoming flight's own acceleration off the displacement: a drag bends the short flights as well."""
+    """Subtract the incoming flight's own acceleration from the displacement: drag curves the short flights as well."""
     bend = 0.5 * flight.acceleration_m_per_s2 * (motion.time_s - flight.time_zero_s) ** 2
     return replace(motion, displacement_m=motion.displacement_m - bend)
 
 
 def _is_flight(edges: tuple[Edge, Edge], releases: list[Edge], onsets: list[Edge], step_s: float) -> bool:
-    """Tell a flight from a force that only passes through zero: it lasts, surely, and begins after the one before."""
+    """Return whether a flight is more than a force passing through zero: it lasts, and begins after the one before."""
     release, onset = edges
     lasts = onset.time_s - release.time_s
     return (
@@ -104,9 +104,9 @@ def _is_straight(motion: Motion, edges: tuple[Edge, Edge], noise_std_m: float) -
 
 
 def _local_force(motion: Motion, index: NDArray[np.intp], noise_std_m: float) -> tuple[Floats, float]:
-    """Return force from a parabola over the fewest samples that keep the noise small, (n,), and its std, both in N.
+    """Return the force by a parabola over the fewest samples that keep the noise small, (n,), and its std, both in N.
 
-    A parabola's reach is compact, unlike a sharp low-pass, so a flight of a few samples is not rung into.
+    A parabola has no ringing, unlike a sharp low-pass, so a flight of a few samples stays at zero force.
     """
     step = 1.0 / motion.sample_rate_hz
     peak = float(np.nanmax(motion.force_n))
@@ -166,10 +166,10 @@ def _flight_edges(
 
 
 def _as_it_grazes(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edge, Edge]:
-    """Return the edges of a flight, less sure where it is so short that the force would hardly stand off nothing.
+    """Return the edges of a flight, with a larger uncertainty where it may be a contact that never ended.
 
-    About its least value the force of a contact that never lets go grows with the square of the time: for a sixth of
-    the first contact it stays below FLIGHT_FRACTION, as in a flight.
+    About its minimum the force of such a contact grows with the square of the time: for a sixth of the first contact
+    it stays below FLIGHT_FRACTION, as in a flight.
     """
     release, onset = edges
     if onset.time_s - release.time_s > GRAZES * first_contact_s:
@@ -191,7 +191,7 @@ def white_noise_std(displacement_m: Floats) -> float:
 def _peaks(
     motion: Motion, onsets: list[Edge], releases: list[Edge], end_s: float, noise_std_m: float
 ) -> tuple[Edge, ...]:
-    """Return the first force maximum after each of the first three onsets, as far as they are seen without a hole."""
+    """Return the first force maximum after each of the first three onsets, up to the first that is not seen."""
     peaks: list[Edge] = []
     for number, onset in enumerate(onsets[:3]):
         until = releases[number].time_s if number < len(releases) else end_s
@@ -205,7 +205,7 @@ def _peaks(
 
 
 def _first_maximum(motion: Motion, index: NDArray[np.intp]) -> float | None:
-    """Return the time in s of the first top of the filtered force that the force then clearly falls below."""
+    """Return the time in s of the first maximum of the filtered force that is clearly above the force after it."""
     if index.size < 5:
         return None
     force, std = motion.force_n[index], float(np.nanmedian(motion.force_std_n[index]))
@@ -221,9 +221,9 @@ def _first_maximum(motion: Motion, index: NDArray[np.intp]) -> float | None:
 def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: float, noise_std_m: float) -> Edge | None:
     """Return the instant of largest acceleration by a polynomial through the displacement about it.
 
-    The low-passed force would do for its height, but a steep onset on one side pulls its peak there by tens of
-    microseconds; a polynomial of degree 7 over this reach leaves less than a microsecond (against the reference
-    solution of docs/physics.md, "the model").  A lower degree is taken where the noise forbids it.
+    A steep onset on one side shifts the peak of the low-passed force by tens of microseconds; with a polynomial of
+    degree 7 over this reach the error is below a microsecond (against the reference solution of docs/physics.md, "the
+    model").  A lower degree is used where it has less noise.
     """
     rise = coarse_s - onset_s
     step = 1.0 / motion.sample_rate_hz

@@ -1,4 +1,4 @@
-"""The instant at which a contact begins or ends, from how the displacement leaves a free flight."""
+"""Find the instant at which a contact begins or ends, from how the displacement departs from a free flight."""
 
 from dataclasses import dataclass
 
@@ -6,24 +6,24 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.reading.flights import Flight
+from analysis.reading.flight import Flight
 from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-CLEAR_SIGMAS = 6.0  # a departure from flight that is no noise
-SHAPED_SIGMAS = 200.0  # a departure whose shape is known to a per cent: followed so far, no farther
-SHAPED_DEPTH = 3e-5  # ... of the way to the turn: a contact as stiff as its plate is soft has not rebounded yet
-LONGEST_REACH_S = 1.0e-3  # of flight before the edge, for the line the force departs from
+CLEAR_SIGMAS = 6.0  # a departure from flight beyond noise
+SHAPED_SIGMAS = 200.0  # a departure that shows its shape to a per cent: it is fitted up to there
+SHAPED_DEPTH = 3e-5  # ... or to this part of the way to the turn, before a stiff contact rebounds
+LONGEST_REACH_S = 1.0e-3  # of flight before the edge, for the line from which the displacement departs
 SLOW_RECORD_SAMPLES = 64  # ... or so many samples of a record at a few hundred Hz
-BEND = 2  # degree of the line through the last millisecond of flight, where a floor bends it
-PLAINER = 1.1  # log of three: what one number less is worth
-PLAIN = 9.0  # of chi^2 that a bent line must gain
+BEND = 2  # degree of the line through the last millisecond of flight, where the floor's motion curves it
+PLAINER = 1.1  # log of three: the prior odds of the model with one parameter fewer
+PLAIN = 9.0  # of chi^2 that a curved line must gain
 TRIALS = 64  # of the instant, and as many again where it is likely
 LIKELY = 25.0  # of chi^2
-FLIGHT_TRIALS = 28  # a side, for the two edges of a short flight together
+FLIGHT_TRIALS = 28  # per side, for the two edges of a short flight together
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +37,14 @@ class Edge:
 def edge_of_flight(
     motion: Motion, flight: tuple[int, int], coarse: int, *, until: int, depth_m: float, guard_s: float
 ) -> Edge | None:
-    """Return the contact's edge beside a flight (first, last sample), which lies about sample ``coarse``.
+    """Return the contact's edge at the end of a flight (first, last sample), near sample ``coarse``.
 
-    The line that the displacement leaves is drawn through the last millisecond of flight before ``coarse`` alone, so
-    that a floor that sways bends it little.  A force ``a + b u`` at the time ``u`` beyond the edge makes a departure
-    of ``(a/2) u^2 + (b/6) u^3`` (times 1/m); the edge is the instant that leaves the least squares over the samples up
-    to a departure of SHAPED_SIGMAS, or SHAPED_DEPTH of the whole ``depth_m``.  The force grows away from the edge
-    (b >= 0), and a contact begins with a push (a >= 0; a release may end in tension): without that a flight could be
-    mistaken for a contact of no force.  The
-    line ends ``guard_s`` before ``coarse``.  Nothing beyond ``until`` is looked at.  None without a clear departure.
+    The line from which the displacement departs is fitted to the last millisecond of flight only, up to ``guard_s``
+    before ``coarse``, so that the floor's motion curves it little.  A force ``a + b u`` at the time ``u`` beyond the
+    edge makes a departure of ``(a/2) u^2 + (b/6) u^3`` (times 1/m); the edge is the instant of least squares over the
+    samples up to a departure of SHAPED_SIGMAS, or SHAPED_DEPTH of the whole ``depth_m``, and not beyond ``until``.  The
+    force grows away from the edge (b >= 0), and a contact begins with a push (a >= 0; a release may end in tension):
+    else a flight could be taken for a contact without force.  None without a clear departure.
     """
     step = 1.0 / motion.sample_rate_hz
     into = until > coarse
@@ -73,7 +72,7 @@ def edge_of_flight(
     edge = _edge_in(motion, window, departure, (std, most, omega), sign, bend)
     if edge is None:
         return None
-    # the series is only a series, and the line only a line: what a shorter one and a more bent one say instead
+    # systematic error of the series and of the line: the edge by a shorter departure and by a more curved line
     others = (
         _edge_in(motion, window, departure, (std, most / 3.0, omega), sign, bend),
         _edge_in(motion, window, departure, (std, most, omega), sign, bend + 1),
@@ -86,7 +85,7 @@ _FEWEST = 8  # samples of a short flight
 
 
 def _bend_of(u_s: Floats, x_m: Floats) -> int:
-    """Return the degree of the line through some flight: bent only where the floor plainly bends it."""
+    """Return the degree of the line through some flight: curved only where the floor's motion clearly curves it."""
     straight, bent = (float(np.sum((x_m - np.polyval(np.polyfit(u_s, x_m, k), u_s)) ** 2)) for k in (1, BEND))
     return BEND if straight - bent > PLAIN * bent / (u_s.size - BEND - 1) else 1
 
@@ -105,11 +104,11 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int) -> Edge | None:
 def _edge_in(
     motion: Motion, window: Ints, departure_m: Floats, levels: tuple[float, float, float], sign: int, bend: int
 ) -> Edge | None:
-    """Return the edge that a departure (n,) from flight shows, going outwards from it in the sense of ``sign``.
+    """Return the edge shown by a departure (n,) from flight, in the direction ``sign`` of time.
 
-    ``levels`` are its noise and the departure up to which its shape is followed, in m, and the angular frequency of the
-    spring that the force then turns to; ``bend`` is the degree of the line that the window alone decides, 0 where the
-    line was known from elsewhere.
+    ``levels`` are its noise and the departure up to which it is fitted, in m, and the angular frequency of the
+    contact's spring; ``bend`` is the degree of the line that is fitted together with the edge, 0 where the line is
+    known.
     """
     std_m, shaped_m, omega = levels
     step = 1.0 / motion.sample_rate_hz
@@ -118,11 +117,11 @@ def _edge_in(
         return None
     shaped = _first_run(np.abs(departure_m) > shaped_m) or departure_m.size - 1
     shaped = min(max(shaped, clear + 6), departure_m.size - 1)
-    # a departure that grows with the cube of the time has begun so long before it was clear
+    # a departure that grows with the cube of the time began that long before it was clear
     growth = np.cbrt(max(abs(float(departure_m[shaped])), shaped_m) / (CLEAR_SIGMAS * std_m))
     reach = 1.5 * (shaped - clear) * max(1.0, 1.0 / max(growth - 1.0, 0.1)) + 3 if bend else 1.5 * (shaped - clear) + 3
     start = max(0, int(clear - 2.0 * reach - 24)) if bend == 0 else 0
-    latest = max(0.5, shaped - clear - 4.0) if bend else 0.5  # what was clear may have been the floor
+    latest = max(0.5, shaped - clear - 4.0) if bend else 0.5  # the clear departure may have been the floor's
     anchor = float(motion.time_s[window[clear]])
     beyond = sign * (motion.time_s[window[start : shaped + 1]] - anchor)
     found = _least_squares_edge(
@@ -155,7 +154,7 @@ def _least_squares_edge(
     if u_s.size < bend + 4 or not np.any(u_s):
         return None
     trials = np.linspace(*within_s, TRIALS)
-    # vibration of the building bends the flight's continuation: let the line before the edge be its own
+    # vibration of the building curves the flight beyond the known line: the line before the edge is fitted as well
     line, _ = np.linalg.qr(np.vander(u_s / np.abs(u_s).max(), bend + 1))
     scaled = departure_m / std_m
     scaled = scaled - line @ (line.T @ scaled)
@@ -166,14 +165,14 @@ def _least_squares_edge(
         costs = np.empty((trials.size, 2))
         _costs_of_one(_grams_of_each(flat), flat.T @ scaled, float(scaled @ scaled), tension, costs)
         least = max(1.0, float(costs.min()) / max(u_s.size - bend - 4, 1))
-        # a step or none: where the record cannot tell, the instant spans both; the plainer one is the likelier before
+        # both models, with a step of force and without, weighed by likelihood and prior odds
         cost = -2.0 * least * np.logaddexp(*(np.array([[0.0], [PLAINER]]) - 0.5 * costs.T / least))
         best = int(cost.argmin())
         if best == 0 and narrowing == 0:
             return None
-        spread = float(np.sqrt(least))  # the series is only a series
+        spread = float(np.sqrt(least))  # larger where the series does not describe the departure
         likely = np.flatnonzero(cost < cost[best] + LIKELY * spread**2)
-        found = _weighed(trials, cost, spread)
+        found = _likelihood_mean(trials, cost, spread)
         ends = np.clip([likely[0] - 1, likely[-1] + 1], 0, trials.size - 1)
         trials = np.linspace(float(trials[ends[0]]), float(trials[ends[1]]), TRIALS)
     return found
@@ -182,10 +181,10 @@ def _least_squares_edge(
 def edges_of_short_flight(
     time_s: Floats, displacement_m: Floats, std_m: float, release: tuple[float, float], onset: tuple[float, float]
 ) -> tuple[Edge, Edge] | None:
-    """Return release and onset around a short flight between two contacts, fitted together with its straight line.
+    """Return release and onset of a short flight between two contacts, fitted together with its straight line.
 
     ``time_s`` and ``displacement_m`` (n,) span the flight and a little of the contact on either side; ``release`` and
-    ``onset`` are the ranges in s to look in.  None where an edge lies at the end of its range.
+    ``onset`` are the ranges in s that are searched.  None where an edge lies at the end of its range.
     Cost: FLIGHT_TRIALS^2 small least-squares solutions on each of two grids, 3 ms in all.
     """
     if time_s.size < _FEWEST:
@@ -208,7 +207,7 @@ def edges_of_short_flight(
         if narrowing == 0 and (i == 0 or j == FLIGHT_TRIALS - 1):
             return None  # the flight is longer than its range allows: the range was wrong
         spread = max(1.0, float(np.sqrt(cost.min() / max(tau.size - 8, 1))))
-        edges = [_weighed(grid, cost.min(axis=1 - axis), spread) for axis, grid in enumerate(ranges)]
+        edges = [_likelihood_mean(grid, cost.min(axis=1 - axis), spread) for axis, grid in enumerate(ranges)]
         widths = [max(3.0 * e.std_s, 2.0 * float(g[1] - g[0])) for e, g in zip(edges, ranges, strict=True)]
         ranges = [np.linspace(e.time_s - w, e.time_s + w, FLIGHT_TRIALS) for e, w in zip(edges, widths, strict=True)]
     first, second = edges
@@ -218,7 +217,7 @@ def edges_of_short_flight(
 def _force_terms(u_s: Floats, omega: float = 0.0) -> Floats:
     """Return the departures of a step and of a slope of force at u = 0, scaled to about 1: (n, k) gives (n, k, 2).
 
-    With ``omega`` they bend as a spring's do: 2 (1 - cos) and 6 (x - sin x), to the fourth order.
+    With ``omega`` they are those of a spring: 2 (1 - cos) and 6 (x - sin x), to the fourth order.
     """
     since = np.maximum(u_s, 0.0)
     u = since / np.maximum(since.max(axis=0), 1e-300)
@@ -310,10 +309,10 @@ def _explained(gram: Floats, across: Floats, index: Ints, free: Mask) -> float:
     return best
 
 
-def _weighed(trials: Floats, cost: Floats, spread: float) -> Edge:
-    """Return mean and standard deviation of the instant, each trial weighed by its likelihood exp(-chi2/2).
+def _likelihood_mean(trials: Floats, cost: Floats, spread: float) -> Edge:
+    """Return mean and standard deviation of the instant, trials weighed by their likelihood exp(-chi2/2).
 
-    Where two instants explain the record almost alike, the uncertainty spans both.
+    Where two instants explain the record almost equally, the uncertainty covers both.
     """
     weight = np.exp(-0.5 * (cost - cost.min()) / spread**2)
     weight /= weight.sum()

@@ -1,4 +1,4 @@
-"""Knocks: moments in which a flight rings as it does at no other time."""
+"""Find knocks: moments in which a flight vibrates far more than at other times."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +9,14 @@ Mask = NDArray[np.bool_]
 LOUD = 25.0  # times the power of the quiet part: five times its amplitude
 FADED = 4.0
 WINDOW = 4  # bins
-FEWEST_LEFT = 10  # bins of a flight that must stay
+FEWEST_LEFT = 10  # bins of a flight that must remain
 
 
-def find_knocks(time_s: Floats, rest_m: Floats, into: Mask, white_m: float) -> tuple[list[tuple[int, int]], bool]:
-    """Return (start, stop) of bins that something struck, and whether one could not be left out.
+def find_knocks(rest_m: Floats, into: Mask, white_m: float) -> tuple[list[tuple[int, int]], bool]:
+    """Return (start, stop) of the bins of every knock, and whether one fills a flight and could not be left out.
 
-    ``rest_m`` (n,) is what the flights' parabolas leave, in bins at ``time_s``.  Its second differences pass by slow
-    motion; where their power stands far above that of the quiet half of both flights, something rings.
+    ``rest_m`` (n,) is the residual of the flights' parabolas, in bins.  A knock is where the power of its
+    second differences, which suppress slow motion, is far above that of the quiet half of both flights.
     """
     power = np.zeros(rest_m.size)
     for side in (into, ~into):
@@ -43,7 +43,7 @@ def find_knocks(time_s: Floats, rest_m: Floats, into: Mask, white_m: float) -> t
             stop += 1
         start, stop = max(0, start - WINDOW), min(index.size, stop + WINDOW)
         if start < FEWEST_LEFT and index.size - stop >= FEWEST_LEFT:
-            start = 0  # what is left before it is too short to be worth a line
+            start = 0  # the part before it is too short for a line
         if index.size - (stop - start) < FEWEST_LEFT:
             kept = True
             continue

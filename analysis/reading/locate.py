@@ -1,9 +1,9 @@
-"""Where the first collision lies: from the turn outwards, on a motion so smooth that no vibration reverses it.
+"""Locate the first collision in a motion: its turn, then outwards the samples of touch and release, and the flights.
 
-The block flies at centimetres a second, a building shakes by a tenth of a millimetre a second at worst: the turn is
-where the displacement has a minimum that it has come down to, and rises from, by far more than anything but the block
-can move.  The contact's own length follows from how long the velocity takes to turn; a force smoothed over a tenth of
-it shows where the contact begins and ends, and where something else pushes.
+The block flies at centimetres per second, a building vibrates at a tenth of a millimetre per second at most: the turn
+is a minimum of the displacement far deeper than anything but the block can make.  The duration of the contact follows
+from how long the velocity takes to turn; the force, smoothed over a tenth of it, shows where the contact begins and
+ends, and where another force acts.
 """
 
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ from analysis.shot.motion import Motion
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TRAVEL_FRACTION = 0.02  # of the record's whole path: a turn is one with as much way down to it and up from it
-TRAVEL_SIGMAS = 30.0  # ... and as many times the noise of a sample
+TRAVEL_FRACTION = 0.02  # of the record's whole path: the least fall before a turn and rise after it
+TRAVEL_SIGMAS = 30.0  # ... and the same in noise of a sample
 SPEED_QUANTILE = 0.85  # of the speeds on one side of the turn: that of the flight, however long the contact
 SLOWED = 0.7  # of the flight's speed: between here and there ...
 SLOWED_SHARE = 0.494  # ... lies this part of a half-sine contact
@@ -31,12 +31,12 @@ FEWEST_SAMPLES = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
-    """Sample indices of one collision: touch and release lie close by ``first`` and ``last``.
+class CollisionSpan:
+    """Sample indices of one collision: touch and release lie close to ``first`` and ``last``.
 
-    The flights go on between ``flight_first`` and ``first``, and between ``last`` and ``flight_last``;
-    ``disturbed_before`` and ``disturbed_after`` say that something pushes beyond them.  ``finished`` False: the record
-    ends in the contact.
+    The flights lie between ``flight_first`` and ``first``, and between ``last`` and ``flight_last``;
+    ``disturbed_before`` and ``disturbed_after``: another force acts beyond them.  ``finished`` False: the record ends
+    in the contact.
     """
 
     first: int
@@ -49,11 +49,8 @@ class Span:
     finished: bool
 
 
-def find_collision(motion: Motion) -> Span | None:
-    """Return the first collision after the trigger, or the record's first where none follows it; None without any.
-
-    Cost: a few passes over the motion.
-    """
+def find_collision(motion: Motion) -> CollisionSpan | None:
+    """Return the first collision after the trigger, or the record's first where none follows it; None without any."""
     x = _filled(motion)
     if x is None:
         return None
@@ -67,14 +64,14 @@ def find_collision(motion: Motion) -> Span | None:
 
 @dataclass(frozen=True, slots=True)
 class _Turn:
-    begin: int  # the highest point before, from where it comes down
+    begin: int  # the highest point before
     at: int
     end: int  # the highest point after, or the record's end
     rises: bool
 
 
 def _filled(motion: Motion) -> Floats | None:
-    """Return the displacement, holes joined by straight lines, ends by the nearest value; None where hardly any is."""
+    """Return the displacement with holes interpolated and ends extended; None where too few samples are known."""
     good = motion.valid & np.isfinite(motion.displacement_m)
     if good.sum() < FEWEST_SAMPLES:
         return None
@@ -85,10 +82,10 @@ def _filled(motion: Motion) -> Floats | None:
 
 
 def _turns(motion: Motion, x: Floats) -> list[_Turn]:
-    """Return the minima that stand out by the least travel on the way down, in order; the last may not rise again."""
+    """Return the minima between sufficient fall and rise, in order; the last may lack the rise."""
     noise = float(np.nanmedian(motion.displacement_std_m))
     least = max(TRAVEL_FRACTION * float(np.ptp(x)), TRAVEL_SIGMAS * noise)
-    # at most two thousand points: a turn of the path is no matter of single samples
+    # at most two thousand points: a turn spans many samples
     step = max(1, x.size // 2000)
     coarse = x[::step]
     turns: list[_Turn] = []
@@ -98,7 +95,7 @@ def _turns(motion: Motion, x: Floats) -> list[_Turn]:
             if coarse[k] < coarse[low]:
                 low = k
             elif coarse[k] > coarse[low] + least:
-                turns.append(_exact(x, high, low, k, step))
+                turns.append(_refined_turn(x, high, low, k, step))
                 falling, high = False, k
         elif coarse[k] > coarse[high]:
             high = k
@@ -107,25 +104,25 @@ def _turns(motion: Motion, x: Floats) -> list[_Turn]:
                 turns[-1] = _Turn(turns[-1].begin, turns[-1].at, high * step, True)
             falling, low = True, k
     if falling and _slows(coarse[high:]):
-        turns.append(_exact(x, high, low, coarse.size - 1, step, rises=False))
+        turns.append(_refined_turn(x, high, low, coarse.size - 1, step, rises=False))
     elif turns:
         turns[-1] = _Turn(turns[-1].begin, turns[-1].at, x.size - 1, True)
     return turns
 
 
 def _slows(x: Floats) -> bool:
-    """Tell whether a way down ends slower than it was: a record that ends in the contact, not in flight."""
+    """Return whether a fall ends slower than it was: the record then ends in the contact, not in flight."""
     reach = max(1, x.size // 20)
     return x.size > 2 * reach and x[-1 - reach] - x[-1] < SLOWER * np.median(x[:-reach] - x[reach:])
 
 
-def _exact(x: Floats, high: int, low: int, end: int, step: int, *, rises: bool = True) -> _Turn:
+def _refined_turn(x: Floats, high: int, low: int, end: int, step: int, *, rises: bool = True) -> _Turn:
     first = max(0, (low - 1) * step)
     at = first + int(x[first : (low + 1) * step + 1].argmin())
     return _Turn(high * step, at, min(end * step, x.size - 1), rises)
 
 
-def _span(motion: Motion, x: Floats, turn: _Turn) -> Span | None:
+def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:
     lengths = _contact_samples(motion, x, turn)
     if lengths is None:
         return None
@@ -146,10 +143,10 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> Span | None:
     last = x.size - 1 if out is None else turn.at + out
     earlier = None if into is None else _first_run(before[into:], max(2, width // 2))
     later = None if out is None else _first_run(after[out:], max(2, width // 2))
-    return Span(
-        first=_sharper(motion, first, 1, width),
+    return CollisionSpan(
+        first=_refined_edge(motion, first, 1, width),
         turn=turn.at,
-        last=_sharper(motion, last, -1, width),
+        last=_refined_edge(motion, last, -1, width),
         flight_first=0 if earlier is None else min(first, first - earlier + 2 * width),
         flight_last=x.size - 1 if later is None else max(last, last + later - 2 * width),
         disturbed_before=earlier is not None,
@@ -159,7 +156,7 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> Span | None:
 
 
 def _contact_samples(motion: Motion, x: Floats, turn: _Turn) -> tuple[float, float] | None:
-    """Return how many samples a half-sine's contact would last, and the flight's speed in m a sample; both rough."""
+    """Return roughly the duration in samples of a half-sine contact, and the flight's speed in m per sample."""
     reach = max(1, min(round(1e-3 * motion.sample_rate_hz), (turn.at - turn.begin) // 4, (turn.end - turn.at) // 4))
     into = np.diff(x[turn.begin : turn.at + 1 : reach]) / -reach
     out = np.diff(x[turn.at : turn.end + 1 : reach]) / reach
@@ -175,7 +172,7 @@ def _contact_samples(motion: Motion, x: Floats, turn: _Turn) -> tuple[float, flo
 
 
 def _width(motion: Motion, contact: float, speed: float) -> int:
-    """Return over how many samples the acceleration is taken: few, but enough for the noise."""
+    """Return the width in samples for the acceleration: the smallest at which its noise is low enough."""
     noise = float(np.nanmedian(motion.displacement_std_m))
     peak = np.pi * speed / contact  # of a half-sine that turns the speed round, m a sample^2
     width = 1
@@ -187,7 +184,7 @@ def _width(motion: Motion, contact: float, speed: float) -> int:
 
 
 def _smooth_acceleration(x: Floats, width: int) -> Floats:
-    """Return the second difference over ``width`` of box means half as wide, (n,); at the ends the nearest value."""
+    """Return the second difference over ``width`` of means half as wide, (n,); at the ends the nearest value."""
     box = max(1, width // 2) | 1
     total = np.cumsum(np.concatenate([[0.0], np.pad(x - x[0], box // 2, mode="reflect", reflect_type="odd")]))
     mean = (total[box:] - total[:-box]) / box
@@ -205,8 +202,8 @@ def _first_run(mask: Mask, length: int) -> int | None:
     return int(clear[0]) if clear.size else None
 
 
-def _sharper(motion: Motion, sample: int, inwards: int, width: int) -> int:
-    """Return the sample near ``sample`` at which the force at full bandwidth rises clear of its noise."""
+def _refined_edge(motion: Motion, sample: int, inwards: int, width: int) -> int:
+    """Return the sample near ``sample`` at which the force at full bandwidth rises above its noise."""
     low, high = (sample - width // 2, sample + 2 * width) if inwards > 0 else (sample - 2 * width, sample + width // 2)
     low, high = max(low, 0), min(high, motion.force_n.size - 1)
     force = motion.force_n[low : high + 1][::inwards]

@@ -1,4 +1,4 @@
-"""The octaves in which the floor under the rig is told, and the frequencies that stand for them."""
+"""The octaves in which the floor's spectrum is described, and the frequencies that represent them."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 LOWEST = 0.35  # of the centres of the octaves, over the whole time that the flights span
-SPACING = 0.45  # of the frequencies that stand for the floor, over the same
+SPACING = 0.45  # of the frequencies that represent the floor, over the same
 MOST_APART = 0.6  # ... over the time in flight
 STILL_BELOW_HZ = 8.0  # a building's velocity falls in proportion
 
 
 @dataclass(frozen=True, slots=True)
 class Octaves:
-    """Frequencies (f,) in Hz that stand for the floor, and what octaves of unit velocity put there: (k, f), m^2."""
+    """Frequencies (f,) in Hz that represent the floor, and the power there of octaves of unit velocity: (k, f), m^2."""
 
     frequency_hz: Floats
     power_m2: Floats
@@ -24,13 +24,13 @@ class Octaves:
 
     @classmethod
     def of(cls, time_s: Floats, bin_s: float) -> "Octaves":
-        """Choose them for bins of ``bin_s`` at ``time_s``."""
+        """Choose octaves and frequencies for bins of ``bin_s`` at ``time_s``."""
         span, flown = float(np.ptp(time_s)) + bin_s, time_s.size * bin_s
         return _octaves(span, flown, bin_s)
 
     @classmethod
     def over(cls, span_s: float, highest_hz: float) -> "Octaves":
-        """Choose them for a stretch without gaps, up to ``highest_hz``."""
+        """Choose octaves and frequencies for a stretch without gaps, up to ``highest_hz``."""
         return _octaves(span_s, span_s, 0.5 / highest_hz)
 
     def density(self, power: Floats, frequency_hz: Floats) -> Floats:
@@ -53,7 +53,7 @@ def _octaves(span_s: float, flown_s: float, bin_s: float) -> Octaves:
 
 
 def _hats(frequency_hz: Floats, centre_hz: Floats) -> Floats:
-    """Return how much each octave has of frequencies: (k, f), straight between centres over the logarithm."""
+    """Return each octave's share of frequencies: (k, f), linear in the logarithm between centres."""
     place = np.clip(np.log2(frequency_hz / centre_hz[0]), 0.0, centre_hz.size - 1.0)
     return np.asarray(np.maximum(1.0 - np.abs(place - np.arange(centre_hz.size)[:, None]), 0.0))
 
@@ -65,7 +65,7 @@ def _density(frequency_hz: Floats) -> Floats:
 
 
 def waves_of(time_s: Floats, bin_samples: int, step_s: float, frequency_hz: Floats) -> tuple[Floats, Floats]:
-    """Return cosines and sines, each (n, f), averaged over bins of so many samples at ``time_s``."""
+    """Return cosines and sines, each (n, f), averaged over bins of ``bin_samples`` samples at ``time_s``."""
     turn = np.pi * frequency_hz * step_s
     with np.errstate(invalid="ignore", divide="ignore"):
         gain = np.where(turn > 0, np.sin(bin_samples * turn) / (bin_samples * np.sin(turn)), 1.0)

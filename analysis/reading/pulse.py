@@ -1,4 +1,4 @@
-"""The force pulse as a whole: its top, its width without the bounce spikes, its impulse, its slope."""
+"""Read the force pulse as a whole: peak, width without the bounces' spikes, impulses, slope, deflection."""
 
 from dataclasses import replace
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 from analysis.reading.edges import Edge
-from analysis.reading.flights import Flight
-from analysis.reading.floor import Floor
+from analysis.reading.flight import Flight
+from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen, Quantity, Reading
 from analysis.signal.filters import derivative_filters
@@ -17,20 +17,20 @@ Floats = NDArray[np.float64]
 
 SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md: the smooth pulse is the force low-passed at 100-500 Hz
 SLOPE_SPAN = (0.209, 0.975)  # of the contact: 6 to 28 ms of 28.7, clear of bounces and release
-FREQUENCIES = 8192  # of the transform a noise is weighed with
-SWAY_S = 1e-4  # spacing of the samples in which a swaying floor is followed
-_TRAPEZOID = 1e-5  # of an impulse: what a sum over samples may be off
-NEAR_S = 0.3e-3  # of flight before the touch that tells where it happened
-HOLE_SHARE = 0.02  # of the contact: a hole that short is closed
-FORGOTTEN = 4.0  # periods of its cutoff after which a low-pass knows nothing of an end
+FREQUENCIES = 8192  # of the transform for a noise's variance
+SWAY_S = 1e-4  # spacing of the samples that represent the floor's motion
+_TRAPEZOID = 1e-5  # of an impulse: the error of a sum over samples
+NEAR_S = 0.3e-3  # of flight before the touch, for the place of the touch
+HOLE_SHARE = 0.02  # of the contact: a hole up to so long is closed
+FORGOTTEN = 4.0  # periods of its cutoff, after which the end of a record no longer affects a low-pass
 TOP_FRACTION = 0.04  # of the contact time, to each side of the top, that a parabola follows
 
 
 def with_short_holes_closed(motion: Motion, contact_s: float) -> Motion:
-    """Return the motion with its force carried over holes of at most HOLE_SHARE of the contact.
+    """Return the motion with its force interpolated over holes of at most HOLE_SHARE of the contact.
 
-    What the force did there is not known, but its impulse is: m times the change of velocity across.  A straight line
-    from side to side, raised until it has that impulse.
+    The force in a hole is not known, but its impulse is: m times the change of velocity.  A straight line from side to
+    side is raised until it has that impulse.
     """
     known = np.isfinite(motion.force_n) & np.isfinite(motion.velocity_m_per_s)
     if known.all() or not known.any():
@@ -63,9 +63,9 @@ def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
     out = np.full(motion.force_n.shape, np.nan)
     inside = motion.force_n[first : last + 1]
     pad = min(last - first, round(FORGOTTEN * motion.sample_rate_hz / cutoff_hz))
-    # a few samples more where that has only small factors: a prime of thousands makes the transform a slow one
+    # a few samples more, for a length with small factors: a transform of a large prime is slow
     more = min(last - first - pad, next_fast_len(inside.size + 2 * pad, real=True) - inside.size - 2 * pad)
-    # ... and on through its ends, not round
+    # reflected about the ends, not periodic
     longer = np.pad(inside, (pad, pad + more), mode="reflect", reflect_type="odd")
     frequency_hz = np.fft.rfftfreq(longer.size, 1.0 / motion.sample_rate_hz)
     passed = irfft(rfft(longer) / (1.0 + (frequency_hz / cutoff_hz) ** 4), longer.size)
@@ -73,7 +73,7 @@ def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
     return out
 
 
-def read_peak(motion: Motion, touch: Edge, release: Edge, noise: Floor) -> Reading:
+def read_peak(motion: Motion, touch: Edge, release: Edge, noise: FloorSpectrum) -> Reading:
     """Return the peak force in N: the top of the pulse, past the bounces, by a local parabola."""
     span = release.time_s - touch.time_s
     index = np.flatnonzero(
@@ -96,10 +96,11 @@ def read_peak(motion: Motion, touch: Edge, release: Edge, noise: Floor) -> Readi
     return Quantity(value, _with_mass(motion, value, _force_std(motion, weights, noise)), how)
 
 
-def _force_std(motion: Motion, weights: Floats, noise: Floor) -> float:
-    """Return the std in N of a weighted sum of neighbouring forces, through the filters they share.
+def _force_std(motion: Motion, weights: Floats, noise: FloorSpectrum) -> float:
+    """Return the std in N of a weighted sum of neighbouring forces, which share the force's filter.
 
-    The force's noise rises with f^2 in amplitude, so a smooth weighting quiets it far more than independent samples.
+    The force's noise rises with f^2 in amplitude, so smooth weights reduce it far more than that of independent
+    samples.
     """
     taps = derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).acceleration
     response = np.fft.rfft(np.convolve(weights, taps), FREQUENCIES)
@@ -108,8 +109,8 @@ def _force_std(motion: Motion, weights: Floats, noise: Floor) -> float:
     return motion.moving_mass_kg * float(np.sqrt(np.trapezoid(density, frequency_hz)))
 
 
-def read_fwhm(motion: Motion, touch: Edge, release: Edge, noise: Floor) -> Reading:
-    """Return the full width at half maximum in s of the smooth pulse; its uncertainty carries the choice of cut-off."""
+def read_fwhm(motion: Motion, touch: Edge, release: Edge, noise: FloorSpectrum) -> Reading:
+    """Return the full width at half maximum in s of the smooth pulse, its uncertainty with the choice of cut-off."""
     widths = [w for w in (_width(motion, touch, release, cutoff, noise) for cutoff in SMOOTH_HZ) if w is not None]
     if not widths:
         return NotSeen("the record leaves no room to smooth the pulse")
@@ -120,7 +121,7 @@ def read_fwhm(motion: Motion, touch: Edge, release: Edge, noise: Floor) -> Readi
 
 
 def _width(
-    motion: Motion, touch: Edge, release: Edge, cutoff_hz: float, noise: Floor
+    motion: Motion, touch: Edge, release: Edge, cutoff_hz: float, noise: FloorSpectrum
 ) -> tuple[float, float, float] | None:
     force = smooth_force(motion, cutoff_hz)
     if force is None:
@@ -145,18 +146,18 @@ def _width(
     f = np.geomspace(0.5, motion.bandwidth_hz, 400)
     density = noise.psd(f) * (2 * np.pi * f) ** 4 / (1.0 + (f / cutoff_hz) ** 4) ** 2  # Butterworth, both ways
     std = motion.moving_mass_kg * float(np.sqrt(np.trapezoid(density, f)))
-    # the noise of both sides, and of the top, whose half moves the crossings apart
+    # the noise of both crossings, and that of the maximum, which shifts the level of both
     per_n = np.array([1.0 / up, 1.0 / down, 0.5 / up - 0.5 / down]) / motion.sample_rate_hz
     return float(finish - begin), std * float(np.linalg.norm(per_n)), cutoff_hz
 
 
 def read_impulse_ratio(
-    motion: Motion, turnaround_s: float, touch: Edge, release: Edge, drag_n: tuple[float, float], noise: Floor
+    motion: Motion, turnaround_s: float, touch: Edge, release: Edge, drag_n: tuple[float, float], noise: FloorSpectrum
 ) -> Reading:
     """Return the impulse of unloading over that of loading, split where v = 0 (docs/physics.md).
 
-    The integrals reach beyond the contact by the force filter's ringing; what the free flights' own forces ``drag_n``
-    (before, after) add there is taken off.
+    The integrals extend beyond the contact by the force filter's ringing; the impulses of the free flights' own forces
+    ``drag_n`` (before, after) there are subtracted.
     """
     margin = 6.0 / motion.bandwidth_hz  # the filter rings this far beyond the edges
     begin, finish = touch.time_s - margin, release.time_s + margin
@@ -166,8 +167,8 @@ def read_impulse_ratio(
     unloading = _integral(motion.time_s, motion.force_n, turnaround_s, finish) - drag_n[1] * margin
     if not (np.isfinite(loading) and np.isfinite(unloading)) or loading <= 0.0:
         return NotSeen("the force is interrupted within the contact")
-    # an integral of the force is a difference of velocities: the noise of both ends, and of the split they share,
-    # where the velocity as it was measured is nothing but for the white noise that the line through it does not follow
+    # an integral of the force is a difference of velocities: the noise at both ends, and the white noise at the common
+    # split, where the measured velocity is zero except for what the line through it does not follow
     ratio = unloading / loading
     white = float(np.nanmedian(motion.velocity_std_m_per_s) * np.linalg.norm([ratio, 1.0 + ratio, 1.0]))
     sways = noise.velocity_std_m_per_s((begin, finish), (ratio, 1.0), motion.bandwidth_hz)
@@ -181,7 +182,7 @@ def read_momentum(
     release: Edge,
     drag_n: tuple[float, float],
     velocities: tuple[Quantity, Quantity],
-    noise: Floor,
+    noise: FloorSpectrum,
 ) -> tuple[Quantity, Quantity] | None:
     """Return the impulse of the whole pulse and m (v_out - v_in), in N s; None where the force is interrupted."""
     margin = 6.0 / motion.bandwidth_hz
@@ -200,11 +201,11 @@ def read_momentum(
     return Quantity(impulse, float(np.hypot(mass * np.hypot(white, sways), grid))), change
 
 
-def read_slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: Floor) -> Reading:
+def read_slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: FloorSpectrum) -> Reading:
     """Return dF/dy in N/m over the smooth part of the contact (Fig. 6, Eq. 11).
 
-    It lies below k_p by the plate's inertia and the contact spring in series.  Where the contact ends is known badly on
-    a floor that sways, and beyond it there is no force: what an earlier end makes of the slope stands in the ±.
+    It lies below k_p by the plate's inertia and the contact spring in series.  The end of the contact is uncertain
+    where the floor moves; the change of the slope by an earlier end is part of its uncertainty.
     """
     slope = _slope(motion, touch, release, flight, noise)
     earlier = _slope(motion, touch, Edge(release.time_s - release.std_s, 0.0), flight, noise)
@@ -213,7 +214,7 @@ def read_slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise
     return replace(slope, std=float(np.hypot(slope.std, slope.value - earlier.value)))
 
 
-def _slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: Floor) -> Reading:
+def _slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: FloorSpectrum) -> Reading:
     span = release.time_s - touch.time_s
     low, high = (touch.time_s + f * span for f in SLOPE_SPAN)
     seen = motion.valid & np.isfinite(motion.force_n)
@@ -235,8 +236,8 @@ def _slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: Fl
     return Quantity(slope, _with_mass(motion, slope, std), how + " after touch")
 
 
-def _slope_sway(motion: Motion, time_s: Floats, centred_m: Floats, slope: float, noise: Floor) -> float:
-    """Return the std in N/m of the slope from a floor that sways by s: m s'' stands in F, s in the deflection."""
+def _slope_sway(motion: Motion, time_s: Floats, centred_m: Floats, slope: float, noise: FloorSpectrum) -> float:
+    """Return the std in N/m of the slope from a floor that moves by s: m s'' is in F, s in the deflection."""
     every = max(1, round(SWAY_S * motion.sample_rate_hz))
     time, weight = time_s[::every] - time_s[0], centred_m[::every] / float(centred_m[::every] @ centred_m[::every])
     f = np.geomspace(0.5, 0.25 / SWAY_S, 120)
@@ -246,11 +247,11 @@ def _slope_sway(motion: Motion, time_s: Floats, centred_m: Floats, slope: float,
     return float(np.sqrt(np.trapezoid(density, f)))
 
 
-def read_deflection(motion: Motion, turnaround_s: float, touch: Edge, velocity: float, noise: Floor) -> Reading:
+def read_deflection(motion: Motion, turnaround_s: float, touch: Edge, velocity: float, noise: FloorSpectrum) -> Reading:
     """Return the largest distance in m that the block goes beyond its first touch.
 
-    Where the block was at the touch is read from the flight's last moments, not from its whole line: the floor moves
-    both that place and the turning point, and only by how much it moved between them is the distance wrong.
+    The block's place at the touch is read from the last moments of flight, not from the whole flight's line: the floor
+    moves both that place and the turning point, so only its motion between them is an error.
     """
     near = (motion.time_s < touch.time_s) & (motion.time_s > touch.time_s - NEAR_S - 4.0 / motion.sample_rate_hz)
     near &= motion.valid

@@ -1,4 +1,4 @@
-"""From motion to the numbers of one impact; what cannot be read says why."""
+"""Read the numbers of one impact from its motion; for a number that cannot be read, the reason."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -7,27 +7,27 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from analysis.reading import pulse
+from analysis.reading.both_flights import Flights, read_flights
 from analysis.reading.bounces import Bounces, find_bounces
 from analysis.reading.edges import Edge, edge_of_flight
-from analysis.reading.flights import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
-from analysis.reading.lines import without_lines
-from analysis.reading.locate import Span, find_collision
-from analysis.reading.quiet import Quiet, read_flights
+from analysis.reading.flight import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
+from analysis.reading.locate import CollisionSpan, find_collision
+from analysis.reading.vibration_lines import without_lines
+from analysis.shot.consistency import reading_flags
 from analysis.shot.disturbance import Disturbance, Shaking
-from analysis.shot.doubts import doubts_of_reading
 from analysis.shot.impact import Impact, KineticCor
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen, Quantity, Reading
 from analysis.shot.shot import AnalysisError
 
-GUARD = 1.5  # of the force filter's reach, kept clear of the line that an edge leaves
-RELEASE_GUARD = 0.05  # of the contact
-SWAY_SHARE = 0.025  # ... beyond the line, over which a floor is not followed
-RELEASE_CLEAR = 0.015  # ... and once the release is known
-EDGE_REACH = 0.4  # of the contact, into which its force is followed from its edge at most
-SWAYS_M = 1e-9  # rms of a floor that hides the end of a contact, and shakes the plate
-FLOOR_TIMES = 1.4  # white noise: half of the variance is the floor's
-MATTERS = 4e-6  # of a velocity: what a quiet laboratory's table does is below it
+GUARD = 1.5  # of the force filter's reach: the distance of a flight's line from a contact's edge
+RELEASE_GUARD = 0.05  # of the contact: the same before the release is known
+SWAY_SHARE = 0.025  # of the contact, beyond the line, over which the floor's motion is not known
+RELEASE_CLEAR = 0.015  # of the contact: as RELEASE_GUARD, once the release is known
+EDGE_REACH = 0.4  # of the contact, up to which its force is fitted from its edge at most
+SWAYS_M = 1e-9  # rms of a floor that hides the end of a contact, and moves the plate
+FLOOR_TIMES = 1.4  # times the white noise: half of the variance is then the floor's
+MATTERS = 4e-6  # of a velocity: a quiet laboratory's table stays below it
 AGREEMENT_SIGMAS = 3.0  # quasi-static COR and impulse ratio must agree within this
 
 
@@ -40,30 +40,30 @@ def read_impact(motion: Motion) -> Impact:
     return _read(motion, *_between_flights(motion))
 
 
-def _between_flights(motion: Motion) -> tuple[Span, Edge, Edge | None, Quiet]:
-    """Return where the collision is, touch and release, and what the flights beside them are like."""
+def _between_flights(motion: Motion) -> tuple[CollisionSpan, Edge, Edge | None, Flights]:
+    """Return the place of the collision, touch and release, and the flights before and after."""
     span = find_collision(motion)
     if span is None:
         raise NoImpact("no impact: the force never rises above its noise")
     touch, release = _edges(motion, span)
-    quiet = _flights(motion, span, touch, release)
-    if quiet is not None and quiet.lines:  # edges are read anew without the lines, and the flights up to them
-        touch, release = _edges(without_lines(motion, quiet.lines), span)
-        quiet = _flights(motion, span, touch, release, quiet)
-    if quiet is None:
+    flights = _read_flights(motion, span, touch, release)
+    if flights is not None and flights.lines:  # edges are read anew without the lines, and the flights up to them
+        touch, release = _edges(without_lines(motion, flights.lines), span)
+        flights = _read_flights(motion, span, touch, release, flights)
+    if flights is None:
         raise NoImpact("no free flight before the contact: the record starts too late")
-    return span, touch, release, quiet
+    return span, touch, release, flights
 
 
-def _read(motion: Motion, span: Span, touch: Edge, release: Edge | None, quiet: Quiet) -> Impact:
+def _read(motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None, flights: Flights) -> Impact:
     """Read all numbers between two flights."""
-    motion = without_lines(motion, quiet.lines)
-    flight_in, flight_out, noise = quiet.incoming, quiet.outgoing, quiet.floor
+    motion = without_lines(motion, flights.lines)
+    flight_in, flight_out, noise = flights.incoming, flights.outgoing, flights.floor
     v_in = _velocity(flight_in, touch, "before the touch")
     if v_in.value >= 0.0:
         raise NoImpact("the block does not move towards the plate before the contact")
-    if release is not None and quiet.floor.rms_m > max(SWAYS_M, quiet.floor.white_std_m):
-        release = _swayed(release, span, quiet, v_in.value, motion)
+    if release is not None and flights.floor.rms_m > max(SWAYS_M, flights.floor.white_std_m):
+        release = _with_floor_uncertainty(release, span, flights, v_in.value, motion)
     if flight_out is None or release is None:
         return _unfinished(touch, v_in, "no_release", "the record ends within the contact")
     motion = pulse.with_short_holes_closed(motion, release.time_s - touch.time_s)
@@ -71,14 +71,14 @@ def _read(motion: Motion, span: Span, touch: Edge, release: Edge | None, quiet: 
     if turnaround is None:
         return _unfinished(touch, v_in, "no_turn", "the block does not turn round")
     v_out = _velocity(flight_out, release, "after the release")
-    quasi_static = _ratio(v_out, v_in, quiet.velocity_covariance, "|v_out / v_in| of the two free flights")
+    quasi_static = _ratio(v_out, v_in, flights.velocity_covariance, "|v_out / v_in| of the two free flights")
     drag = (
         motion.moving_mass_kg * flight_in.acceleration_m_per_s2,
         motion.moving_mass_kg * flight_out.acceleration_m_per_s2,
     )
     impulse = pulse.read_impulse_ratio(motion, turnaround, touch, release, drag, noise)
     bounces = find_bounces(motion, touch, release, flight_in, noise)
-    flags = _flags(span, quiet, motion)
+    flags = _flags(span, flights, motion)
     if _disturbed(bounces):
         flags.append("bounces_disturbed")
     if not _agree(quasi_static, impulse):
@@ -104,15 +104,15 @@ def _read(motion: Motion, span: Span, touch: Edge, release: Edge | None, quiet: 
         bounce_releases_s=tuple(e.time_s for e in bounces.releases),
     )
     momentum = pulse.read_momentum(motion, touch, release, drag, (v_in, v_out), noise)
-    flags += doubts_of_reading(impact, momentum)
-    return replace(impact, flags=tuple(flags), disturbance=_disturbance(quiet, motion, impact))
+    flags += reading_flags(impact, momentum)
+    return replace(impact, flags=tuple(flags), disturbance=_disturbance(flights, motion, impact))
 
 
 def shaking_in(motion: Motion) -> Shaking | None:
-    """Return what shook the frame as far as a motion shows; None where that is too little to matter, or unread."""
+    """Return the frame's vibration as a motion shows it; None where it is too little to matter, or cannot be read."""
     try:
         found = _between_flights(motion)
-        if not _sways(found[-1]):  # whatever else the collision shows
+        if not _frame_moves(found[-1]):  # whatever else the collision shows
             return None
         disturbance = _read(motion, *found).disturbance
     except (NoImpact, AnalysisError, LinAlgError):
@@ -120,12 +120,12 @@ def shaking_in(motion: Motion) -> Shaking | None:
     return disturbance.shaking if disturbance else None
 
 
-def _edges(motion: Motion, span: Span) -> tuple[Edge, Edge | None]:
-    """Return touch and release, by the force's threshold where the displacement does not show them clearly."""
+def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
+    """Return touch and release; by a threshold of the force where the displacement does not show them clearly."""
     reach = round(EDGE_REACH * (span.last - span.first))
     way = motion.displacement_m[min(span.first, span.turn) : span.turn + 1]
     if not np.isfinite(way).any():
-        return _coarse(motion, span.first), None
+        return _threshold_edge(motion, span.first), None
     lasts = max(float(motion.time_s[span.last] - motion.time_s[span.first]), 1.0 / motion.sample_rate_hz)
     depth = float(np.nanmax(way) - np.nanmin(way))
     flight = (span.flight_first, max(span.first - 1, span.flight_first))
@@ -133,11 +133,11 @@ def _edges(motion: Motion, span: Span) -> tuple[Edge, Edge | None]:
     touch = edge_of_flight(
         motion, flight, span.first, until=span.first + reach, depth_m=depth, guard_s=min(guard, 0.1 * lasts)
     )
-    touch = touch or _coarse(motion, span.first)
+    touch = touch or _threshold_edge(motion, span.first)
     if not span.finished:
         return touch, None
     flight = (min(span.last + 1, span.flight_last), span.flight_last)
-    # the force fades out and is lost in its noise well before the release: the second time its place is known
+    # the force falls below its noise well before the release: with a first estimate of it the second is better
     release: Edge | None = None
     sample, guard = span.last, max(guard, RELEASE_GUARD * lasts)
     for _ in range(2):
@@ -148,13 +148,13 @@ def _edges(motion: Motion, span: Span) -> tuple[Edge, Edge | None]:
         release = Edge(found.time_s, float(np.hypot(found.std_s, moved)))
         guard = max(2.0 * found.std_s, RELEASE_CLEAR * lasts)
         sample = min(int(np.searchsorted(motion.time_s, found.time_s)), flight[1])
-    return touch, release or _coarse(motion, span.last)
+    return touch, release or _threshold_edge(motion, span.last)
 
 
-def _flights(
-    motion: Motion, span: Span, touch: Edge, release: Edge | None, before: Quiet | None = None
-) -> Quiet | None:
-    """Read the flights up to the edges, as far as nothing else happens and no farther than drifts allow."""
+def _read_flights(
+    motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None, before: Flights | None = None
+) -> Flights | None:
+    """Fit the flights up to the edges, as long as no other force acts and no longer than LONGEST_FLIGHT_S."""
     longest = max(round(LONGEST_FLIGHT_S * motion.sample_rate_hz), FEWEST_SAMPLES)
     guard = 1 + round(2.0 * touch.std_s * motion.sample_rate_hz)
     last = int(np.searchsorted(motion.time_s, touch.time_s)) - guard
@@ -170,8 +170,8 @@ def _flights(
     return read_flights(motion, into, out, before)
 
 
-def _flags(span: Span, quiet: Quiet, motion: Motion) -> list[str]:
-    """Return what the flights say of the place and of the hand."""
+def _flags(span: CollisionSpan, flights: Flights, motion: Motion) -> list[str]:
+    """Return the flags of the flights: cut short by another force, vibration, knocks."""
     flags = []
     longest = LONGEST_FLIGHT_S * motion.sample_rate_hz
     short_before = span.disturbed_before and span.first - span.flight_first < longest
@@ -179,59 +179,61 @@ def _flags(span: Span, quiet: Quiet, motion: Motion) -> list[str]:
         flags.append("flight_cut")
     elif span.disturbed_after:
         flags.append("goes_on")
-    if _shakes(quiet):
+    if _vibration_matters(flights):
         flags.append("vibration")
-    if quiet.knocks_s or quiet.knocks_kept:
+    if flights.knocks_s or flights.knocks_kept:
         flags.append("knock")
     return flags
 
 
-def _shakes(quiet: Quiet) -> bool:
-    """Tell whether what shakes the path matters to a velocity: by what was taken off, or by what could not be."""
-    for flight, plain in zip((quiet.incoming, quiet.outgoing), quiet.plain, strict=True):
+def _vibration_matters(flights: Flights) -> bool:
+    """Return whether vibration matters to a velocity: the lines that were subtracted, or the floor's motion."""
+    for flight, plain in zip((flights.incoming, flights.outgoing), flights.plain, strict=True):
         if flight is None:
             continue
         value, std = flight.velocity(flight.time_zero_s)
         least = MATTERS * abs(value)
-        if any(2 * np.pi * line.frequency_hz.value * line.amplitude_m.value > least for line in quiet.lines):
+        if any(2 * np.pi * line.frequency_hz.value * line.amplitude_m.value > least for line in flights.lines):
             return True
         if std > max(least, FLOOR_TIMES * plain):
             return True
     return False
 
 
-def _swayed(release: Edge, span: Span, quiet: Quiet, velocity_in: float, motion: Motion) -> Edge:
-    """Return the release with what a floor costs that sways more than the line beside it follows.
+def _with_floor_uncertainty(
+    release: Edge, span: CollisionSpan, flights: Flights, velocity_in: float, motion: Motion
+) -> Edge:
+    """Return the release with the uncertainty from the floor's motion beyond the flight's line.
 
-    A force that fades out like a half-sine's leaves the flight with the cube of the time, v omega^2 u^3 / 6: it is
-    lost as long as that stays below what the floor does beyond the line.
+    The force of a half-sine departs from the flight with the cube of the time, v omega^2 u^3 / 6: it is not seen as
+    long as that stays below the floor's motion.
     """
     lasts = max(float(motion.time_s[span.last] - motion.time_s[span.first]), 1.0 / motion.sample_rate_hz)
     omega = np.pi / lasts
-    lost = float(np.cbrt(6.0 * quiet.floor.bend_std_m(SWAY_SHARE * lasts) / (abs(velocity_in) * omega**2)))
+    lost = float(np.cbrt(6.0 * flights.floor.bend_std_m(SWAY_SHARE * lasts) / (abs(velocity_in) * omega**2)))
     return Edge(release.time_s, float(np.hypot(release.std_s, 0.5 * lost)))
 
 
-def _disturbance(quiet: Quiet, motion: Motion, impact: Impact) -> Disturbance:
-    """Return what moved the path, and which part of each number's variance is its doing."""
+def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbance:
+    """Return the disturbance of the path, and its share of the variance of each number."""
     return Disturbance(
-        lines=quiet.lines,
-        floor_rms_m=quiet.floor.rms_m,
-        floor_rms_m_per_s=quiet.floor.velocity_rms_m_per_s(motion.bandwidth_hz),
-        knocks_s=quiet.knocks_s,
-        shares=_shares(quiet, impact),
-        shaking=quiet.floor.shaking.with_lines(quiet.lines) if _sways(quiet) else None,
+        lines=flights.lines,
+        floor_rms_m=flights.floor.rms_m,
+        floor_rms_m_per_s=flights.floor.velocity_rms_m_per_s(motion.bandwidth_hz),
+        knocks_s=flights.knocks_s,
+        shares=_shares(flights, impact),
+        shaking=flights.floor.shaking.with_lines(flights.lines) if _frame_moves(flights) else None,
     )
 
 
-def _sways(quiet: Quiet) -> bool:
-    """Return whether the frame moves so far that a fit has to know of it."""
-    return bool(quiet.lines) or quiet.floor.rms_m > SWAYS_M
+def _frame_moves(flights: Flights) -> bool:
+    """Return whether the frame moves so far that a fit has to include it."""
+    return bool(flights.lines) or flights.floor.rms_m > SWAYS_M
 
 
-def _shares(quiet: Quiet, impact: Impact) -> Mapping[str, float]:
+def _shares(flights: Flights, impact: Impact) -> Mapping[str, float]:
     shares = {}
-    plain = {"velocity_in_m_per_s": quiet.plain[0], "velocity_out_m_per_s": quiet.plain[1]}
+    plain = {"velocity_in_m_per_s": flights.plain[0], "velocity_out_m_per_s": flights.plain[1]}
     for name, std in plain.items():
         reading = getattr(impact, name)
         if isinstance(reading, Quantity) and reading.std > 0.0:
@@ -239,8 +241,8 @@ def _shares(quiet: Quiet, impact: Impact) -> Mapping[str, float]:
     return shares
 
 
-def _coarse(motion: Motion, sample: int) -> Edge:
-    """Fall back on the force's threshold, and say so by its uncertainty: the force filter's own reach."""
+def _threshold_edge(motion: Motion, sample: int) -> Edge:
+    """Return an edge at the force's threshold, as uncertain as the force filter is long."""
     return Edge(float(motion.time_s[sample]), float(np.hypot(0.25 / motion.bandwidth_hz, 0.5 / motion.sample_rate_hz)))
 
 
@@ -265,14 +267,14 @@ def _agree(one: Quantity, other: Reading) -> bool:
 
 
 def _disturbed(bounces: Bounces) -> bool:
-    """Tell bounces from a block that rings: a flight bent, or a second bounce that lasts longer than the first."""
+    """Return whether the block vibrates: a flight is curved, or the second bounce lasts longer than the first."""
     on = [edge.time_s for edge in bounces.onsets]
     top = [edge.time_s for edge in bounces.peaks]
     return bounces.disturbed or any(len(t) >= 3 and t[2] - t[1] >= t[1] - t[0] for t in (on, top))
 
 
 def _kinetic(bounces: Bounces) -> KineticCor:
-    """Return T2 / T1 three ways (docs/physics.md); a bounce that is not there is said, not guessed."""
+    """Return T2 / T1 in three ways (docs/physics.md), or which bounce is missing."""
     contacts = len(bounces.onsets)
     if _disturbed(bounces):
         ringing = NotSeen("the flights between the bounces are not straight: something else moves the block")

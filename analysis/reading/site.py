@@ -1,5 +1,5 @@
-"""What shakes the path while the block is at rest: its spectrum against the vibration criteria, the lines that machines
-draw, and how well the next shot's restitution could be known.
+"""The vibration of the site, from a block at rest: its spectrum against the vibration criteria, the lines of machines,
+and the uncertainty of restitution that the next shot can reach.
 
 The criterion curves (Gordon, "Generic criteria for vibration-sensitive equipment", SPIE 1619, 1991) state the rms
 velocity in every third-octave from 8 to 80 Hz.
@@ -33,13 +33,13 @@ _OF_CRITERIA = (0.97 * BAND_HZ[0] < CENTRES_HZ) & (1.03 * BAND_HZ[1] > CENTRES_H
 LEAST_S = 1.0  # of record: a third-octave at 8 Hz then has two bins
 _MOST_LINES = 10
 _LINE = 25.0  # times the power about it: e^-25 by chance in each bin
-_ABOUT = 9  # bins to each side that tell what is about a line
+_ABOUT = 9  # bins to each side of a line, for the power about it
 _MOST_STEPS = 160  # of both flights together, for the covariance
-_CHANCE = 0.05  # that a site on a criterion's very curve is told as the next worse
-_HAND_LINE = 12.0  # as _LINE, where a hand is expected to draw one
-_HAND_HZ = (7.0, 12.5)  # of a hand's tremor: gone when it lets go, so neither the site's nor the shot's
-_UNSURE = 0.5  # of 1 / span: a flight does not know better where a line lies; speeds of motors wander, too
-_COSTLY = 1.2  # a line that costs less is not worth a word
+_CHANCE = 0.05  # that a site exactly on a criterion's curve is rated the next worse
+_HAND_LINE = 12.0  # as _LINE, at the frequencies of a hand
+_HAND_HZ = (7.0, 12.5)  # of the tremor of a hand that holds the block, which no shot has
+_UNSURE = 0.5  # of 1 / span: the uncertainty of a line's frequency in a flight; motors also vary
+_COSTLY = 1.2  # the least cost of a line that is mentioned
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class MachineLine:
 
 @dataclass(frozen=True, slots=True)
 class PlannedShot:
-    """The shot that is expected: speed (m/s), restitution, and how long its flights and its contact last (s)."""
+    """The expected shot: speed (m/s), restitution, and the durations of its flights and its contact (s)."""
 
     speed_m_per_s: float = 0.265
     restitution: float = 0.9876
@@ -65,11 +65,11 @@ class PlannedShot:
 
 @dataclass(frozen=True, slots=True)
 class SiteFloor:
-    """The floor of the site; arrays of shape (k,) are read-only.
+    """The vibration of the site's floor; arrays of shape (k,) are read-only.
 
-    ``third_octave_m_per_s`` holds the lines; ``density_m2_per_hz`` (one-sided, of displacement, at ``frequency_hz``)
-    does not.  ``criterion`` is the strictest that no band exceeds by more than so short a record may show by chance
-    (5 % for all bands together), "" where each is.
+    ``third_octave_m_per_s`` includes the lines; ``density_m2_per_hz`` (one-sided, of displacement, at ``frequency_hz``)
+    does not.  ``criterion`` is the strictest that no band exceeds by more than chance in so short a record (5 % for all
+    bands together), "" where every one is exceeded.
     """
 
     seconds: float
@@ -83,7 +83,7 @@ class SiteFloor:
 
     @property
     def advice(self) -> tuple[str, ...]:
-        """Get what would help most, a sentence each."""
+        """Get the costly lines, worst first, in a sentence each."""
         costly = sorted((line for line in self.lines if line.cost >= _COSTLY), key=lambda line: -line.cost)
         return tuple(
             f"{line.cause[0].upper()}{line.cause[1:]} at {line.frequency_hz:.1f} Hz costs you a factor "
@@ -93,9 +93,9 @@ class SiteFloor:
 
 
 def read_site(velocity_m_per_s: Floats, sample_rate_hz: float, planned: PlannedShot | None = None) -> SiteFloor | None:
-    """Return the floor that the velocity of a block at rest shows, shape (n,), without gaps.
+    """Return the floor's vibration from the velocity of a block at rest, shape (n,), without gaps.
 
-    None where it is shorter than LEAST_S or holds anything that is no number.  Cost: about 10 ms for four seconds.
+    None where it is shorter than LEAST_S or not finite.  Cost: about 10 ms for four seconds.
     """
     n = velocity_m_per_s.size
     if n < LEAST_S * sample_rate_hz or not np.isfinite(velocity_m_per_s).all():
@@ -104,7 +104,7 @@ def read_site(velocity_m_per_s: Floats, sample_rate_hz: float, planned: PlannedS
     rest = velocity_m_per_s - np.polyval(np.polyfit(time_s, velocity_m_per_s, 1), time_s)
     waves: list[tuple[float, float]] = []  # frequency, amplitude of velocity
     while len(waves) < _MOST_LINES:
-        found = _strongest(rest, sample_rate_hz)
+        found = _strongest_line(rest, sample_rate_hz)
         if found is None:
             break
         frequency, wave = _refined(rest, time_s, found)
@@ -124,7 +124,7 @@ def read_site(velocity_m_per_s: Floats, sample_rate_hz: float, planned: PlannedS
 
 
 def likely_cause(frequency_hz: float, resolution_hz: float) -> str:
-    """Return what most probably makes a line: mains and its multiples, motors on it, or a word that says little."""
+    """Return the most probable cause of a line: mains and its multiples, motors on it, a hand, or something general."""
     near = max(0.05, resolution_hz)
     for mains in (50.0, 60.0):
         order = round(frequency_hz / mains)
@@ -142,9 +142,9 @@ def likely_cause(frequency_hz: float, resolution_hz: float) -> str:
 
 
 def expected_cor_std(floor: SiteFloor, planned: PlannedShot, lines: Sequence[MachineLine]) -> float:
-    """Return the least u(COR) of two straight flights on this floor with these lines, of unknown phase and place.
+    """Return u(COR) of two straight flights on this floor with these lines of unknown phase and frequency.
 
-    Generalised least squares with the floor's covariance.  Cost: about 3 ms.
+    By generalised least squares with the floor's covariance.  Cost: about 3 ms.
     """
     span = planned.before_s + planned.contact_s + planned.after_s
     step = max(5e-4, (planned.before_s + planned.after_s) / _MOST_STEPS)
@@ -186,7 +186,7 @@ def _covariance(floor: SiteFloor, step_s: float, count: int) -> Floats:
     seen = density * np.sinc(frequency * step_s) ** 2
     width = float(frequency[1] - frequency[0])
     lags = step_s * np.arange(count)
-    # the lines about zero frequency are constants, which the flights' own offsets take up
+    # power near zero frequency is constant in a shot, and absorbed by the flights' offsets
     covariance = width * (np.cos(2 * np.pi * np.outer(lags, frequency)) @ seen)
     covariance[0] += 1e-6 * covariance[0]
     return np.asarray(covariance)
@@ -200,7 +200,7 @@ def _periodogram(values: Floats, rate_hz: float) -> tuple[Floats, Floats]:
 
 
 def _smoothed(power: Floats) -> Floats:
-    """Return the density averaged over a tenth of its frequency, so that it is a floor and not its realisation."""
+    """Return the density averaged over a tenth of its frequency on each side."""
     total = np.concatenate(([0.0], np.cumsum(power)))
     index = np.arange(1, power.size + 1)
     half = np.maximum(1, np.rint(0.1 * index).astype(np.int64))
@@ -208,12 +208,12 @@ def _smoothed(power: Floats) -> Floats:
     return np.asarray((total[high] - total[low]) / (high - low))
 
 
-def _strongest(values: Floats, rate_hz: float) -> float | None:
-    """Return the frequency of the line that stands out most of what is about it, None where none does."""
+def _strongest_line(values: Floats, rate_hz: float) -> float | None:
+    """Return the frequency of the line with the most power relative to its surroundings, None where none is enough."""
     frequency, power = _periodogram(values, rate_hz)
     padded = np.pad(power, _ABOUT, mode="reflect")
     sides = np.lib.stride_tricks.sliding_window_view(padded, 2 * _ABOUT + 1)
-    # of each side by itself: where a floor ends as a cliff, its edge is no line
+    # each side by itself: a steep edge of the spectrum is no line
     about = np.maximum(np.median(sides[:, : _ABOUT - 2], 1), np.median(sides[:, _ABOUT + 3 :], 1)) / math.log(2.0)
     inside = (frequency > 3.0 * frequency[0]) & (frequency < 0.4 * rate_hz)
     needed = np.where((frequency >= _HAND_HZ[0]) & (frequency <= _HAND_HZ[1]), _HAND_LINE, _LINE)
@@ -245,10 +245,10 @@ def _refined(values: Floats, time_s: Floats, frequency_hz: float) -> tuple[float
 
 
 def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[float, float]]) -> tuple[Floats, Floats]:
-    """Return the rms in each third-octave and the least it may truly be, (k,): the density's, and each line's share.
+    """Return the rms in each third-octave, lines included, and the least that it may be given its scatter, (k,) each.
 
-    A band of a few bins scatters: the largest of eleven, taken as it is, stands above the curve of nearly every site
-    that lies on one.
+    A band of a few bins scatters: for a site exactly on a criterion's curve the largest of eleven bands is nearly
+    always above it.
     """
     width = float(frequency_hz[1] - frequency_hz[0])
     found, least = np.zeros(CENTRES_HZ.size), np.zeros(CENTRES_HZ.size)
@@ -264,9 +264,9 @@ def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[fl
 
 
 def _most_by_chance(bins: int) -> float:
-    """Return how many times its true power a band of so many bins shows at most, but for ``_CHANCE`` among all bands.
+    """Return the largest ratio of a band's measured power to its true one, exceeded with ``_CHANCE`` among all bands.
 
-    Neighbours in a Hann window share 4/9 of their power, next neighbours 1/36.
+    Neighbouring bins of a Hann window share 4/9 of their power, next neighbours 1/36.
     """
     from scipy.special import chdtri  # a fifth of a second that opening the window need not wait for
 

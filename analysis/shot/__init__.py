@@ -1,1 +1,1 @@
-"""What a shot is: recording, motion, impact, fit, numbers with their units and uncertainties."""
+"""The parts of a shot: recording, motion, impact, fit, and quantities with units and uncertainties."""

@@ -1,4 +1,4 @@
-"""The wavelength of the laser in the air it measures in.
+"""The laser's wavelength in air.
 
 Refractive index after P. E. Ciddor, "Refractive index of air: new equations for the visible and near infrared",
 Applied Optics 35 (1996) 1566-1573, with the water vapour pressure of Davis/Giacomo used there.
@@ -18,7 +18,7 @@ def refractive_index(vacuum_wavelength_m: float, air: Air, co2_ppm: float = CO2_
     """Return the phase refractive index n of moist air (Ciddor 1996, appendix B).
 
     Valid for 300-1700 nm, -40..100 degC, 80-120 kPa, 0..100 % relative humidity; n(633.0 nm) = 1.000271373 at
-    20 degC, 101325 Pa, 50 %.  Raises ValueError outside of what air in a laboratory can be.
+    20 degC, 101325 Pa, 50 %.  Raises ValueError for values that air in a laboratory cannot have.
     """
     _check(vacuum_wavelength_m, air)
     wavenumber2 = (1e-6 / vacuum_wavelength_m) ** 2  # um^-2
@@ -40,11 +40,11 @@ def refractive_index(vacuum_wavelength_m: float, air: Air, co2_ppm: float = CO2_
 
 
 def wavelength_in_air_m(setup: Setup) -> float:
-    """Return the wavelength in m that turns Doppler cycles into displacement.
+    """Return the wavelength in m that converts Doppler cycles into displacement.
 
-    A wavelength given in air wins; a vacuum wavelength is divided by the index of the air given, or of
+    It is the wavelength given in air, or else the vacuum wavelength over the index of the air given, or of
     ``STANDARD_AIR`` where none is given (a laboratory at 20 degC is within a few ppm of it, vacuum would be 271 ppm
-    off); with nothing given it is the paper's 632.8 nm.  Raises ValueError on a wavelength or air that cannot be.
+    off); with neither it is the paper's 632.8 nm.  Raises ValueError for an impossible wavelength or air.
     """
     if setup.wavelength_air_m is not None:
         if not 1e-7 < setup.wavelength_air_m < 1e-5:

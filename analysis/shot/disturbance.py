@@ -1,4 +1,4 @@
-"""What moved the measured path beside the block: lines, a floor, knocks; and what they cost each number."""
+"""The disturbance of the measured path: steady lines, random vibration of the floor, and knocks."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,10 +25,10 @@ class VibrationLine:
 
 @dataclass(frozen=True, slots=True)
 class Shaking:
-    """What moves the frame as sines that stand for its spectrum: ascending frequencies, shape (f,).
+    """The vibration of the frame as sines that represent its spectrum: ascending frequencies, shape (f,).
 
-    ``power_m2`` is the variance of each one's cosine, and of its sine.  ``random`` says which stand for what shakes at
-    random; the others are lines.
+    ``power_m2`` is the variance of each one's cosine, and of its sine.  ``random`` marks those of random vibration; the
+    others are lines.
     """
 
     frequency_hz: Floats
@@ -36,7 +36,7 @@ class Shaking:
     random: NDArray[np.bool_]
 
     def density_m2_per_hz(self, frequency_hz: float) -> float:
-        """Return the density of what shakes at random; beyond its end it falls as a building's does, with f^4."""
+        """Return the density of the random part; beyond its last frequency it falls as a building's does, with f^4."""
         known, power = self.frequency_hz[self.random], self.power_m2[self.random]
         if known.size < 2:
             return 0.0
@@ -44,7 +44,7 @@ class Shaking:
         return float(np.interp(frequency_hz, known, density) * min(1.0, known[-1] / frequency_hz) ** 4)
 
     def with_lines(self, lines: Sequence["VibrationLine"]) -> "Shaking":
-        """Return it with lines: each as two sines as far apart as its frequency is unsure."""
+        """Return it with lines added, each as two sines at its frequency plus and minus its uncertainty."""
         apart = np.array([line.frequency_hz.std for line in lines])
         middle = np.array([line.frequency_hz.value for line in lines])
         power = np.array([0.5 * line.amplitude_m.value**2 for line in lines])
@@ -60,11 +60,11 @@ class Shaking:
 
     @property
     def rms_m(self) -> float:
-        """Get the rms of all of it."""
+        """Get the rms of lines and random part."""
         return float(np.sqrt(self.power_m2.sum()))
 
     def less(self, density: Callable[[Floats], Floats]) -> "Shaking":
-        """Return what shakes beside a noise of one-sided ``density`` in m^2/Hz, which it was learnt together with."""
+        """Return it minus a noise of one-sided ``density`` in m^2/Hz, together with which it was estimated."""
         power = self.power_m2.copy()
         known = self.frequency_hz[self.random]
         if known.size > 1:
@@ -72,9 +72,9 @@ class Shaking:
         return Shaking(self.frequency_hz, power, self.random)
 
     def closer(self, apart_hz: float) -> "Shaking":
-        """Return it with the same density by sines no further apart than that.
+        """Return it with the same density represented by sines no farther apart than ``apart_hz``.
 
-        Sines come back together after 1 / their distance: over a longer stretch than that they are no spectrum.
+        Sines repeat their sum after 1 / their distance, so they represent a spectrum only over shorter stretches.
         """
         known = self.frequency_hz[self.random]
         if known.size < 2 or np.diff(known).max() <= apart_hz:
@@ -88,7 +88,7 @@ class Shaking:
         return floor._with(self.below(0.0))
 
     def below(self, frequency_hz: float) -> "Shaking":
-        """Return what shakes more slowly than that, and all lines."""
+        """Return its random part below a frequency, and all lines."""
         slow = (self.frequency_hz < frequency_hz) | ~self.random
         return Shaking(self.frequency_hz[slow], self.power_m2[slow], self.random[slow])
 
@@ -97,11 +97,10 @@ class Shaking:
 class Disturbance:
     """The disturbance that the free flights show.
 
-    ``lines`` were taken off the motion before it was read.  ``floor_rms_m`` is what shakes at random beside them, which
-    cannot be taken off and stands in the uncertainties; ``floor_rms_m_per_s`` is its velocity.  ``knocks_s`` are the
-    (begin, end) of stretches left out because something rang in them.  ``shares`` says for each number of an Impact
-    which part of its variance, 0 to 1, comes from all this and would be gone on a quiet table.  ``shaking`` is lines
-    and floor together, as fits take them into account.
+    ``lines`` were subtracted from the motion before it was read.  ``floor_rms_m`` is the random vibration, which cannot
+    be subtracted and is part of the uncertainties; ``floor_rms_m_per_s`` is its velocity.  ``knocks_s`` are the
+    (begin, end) of stretches that were left out because of a knock.  ``shares`` gives the share of each number's
+    variance, 0 to 1, that comes from the disturbance.  ``shaking`` is lines and random vibration as fits use them.
     """
 
     lines: tuple[VibrationLine, ...]

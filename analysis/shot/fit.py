@@ -1,4 +1,4 @@
-"""The fitted model of a shot: what the fit returns, whoever computed it."""
+"""The result of a fit of one or several shots."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -14,12 +14,12 @@ _FURTHER = re.compile(r"plate_(\d+)_(.+)")  # a further plate's stiffness or mas
 
 
 def plates_named(names: Iterable[str]) -> int:
-    """Return how many plates a fit's ``names`` tell of."""
+    """Return how many plates are among a fit's parameter ``names``."""
     return 1 + len({match[1] for name in names if (match := _FURTHER.match(name))})
 
 
 def names_on_plate(names: Iterable[str], plate_number: int) -> dict[str, str]:
-    """Return what of a fit's ``names`` says of one of its plates, by the name that it has where there is but one."""
+    """Return the parameter names that apply on one plate, by the names they have in a fit with one plate."""
     called, further = {}, {}
     for name in names:
         if (match := _FURTHER.match(name)) is None:
@@ -48,7 +48,7 @@ class Overlay:
 
 @dataclass(frozen=True, slots=True)
 class ShotFit:
-    """One shot's part of a fit: its own start values, its overlay and its remainder."""
+    """One shot's part of a fit: its own start values, its overlay and its residual."""
 
     velocity_in_m_per_s: Quantity
     velocity_out_m_per_s: Quantity
@@ -58,18 +58,18 @@ class ShotFit:
     residual_m: Floats  # measured - model displacement, NaN outside the fitted samples
     reduced_chi2: float
     own_parameters: Mapping[str, Quantity] = field(default_factory=dict)  # of effects that differ from shot to shot
-    rings: bool = False  # for a moment it moves as neither the model nor the noise would
-    sway_std_m: Floats | None = None  # of what a frame that was weighed leaves in the residual, shape (n,)
-    plate_number: int = 0  # on which of the set's plates it was taken
+    rings: bool = False  # for a moment the residual is larger than model and noise allow
+    sway_std_m: Floats | None = None  # of the frame's motion in the residual, shape (n,)
+    plate_number: int = 0  # of the set's plates
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A model fitted to one shot or to several at once (shared plate and contact, own start a shot).
+    """A model fitted to one shot or to several at once (shared plate and contact, each shot's own start).
 
     ``parameters`` maps the names of the result file ("plate_stiffness_n_per_m", ...; of a second plate
     "plate_2_stiffness_n_per_m", ...; effects as "effect.parameter") to quantities, ``covariance`` is over them in that
-    order.  ``converged`` False makes every number a guess: callers show the flag, not the number.
+    order.  Where ``converged`` is False every number is a guess: callers show the flag, not the number.
     """
 
     model: str
@@ -85,7 +85,7 @@ class Fit:
     chi2: float = float("nan")  # whitened, over ``samples`` samples and ``free_parameters`` parameters
     samples: int = 0
     free_parameters: int = 0
-    on_frames: bool = False  # whether what shook the frames was weighed, and the plates were let swing
+    on_frames: bool = False  # the frames' vibration is part of the noise, and the plates may move before the touch
 
     @property
     def correlations(self) -> Floats:
@@ -96,12 +96,12 @@ class Fit:
         return np.asarray(self.covariance / np.outer(std, std), np.float64)
 
     def of_shot(self, index: int) -> "Fit":
-        """Return the fit as one shot's own: the shared parameters as all shots give them, the part of this one."""
+        """Return the fit with one shot's part alone; the shared parameters are those of all shots."""
         part = self.shots[index]
         return replace(self.on_plate(part.plate_number), shots=(part,), reduced_chi2=part.reduced_chi2)
 
     def on_plate(self, plate_number: int) -> "Fit":
-        """Return the fit as one of its plates has it, whose stiffness and mass then have the plain names."""
+        """Return the fit with the parameters of one of its plates, under the names without a plate's number."""
         called = names_on_plate(self.parameters, plate_number)
         if len(called) == len(self.parameters):
             return self

@@ -1,4 +1,4 @@
-"""The numbers of docs/physics.md, "the numbers of a shot", read from the motion alone (no model)."""
+"""The numbers of one collision, read from the motion without a model (docs/physics.md, "the numbers of a shot")."""
 
 from dataclasses import dataclass, field
 
@@ -12,7 +12,7 @@ def _not_read() -> Reading:
 
 @dataclass(frozen=True, slots=True)
 class KineticCor:
-    """T2 / T1 of the first bounces, read between three kinds of instants; ``contact`` comes from the fitted contact."""
+    """T2 / T1 of the first bounces between three kinds of instants; ``contact`` is of the fitted contact."""
 
     force_peaks: Reading = field(default_factory=_not_read)
     onsets: Reading = field(default_factory=_not_read)

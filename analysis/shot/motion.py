@@ -1,4 +1,4 @@
-"""The motion of the block as the optics saw it: time, displacement and its derivatives, each with its noise."""
+"""The measured motion of the block: displacement and its derivatives over time, each with its noise."""
 
 from dataclasses import dataclass, field
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BeatQuality:
-    """How good one beat is, as measured on the recording itself."""
+    """The quality of one beat, measured on the recording itself."""
 
     frequency_hz: float  # mean over the first quiet part
     amplitude_v: float
@@ -23,12 +23,12 @@ class BeatQuality:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A shot as motion, on one uniform time grid; right is positive, time zero is the recording's first sample.
+    """A shot's motion on a uniform time grid; right is positive, time zero is the recording's first sample.
 
-    All arrays have shape (n,) and are read-only; ``*_std_*`` are standard deviations of the sample beside them.
+    All arrays have shape (n,) and are read-only; ``*_std_*`` are the samples' standard deviations.
     Displacement is low-passed only by the decimation (flat to ``displacement_band_hz``), its noise is white in that
     band; velocity, acceleration and force are low-passed at ``bandwidth_hz`` and their noise is not white.
-    ``valid`` is False where a gap or a drop-out left nothing to measure: such samples are NaN, never zero.
+    ``valid`` is False in gaps and drop-outs: such samples are NaN, never zero.
     """
 
     time_s: Floats
@@ -49,12 +49,12 @@ class Motion:
     wavelength_m: float | None  # in air; None for a motion record that did not come from the optics
     rest_frequency_hz: Reading = field(default_factory=lambda: NotSeen("no optics"))
     trigger_time_s: float | None = None
-    rate_error: float = 0.0  # by how much of itself the stated sample rate is contradicted; in no std of this
-    displacement_wander_m_per_sqrt_s: float = 0.0  # random walk beside the white noise; in the std of v, a and F
+    rate_error: float = 0.0  # relative, of the stated sample rate; not included in the stds
+    displacement_wander_m_per_sqrt_s: float = 0.0  # random walk of the path; included in the stds of v, a and F
     reference: BeatQuality | None = None
     measurement: BeatQuality | None = None
     flags: tuple[str, ...] = ()
-    force_measured: bool = False  # ``force_n`` came with the record; else it is mass times acceleration
+    force_measured: bool = False  # ``force_n`` is of the record; else it is mass times acceleration
     plate: Plate | None = None  # as the recording states it
 
     def __post_init__(self) -> None:

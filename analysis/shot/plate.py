@@ -1,8 +1,8 @@
-"""The spring plate: an arm clamped at one end, a disc at the other, loaded at the disc's centre.
+"""The spring plate: an arm clamped at one end with a disc at the other, loaded at the disc's centre.
 
-Both ways round: geometry and E give k_p and the effective mass m_p*; a measured k_p gives E.  Bending is that of
-slender beams (S. Timoshenko, "Strength of Materials", part I); the effective mass is Rayleigh's: the kinetic energy of
-the whole plate moving in its static shape, over half the square of the load point's velocity.
+Geometry and E give k_p and the effective mass m_p*; geometry and a measured k_p give E.  Bending is that of slender
+beams (S. Timoshenko, "Strength of Materials", part I); the effective mass is Rayleigh's: the kinetic energy of the
+whole plate moving in its static shape, over half the square of the load point's velocity.
 """
 
 import math
@@ -17,12 +17,12 @@ from uncertainties.core import AffineScalarFunc
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
 
-# The formulas below take plain floats and numbers with uncertainty alike; the latter carry the correlations along.
+# The formulas below take plain floats or numbers with uncertainty, which keep their correlations.
 Number = Any
 
 
 class Disc(StrEnum):
-    """How the disc is taken to bend."""
+    """The model of the disc's bending."""
 
     RIGID = "rigid"  # the arm alone bends
     BENDING = "bending"  # the disc bends where its chord is wider than the arm; the neck between stays rigid
@@ -34,9 +34,9 @@ class PlateTolerance:
     """Standard uncertainties of a plate's geometry and material.
 
     Defaults: a calliper to 0.05 mm and a micrometer to 0.005 mm (rectangular), density and modulus as tables give
-    them for an alloy whose temper is not known (0.5 % and 2 %).  ``beam_theory`` is the share of k_p that bending as
-    beams may miss: a plate in two dimensions, held flat across its clamp, is 0.9 % stiffer at Poisson's ratio 0.3
-    (the paper's plate, by thin-plate elements in the tests).
+    them for an alloy whose temper is not known (0.5 % and 2 %).  ``beam_theory`` is the relative error of k_p by beam
+    theory: a plate in two dimensions, held flat across its clamp, is 0.9 % stiffer at Poisson's ratio 0.3 (the paper's
+    plate, by thin-plate elements in the tests).
     """
 
     arm_length_m: float = 0.05e-3 / math.sqrt(3.0)
@@ -51,23 +51,10 @@ class PlateTolerance:
 EXACT = PlateTolerance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class PlateReport:
-    """What geometry and material say of the plate, each number with its standard uncertainty."""
-
-    mass_kg: Quantity
-    effective_mass_kg: Quantity
-    effective_mass_ratio: Quantity
-    stiffness_n_per_m: Quantity  # disc rigid
-    stiffness_disc_bending_n_per_m: Quantity
-    stiffness_neck_bending_n_per_m: Quantity
-    coefficient_c: Quantity  # in k = c E t^3 w / (4 l^3), disc rigid
-
-
 def compliance_times_modulus_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
     """Return E / k_p in 1/m: deflection of the disc's centre, times E, under a unit load there.
 
-    ValueError for a plate that cannot be (no length, an arm wider than its disc).
+    Raises ValueError for an impossible plate (no length, an arm wider than its disc).
     """
     _check(plate)
     return float(compliance_of(_numbers(plate, EXACT), disc))
@@ -79,7 +66,7 @@ def stiffness_n_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
 
 
 def stated_n_per_m(plate: Plate | None) -> float | None:
-    """Return k_p in N/m of a plate as a recording states it; None where it states none, or none that can be."""
+    """Return k_p in N/m of the plate that a recording states; None where it states none, or an impossible one."""
     try:
         return None if plate is None else stiffness_n_per_m(plate)
     except ValueError:
@@ -93,18 +80,18 @@ def coefficient_c(plate: Plate) -> float:
 
 
 def mass_kg(plate: Plate) -> float:
-    """Return the plate's whole mass: arm and disc, their overlap at the neck not taken off twice."""
+    """Return the plate's whole mass in kg: arm and disc, their overlap at the neck not subtracted."""
     return float(_masses(_numbers(plate, EXACT))[0])
 
 
 def effective_mass_kg(plate: Plate) -> float:
-    """Return m_p* of Rayleigh's method with the static shape of a load at the centre of a rigid disc."""
+    """Return m_p* in kg by Rayleigh's method with the static shape of a load at the centre of a rigid disc."""
     _check(plate)
     return float(_masses(_numbers(plate, EXACT))[1])
 
 
 def arm_effective_mass_kg(plate: Plate) -> float:
-    """Return the arm's part of ``effective_mass_kg``; the rest is the disc's."""
+    """Return the arm's part of ``effective_mass_kg``; the other part is the disc's."""
     _check(plate)
     length, load, _ = _reach(_numbers(plate, EXACT))
     arm = plate.density_kg_m3 * plate.thickness_m * plate.arm_width_m * plate.arm_length_m
@@ -120,45 +107,12 @@ def youngs_modulus_pa(
     return _quantity(_number(stiffness) * compliance_of(numbers, disc), f"k_p and geometry, disc {disc}")
 
 
-def report(plate: Plate, tolerance: PlateTolerance | None = None) -> PlateReport:
-    """Return everything that geometry and material say, uncertainties propagated with their correlations."""
-    _check(plate)
-    n = _numbers(plate, tolerance or PlateTolerance())
-    whole, effective = _masses(n)
-    modulus = n["youngs_modulus_pa"]
-    return PlateReport(
-        mass_kg=_quantity(whole, "volume times density"),
-        effective_mass_kg=_quantity(effective, "Rayleigh, static shape"),
-        effective_mass_ratio=_quantity(effective / whole, "Rayleigh, static shape"),
-        stiffness_n_per_m=_quantity(modulus / compliance_of(n, Disc.RIGID), "arm bends, disc rigid"),
-        stiffness_disc_bending_n_per_m=_quantity(modulus / compliance_of(n, Disc.BENDING), "arm and disc bend"),
-        stiffness_neck_bending_n_per_m=_quantity(modulus / compliance_of(n, Disc.BENDING_NECK), "arm, neck, disc bend"),
-        coefficient_c=_quantity(_coefficient(n), "l^3 / (L^3 - (L - l)^3)"),
-    )
-
-
-def slope_n_per_m(
-    stiffness_n_per_m: float, plate_mass_kg: float, contact_stiffness_n_per_m: float, block_mass_kg: float
-) -> float:
-    """Return dF/dy in N/m of the block's slow motion on plate and contact spring, F = m_b a, y the block's deflection.
-
-    The slow mode of the two bodies in contact (Eq. 4, damping left out): m_b omega^2.  It lies below k_p, to first
-    order by 1 + m_p*/m_b + k_p/k_N: the plate takes force to be accelerated, the contact spring yields in series.
-    """
-    if not (plate_mass_kg >= 0.0 and contact_stiffness_n_per_m > 0.0 and block_mass_kg > 0.0):
-        raise ValueError("masses and contact stiffness must be positive")
-    mu, soft = plate_mass_kg / block_mass_kg, 1.0 / contact_stiffness_n_per_m
-    # k_p = s / (1 - s/k_N) + mu s, solved for the smaller s
-    a, b, c = mu * soft, 1.0 + mu + stiffness_n_per_m * soft, stiffness_n_per_m
-    return 2.0 * c / (b + math.sqrt(b * b - 4.0 * a * c))
-
-
 def stiffness_from_slope(
     slope: Quantity, plate_mass: Quantity, contact_stiffness: Quantity, block_mass: Quantity
 ) -> Quantity:
-    """Return k_p in N/m from a measured slope dF/dy: ``slope_n_per_m`` turned round, in closed form.
+    """Return k_p in N/m from a measured slope dF/dy, corrected for the plate's inertia and the contact in series.
 
-    Slope and block mass are taken as independent: give the slope's uncertainty without the mass's.  The mass then acts
+    Slope and block mass are taken as independent: give the slope's uncertainty without the mass's.  The mass acts
     twice, as F = m_b a scales the slope itself.
     """
     mass = _number(block_mass)
@@ -168,7 +122,11 @@ def stiffness_from_slope(
 
 
 def corrected_slope(slope: Number, plate_mass: Number, contact_stiffness: Number, block_mass: Number) -> Number:
-    """Return k_p of a slope dF/dy, both in N/m; plain floats or numbers with uncertainty."""
+    """Return k_p of a slope dF/dy, both in N/m; plain floats or numbers with uncertainty.
+
+    F = m_b a, y the block's deflection: the slope is m_b omega^2 of the slow mode of the two bodies in contact (Eq. 4,
+    without damping), to first order k_p / (1 + m_p*/m_b + k_p/k_N).
+    """
     return slope / (1 - slope / contact_stiffness) + plate_mass * slope / block_mass
 
 
@@ -233,7 +191,7 @@ def _masses(n: Mapping[str, Number]) -> tuple[Number, Number]:
 
 
 def bare_beam_mass_ratio() -> float:
-    """Return m*/m of a uniform cantilever loaded at its very end, 33/140: the paper's 0.24, a plate without a disc."""
+    """Return m*/m of a uniform cantilever loaded at its end, 33/140: the paper's 0.24, a plate without a disc."""
     return float(_arm_ratio(1.0, 1.0))
 
 

@@ -1,4 +1,4 @@
-"""A set of shots: whether they may be judged together, on which plates and with which weights they were taken."""
+"""The plates and weights of a set of shots, in numbers and words, and whether its shots can be fitted together."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -7,13 +7,13 @@ from analysis.shot.motion import Motion
 from analysis.shot.plate import stated_n_per_m
 from analysis.shot.shot import Shot
 
-_MEASURED_AGAIN = 0.1  # of the stiffness: the thickness to 3 %; further off it is another plate
+_SAME_PLATE = 0.1  # of the stiffness, a thickness to 3 %: with a larger difference it is another plate
 
 
 def plate_numbers(motions: Sequence[Motion]) -> tuple[int, ...]:
-    """Return the plate of each shot, counted from nothing in the order in which they come.
+    """Return the plate's number of each shot, from 0 in the order of appearance.
 
-    A plate that is measured again is the same plate; a shot that states none is taken to be on the one before.
+    Plates of nearly the same stiffness are one; a shot that states none is on the plate of the shot before.
     """
     known: list[float] = []
     numbers: list[int] = []
@@ -22,7 +22,7 @@ def plate_numbers(motions: Sequence[Motion]) -> tuple[int, ...]:
         if stated is None:
             numbers.append(numbers[-1] if numbers else 0)
             continue
-        same = [k for k, stiffness in enumerate(known) if abs(stated / stiffness - 1) <= _MEASURED_AGAIN]
+        same = [k for k, stiffness in enumerate(known) if abs(stated / stiffness - 1) <= _SAME_PLATE]
         if not same:
             known.append(stated)
         numbers.append(same[0] if same else len(known) - 1)
@@ -30,21 +30,21 @@ def plate_numbers(motions: Sequence[Motion]) -> tuple[int, ...]:
 
 
 def plate_count(motions: Sequence[Motion]) -> int:
-    """Return on how many plates a set was taken."""
+    """Return the number of plates of a set."""
     return 1 + max(plate_numbers(motions), default=0)
 
 
 def plates_words(motions: Sequence[Motion]) -> str:
-    """Return who was taken on which plate ("shots 1-3 on plate 1, 4-5 on plate 2"); nothing where there is one."""
+    """Return the shots of each plate in words ("shots 1-3 on plate 1, 4-5 on plate 2"); "" with one plate."""
     numbers = plate_numbers(motions)
     return f"shots {numbered([f'on plate {k + 1}' for k in numbers])}" if any(numbers) else ""
 
 
-_SAME_KG = 1e-6  # a balance's milligram: weighed twice, not weighted
+_SAME_KG = 1e-6  # a balance's milligram
 
 
 def weights_words(masses_kg: Sequence[float]) -> str:
-    """Return who was taken how ("shots 1-3 as found, 4-5 with 50.00 g added"); nothing where all weigh the same.
+    """Return the added weights in words ("shots 1-3 as found, 4-5 with 50.00 g added"); "" where all are equal.
 
     The lightest block of the set is the block as found.
     """
@@ -57,7 +57,7 @@ def weights_words(masses_kg: Sequence[float]) -> str:
 
 
 def numbered(kinds: Sequence[str]) -> str:
-    """Return who of several is of which kind: "1-3 as found, 4-5 with 50.00 g added"."""
+    """Return runs of equal kinds with their numbers: "1-3 as found, 4-5 with 50.00 g added"."""
     parts, number = [], 1
     for kind, group in groupby(kinds):
         count = len(list(group))
@@ -67,7 +67,7 @@ def numbered(kinds: Sequence[str]) -> str:
 
 
 def why_not_together(shots: Sequence[Shot]) -> str | None:
-    """Return why these shots cannot be fitted or diagnosed together, in words; None where they can."""
+    """Return in words why these shots cannot be fitted or diagnosed together; None where they can."""
     models = sorted({shot.settings.model for shot in shots})
     if len(models) > 1:
         return f"the shots use different base models ({', '.join(models)}): select shots of one"

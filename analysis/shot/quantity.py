@@ -1,13 +1,14 @@
-"""A number as an instrument states it: value with standard uncertainty, or the reason why it was not seen."""
+"""A number with its standard uncertainty, or the reason why it was not seen; and the units of numbers."""
 
 import math
+import re
 from dataclasses import dataclass
 from typing import TypeAlias
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A value, its standard uncertainty in the same unit, and in a few words how it was read."""
+    """A value, its standard uncertainty in the same unit, and in a few words how it was obtained."""
 
     value: float
     std: float
@@ -30,14 +31,14 @@ class Quantity:
         return f"{round(self.value, decimals):.{digits}f} ± {round(self.std, decimals):.{digits}f}"
 
     def in_a_sentence(self) -> str:
-        """Render it with a power of ten where it has more than a zero or five digits before it says anything."""
+        """Render it with a power of ten where it would begin with zeros or have more than five digits."""
         if not self.value or 1e-2 <= abs(self.value) < 1e5:
             return str(self)
         exponent = int(f"{abs(self.value):e}".partition("e")[2])
         return f"({self.scaled(10.0**-exponent)})e{exponent}"
 
     def scaled(self, factor: float) -> "Quantity":
-        """Return the same reading in another unit."""
+        """Return the same quantity in another unit."""
         return Quantity(self.value * factor, self.std * abs(factor), self.how)
 
 
@@ -61,3 +62,49 @@ def to_json(reading: Reading | None) -> dict[str, float] | None:
     if not (math.isfinite(reading.value) and math.isfinite(reading.std)):
         return None
     return {"value": float(reading.value), "std": float(reading.std)}
+
+
+_SYMBOLS = {"n": "N", "s": "s", "m": "m", "kg": "kg", "hz": "Hz", "rad": "rad"}
+_POWERS = {"": "", "2": "²", "3": "³", "4": "⁴"}
+_SHOWN = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
+_OF_TIME = {"N": -2, "s": 1, "Hz": -1}
+_TOKEN = re.compile(rf"({'|'.join(_SYMBOLS)})([234]?)")
+
+
+def shown_in(unit: str) -> tuple[float, str]:
+    """Return the factor to the unit in which a number in this SI unit is shown, and that unit; "" for a ratio."""
+    return _SHOWN.get(unit, (1.0, unit))
+
+
+def words_and_unit(name: str) -> tuple[str, str]:
+    """Return ("coefficient", "N s²/m²") for "coefficient_n_s2_per_m2"; a name without a unit has the unit ""."""
+    tokens = name.split("_")
+    begin = len(tokens)
+    while begin > 1 and (tokens[begin - 1] == "per" or _TOKEN.fullmatch(tokens[begin - 1])):
+        begin -= 1
+    unit = "_".join(tokens[begin:])
+    above, _, below = unit.partition("_per_")
+    if unit.startswith("per_") or unit.endswith("per") or "per" in below.split("_"):
+        return name.replace("_", " "), ""
+    spelled = _spelled(above)
+    if below:
+        spelled += f"/({_spelled(below)})" if "_" in below else f"/{_spelled(below)}"
+    return " ".join(tokens[:begin]), spelled
+
+
+def power_of_time(name: str) -> int:
+    """Return the power of the second that a name's unit holds: -2 for "stiffness_n_per_m", as N is kg m/s²."""
+    unit = words_and_unit(name.rpartition(".")[2])[1]
+    above, _, below = unit.partition("/")
+    return _seconds(above) - _seconds(below.strip("()"))
+
+
+def _seconds(spelled: str) -> int:
+    found = [re.fullmatch(r"(N|s|Hz)([²³⁴]?)", part) for part in spelled.split()]
+    powers = {"": 1, "²": 2, "³": 3, "⁴": 4}
+    return sum(_OF_TIME[match[1]] * powers[match[2]] for match in found if match)
+
+
+def _spelled(tokens: str) -> str:
+    found = [_TOKEN.fullmatch(token) for token in tokens.split("_")]
+    return " ".join(_SYMBOLS[match[1]] + _POWERS[match[2]] for match in found if match)

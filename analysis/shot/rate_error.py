@@ -1,8 +1,8 @@
-"""What a contradicted sample rate may make wrong, carried into the uncertainty of every number that it scales.
+"""Detect a wrong sample rate, by PD0 or the computer's clock, and add its effect to the uncertainty of every number.
 
-With PD0 a displacement is a number of fringes and knows no rate; a time goes with 1 / rate, so a velocity with the
-rate and a force with its square.  Without PD0 the stated rest frequency does not go with the rate, and every velocity
-is off by half a wavelength times what the rest beat seems to have moved.
+With PD0 a displacement is a number of fringes and independent of the rate; a time scales with 1 / rate, a velocity with
+the rate and a force with its square.  Without PD0 the stated rest frequency does not scale with the rate, and every
+velocity is off by half a wavelength times the apparent shift of the rest beat.
 """
 
 import math
@@ -14,9 +14,13 @@ import numpy as np
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity, Reading
-from analysis.shot.units import power_of_time
+from analysis.shot.quantity import Quantity, Reading, power_of_time
+from analysis.shot.recording import Recording
 
+FLAG = "rate_contradicted"
+DELIVERED = "lmm:delivered_rate_hz"  # global key: the rate by the computer's clock, where it is not the stated one
+STATED_U = 5e-4  # relative, of a rest frequency stated without uncertainty: a laser's beat is so stable over months
+COVERAGE = 2.0  # standard uncertainties
 _POWERS = {
     "velocity_in_m_per_s": 1,
     "velocity_out_m_per_s": 1,
@@ -27,8 +31,39 @@ _POWERS = {
 }
 
 
+def rate_error(recording: Recording, rest_hz: Quantity | None) -> float:
+    """Return the relative error of the stated sample rate, the greater by PD0 and by the clock; 0 where both agree.
+
+    ``rest_hz`` is the rest frequency measured with PD0, None without PD0.
+    """
+    return max(_by_rest(recording, rest_hz), _by_clock(recording))
+
+
+def _by_rest(recording: Recording, rest_hz: Quantity | None) -> float:
+    stated = recording.setup.rest_frequency_hz
+    if not stated or rest_hz is None:
+        return 0.0
+    std = recording.setup.rest_frequency_u_hz or 0.0
+    own = COVERAGE * std if std > 0.0 else STATED_U * stated
+    error = abs(rest_hz.value - stated)
+    # limited to 1: a rest frequency wrong by a factor says no more than that something is wrong
+    return min(error / stated, 1.0) if error > math.hypot(own, COVERAGE * rest_hz.std) else 0.0
+
+
+def _by_clock(recording: Recording) -> float:
+    metadata = recording.extra.get("global", {})
+    delivered = metadata.get(DELIVERED) if isinstance(metadata, dict) else None
+    if isinstance(delivered, bool) or not isinstance(delivered, int | float):
+        return 0.0
+    try:
+        error = abs(float(delivered) / recording.sample_rate_hz - 1.0)
+    except OverflowError:
+        return 1.0
+    return min(error, 1.0) if math.isfinite(error) else 1.0
+
+
 def with_rate_error(impact: Impact, motion: Motion) -> Impact:
-    """Return the readings with what the sample rate may be wrong by in their standard uncertainties."""
+    """Return the readings with the error of the sample rate added to their standard uncertainties."""
     if not motion.rate_error:
         return impact
     added = {name: _carried(impact, name, power * motion.rate_error) for name, power in _POWERS.items()}
@@ -37,7 +72,7 @@ def with_rate_error(impact: Impact, motion: Motion) -> Impact:
         for name in ("velocity_in_m_per_s", "velocity_out_m_per_s"):
             added[name] = math.hypot(added[name], offset)
         added |= _of_ratios(impact, offset)
-    readings = {name: wider(getattr(impact, name), std) for name, std in added.items()}
+    readings = {name: _wider(getattr(impact, name), std) for name, std in added.items()}
     return replace(impact, **readings)  # type: ignore[arg-type]
 
 
@@ -50,15 +85,15 @@ def velocity_offset_m_per_s(motion: Motion) -> float:
 
 
 def fit_with_rate_error(fit: Fit, motion: Motion) -> Fit:
-    """Return a fit with its parameters, and its covariance, as uncertain as a contradicted rate leaves them.
+    """Return a fit with the error of the sample rate added to its parameters' uncertainties and their covariance.
 
-    A parameter's unit says how it goes with the rate; all of them go together, so what is a ratio stays as it was.
+    A parameter scales with the rate as its unit says; all of them scale together, so ratios are unchanged.
     """
     error = motion.rate_error
     if not error or not fit.parameters:
         return fit
     moved = np.array([-error * power_of_time(name) * q.value for name, q in fit.parameters.items()])
-    parameters = dict(zip(fit.parameters, map(wider, fit.parameters.values(), np.abs(moved)), strict=True))
+    parameters = dict(zip(fit.parameters, map(_wider, fit.parameters.values(), np.abs(moved)), strict=True))
     covariance = fit.covariance
     if covariance.shape == (moved.size, moved.size):
         covariance = covariance + np.outer(moved, moved)
@@ -74,7 +109,7 @@ def fit_with_rate_error(fit: Fit, motion: Motion) -> Fit:
     return replace(fit, parameters=_quantities(parameters), covariance=covariance, shots=shots)
 
 
-def wider(reading: Reading, std: float) -> Reading:
+def _wider(reading: Reading, std: float) -> Reading:
     """Return a reading with a further, independent standard uncertainty."""
     return replace(reading, std=math.hypot(reading.std, float(std))) if isinstance(reading, Quantity) else reading
 
@@ -93,7 +128,7 @@ def _carried(impact: Impact, name: str, share: float) -> float:
 
 
 def _of_ratios(impact: Impact, offset_m_per_s: float) -> dict[str, float]:
-    """Return what one velocity added to both flights does to what is made of them, and to how deep the turn lies."""
+    """Return the errors of the ratios and of the deflection from one velocity added to both flights."""
     added = {}
     into, lasts = impact.velocity_in_m_per_s, impact.contact_time_s
     for name in ("cor_quasi_static", "cor_impulse"):

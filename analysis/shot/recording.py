@@ -1,4 +1,4 @@
-"""One shot, raw: the counts as the digitizer gave them, and everything known about how they were taken."""
+"""One shot as recorded: the digitizer's counts, and the set-up they were taken with."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Role(StrEnum):
-    """What a channel carries."""
+    """The signal of a channel."""
 
     REFERENCE = "reference"  # PD0: the rest beat
     MEASUREMENT = "measurement"  # PD1: the beat shifted by the moving corner cube
@@ -54,7 +54,7 @@ class Plate:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """The rig a shot was taken with; ``extra`` keeps keys of other writers so that they are written back."""
+    """The rig of a shot; ``extra`` keeps other programs' keys, so that they are written back."""
 
     moving_mass_kg: float
     moving_mass_u_kg: float = 0.0
@@ -81,7 +81,7 @@ class Recording:
     """A raw shot.
 
     ``counts`` is int16, shape (samples, channels), read-only; time zero is its first sample.
-    ``flags`` says what is known to be wrong with it ("clipped", "gap", "truncated", "longer_than_declared", ...).
+    ``flags`` are its known faults ("clipped", "gap", "truncated", "longer_than_declared", ...).
     """
 
     name: str
@@ -99,7 +99,7 @@ class Recording:
 
     @property
     def samples(self) -> int:
-        """Get the number of samples a channel."""
+        """Get the number of samples per channel."""
         return int(self.counts.shape[0])
 
     @property
@@ -109,11 +109,11 @@ class Recording:
 
     @property
     def bridgeable_gaps(self) -> tuple[Gap, ...]:
-        """Get the gaps inside the recording that lost something, oldest first.
+        """Get the gaps inside the recording that lost samples, in order.
 
-        Once they come to more than all that was stored their length counts as unknown: no motion can be foretold over
-        it, and a few bytes of metadata must not ask for more memory than the samples themselves.  So it does where
-        there are more than ``MOST_GAPS``: what lies between them is too short to be read, and each costs 4 ms.
+        Where the losses sum to more than the stored samples, the further ones count as of unknown length: motion cannot
+        be predicted over them, and a few bytes of metadata must not require more memory than the samples themselves.
+        With more than ``MOST_GAPS`` all do: the stretches between are too short to be read, and each gap costs 4 ms.
         """
         inside = (gap for gap in self.gaps if 0 < gap.sample_start < self.samples and gap.samples_lost != 0)
         gaps, lost = [], 0
@@ -136,7 +136,7 @@ NAMES = ("moving_mass_kg", "moving_mass_u_kg", "wavelength_vacuum_m", "wavelengt
 
 
 def corrected(setup: Setup, corrections: Mapping[str, float | None]) -> Setup:
-    """Return the rig with these values, in SI units, in place of its own; None: not given.
+    """Return the rig with these values in SI units instead of its own; None: not given.
 
     Names are those of ``NAMES``; the air is corrected as a whole.  Raises KeyError for another name.
     """

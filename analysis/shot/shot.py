@@ -1,4 +1,4 @@
-"""One analysed shot, and how it is analysed."""
+"""One analysed shot."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,11 +10,11 @@ from analysis.shot.recording import Setup
 from levimass.analysis_settings import AnalysisSettings as AnalysisSettings
 
 Progress = Callable[[str, float], None]  # (what is being done, fraction of the whole)
-Stop = Callable[[], bool]  # whether whoever asked no longer wants it
+Stop = Callable[[], bool]  # whether the caller has cancelled
 
 
 class AnalysisError(Exception):
-    """Why a shot could not be analysed, in one line for a person."""
+    """Why a shot could not be analysed, in one line."""
 
 
 class Cancelled(Exception):
@@ -23,7 +23,7 @@ class Cancelled(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """One analysed shot; a part is None when the one before it failed, and ``problem`` says why."""
+    """One analysed shot; a part is None where it or one before it failed, for the reason ``problem``."""
 
     name: str
     path: str | None
@@ -35,10 +35,10 @@ class Shot:
     motion: Motion | None
     impact: Impact | None
     fit: Fit | None
-    readings_fit: Fit | None = None  # a diagnosis's, that readings which rest on a model were made again with
+    readings_fit: Fit | None = None  # of a diagnosis, for the readings that come from a model; None: ``fit``
     flags: tuple[str, ...] = ()
     problem: str | None = None
-    fit_problem: str | None = None  # why the model could not be fitted to a shot whose readings stand
+    fit_problem: str | None = None  # why the model could not be fitted to a shot that was read
     started_at: str | None = None
     note: str = ""
     seconds: Mapping[str, float] = field(default_factory=dict)  # "load", "demodulate", "impact", "fit"

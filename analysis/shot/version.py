@@ -1,4 +1,4 @@
-"""Which program this is."""
+"""The version of the program."""
 
 import hashlib
 import sys
@@ -6,7 +6,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-_HOUSE = Path(__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[2]
 
 
 def program_version() -> str:
@@ -19,15 +19,15 @@ def program_version() -> str:
 
 @cache
 def program() -> str:
-    """Return the version with a digest of the source: two programs that tell the same give the same numbers.
+    """Return the version with a digest of the source: programs with the same digest give the same numbers.
 
-    Where the sources are not there to be read (a frozen application) it is the executable's.
+    Without sources (a frozen application) the digest is the executable's.
     """
     digest = hashlib.sha256()
     parts = ("analysis", "instrument", "app", "levimass")
-    sources = [source for part in parts for source in sorted((_HOUSE / part).rglob("*.py"))]
+    sources = [source for part in parts for source in sorted((_ROOT / part).rglob("*.py"))]
     for source in sources:
-        digest.update(source.relative_to(_HOUSE).as_posix().encode() + source.read_bytes())
+        digest.update(source.relative_to(_ROOT).as_posix().encode() + source.read_bytes())
     if not sources:
         digest.update(Path(sys.executable).read_bytes())
     return f"{program_version()} ({digest.hexdigest()[:12]})"

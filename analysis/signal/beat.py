@@ -1,7 +1,7 @@
-"""From int16 counts to the phase of one beat: one pass, the same bits for any cutting of the record.
+"""Demodulate int16 counts to the phase of one beat, with identical results for any division into blocks.
 
-Outputs are computed in batches of fixed size whose boundaries are fixed on the absolute sample count; a batch always
-runs through the same instructions on the same values, so where a caller cuts his blocks cannot show in the result.
+Outputs are computed in batches of fixed size at fixed absolute sample counts; a batch always runs the same instructions
+on the same values, so the boundaries of a caller's blocks do not change the result.
 """
 
 from typing import Any
@@ -10,11 +10,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.signal.dot import TOGETHER, WIDTH, four_dots
-from analysis.signal.guide import BATCH, Guide
-from analysis.signal.prefetch import LINE_BYTES, prefetch
-from analysis.signal.tuning import PHASE_STEPS, Tuning
-from analysis.signal.whole_taps import whole_taps
+from analysis.signal.integer_taps import integer_taps
+from analysis.signal.intrinsics import LINE_BYTES, TOGETHER, WIDTH, four_dots, prefetch
+from analysis.signal.tuning import BATCH, PHASE_STEPS, OscillatorSchedule, Tuning
 
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 _KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": _FAST}
@@ -135,7 +133,7 @@ def _read(
     taps: NDArray[np.int16],
     restore: Singles,
     oscillators: NDArray[np.int64],
-    guide: NDArray[np.int32],
+    schedule: NDArray[np.int32],
     nominal: int,
     first: int,
     state: Floats,
@@ -147,7 +145,7 @@ def _read(
 ) -> tuple[int, int]:
     """Run every whole batch that ``buffer`` and ``flat`` together hold; return (outputs, samples left in ``buffer``).
 
-    Batch b (absolute) is mixed with oscillator ``guide[b]``, the last entry serving all later ones.  About 0.25 ns a
+    Batch b (absolute) is mixed with oscillator ``schedule[b]``, the last entry serving all later ones.  About 0.25 ns a
     sample at 30 MS/s and a decimation of 50; nothing is allocated.
     """
     used, done = 0, 0
@@ -160,7 +158,7 @@ def _read(
         filled += fresh
         if filled < need:
             return done, filled
-        which = guide[min((first + done) // BATCH, guide.shape[0] - 1)]
+        which = schedule[min((first + done) // BATCH, schedule.shape[0] - 1)]
         _mix(buffer, decimation, taps[which], sums, flat, used * channels, step * channels)
         _turn(sums, restore[which], turn, power[done : done + BATCH])
         _unwrap(turn, first + done, nominal, oscillators[which], state, slips, phase[done : done + BATCH])
@@ -178,17 +176,22 @@ class BeatReader:
     """
 
     def __init__(
-        self, tuning: Tuning, guide: Guide, column: int, offset_counts: float = 0.0, start_sample: int = 0
+        self,
+        tuning: Tuning,
+        schedule: OscillatorSchedule,
+        column: int,
+        offset_counts: float = 0.0,
+        start_sample: int = 0,
     ) -> None:
         self.tuning = tuning
-        self.guide = guide
+        self.schedule = schedule
         self.column = column
-        turns = guide.steps / (PHASE_STEPS * tuning.decimation)
-        self._taps = whole_taps(tuning.window, turns, offset_counts)
+        turns = schedule.steps / (PHASE_STEPS * tuning.decimation)
+        self._taps = integer_taps(tuning.window, turns, offset_counts)
         self._need = (BATCH - 1) * tuning.decimation + tuning.length
         self.index = -(-start_sample // tuning.decimation)  # of the next output
         self._skip = self.index * tuning.decimation - start_sample
-        self._buffer = np.zeros(self._need + WIDTH, dtype=np.int16)  # the taps are read on to a whole vector of zeros
+        self._buffer = np.zeros(self._need + WIDTH, dtype=np.int16)  # taps are padded to whole vectors with zeros
         self._filled = 0
         self._state = np.zeros(2)
         self._sums = np.empty((2, BATCH), dtype=np.int32)
@@ -200,12 +203,12 @@ class BeatReader:
     @property
     def oscillator_hz(self) -> float:
         """Get the frequency in Hz whose phase is taken off the beat's."""
-        return self.tuning.oscillator_hz(self.guide.nominal)
+        return self.tuning.oscillator_hz(self.schedule.nominal)
 
     def feed(self, counts: Counts) -> tuple[int, Floats, Singles]:
         """Take counts of shape (n, channels); return (index of the first output, phase in cycles, |z|^2).
 
-        The phase is the beat's less the oscillator's (``oscillator_hz`` times the time of each window's centre).
+        The phase is the beat's minus the oscillator's (``oscillator_hz`` times the time of each window's centre).
         Both arrays, shape (m,), are views of the reader's own memory, valid until the next call.
         """
         if self._skip:
@@ -231,7 +234,7 @@ class BeatReader:
         first = self.index
         done, self._filled = _read(
             flat, channels, column, samples, self._buffer, self._filled, self.tuning.decimation, self._need,
-            self._taps.taps, self._taps.restore, self.guide.steps, self.guide.batch, self.guide.nominal, first,
+            self._taps.taps, self._taps.restore, self.schedule.steps, self.schedule.batch, self.schedule.nominal, first,
             self._state, self._sums, self._turn, self._slips, self._phase, self._power,
         )  # fmt: skip
         self.index += done

@@ -1,4 +1,4 @@
-"""Carrying the phase of a beat over moments without light and over lost samples, without losing a fringe."""
+"""Bridge gaps in a beat's phase, moments without light or lost samples, without losing a fringe."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,23 +8,24 @@ from analysis.signal.filters import stretches
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Segment = tuple[int, Floats, Singles]
-LONGEST_PHASES = 400  # that are bridged; beyond it the motion is not predictable to half a fringe
+LONGEST_PHASES = 400  # of a hole that is bridged; over a longer one motion is not predictable to half a fringe
 REACH = 160  # phases on either side that the prediction is made from
 _LEAST = 12
 DOUBT_CYCLES = 0.25
+JOIN_REACH = 48  # motion samples on either side of a long gap
+_JOIN_DOUBT = 0.2  # of a fringe
 
 
 class Bridge:
-    """Stands between a beat's fine phases and their decimation, and mends short holes in them.
+    """Fills short holes in a beat's fine phases before they are decimated.
 
-    A hole is where the power of the light falls below ``threshold`` (mean over ``box`` phases), widened by ``guard``
-    phases, or where phases are missing; what lies between two holes and is too short to tell the motion is of the hole.
-    The motion on either side, a parabola each, meets in the middle of the hole:
-    the whole number of fringes that lets them meet is the one taken, and the hole is filled with the cubic between
-    them.  What comes out does not depend on how the phases were cut into blocks.
+    A hole is where the light's power falls below ``threshold`` (mean over ``box`` phases), widened by ``guard`` phases,
+    or where phases are missing; a piece between two holes that is too short to show the motion belongs to the hole.
+    A parabola on either side is extrapolated to the middle of the hole: the whole number of fringes at which they meet
+    is subtracted, and a cubic between the sides fills the hole.  The result does not depend on the blocks' boundaries.
 
     ``holes`` lists (first, last + 1) of what was not measured; ``breaks`` the first phases after holes too long to
-    bridge; ``doubtful`` counts bridges where the two sides missed each other by more than a quarter of a fringe.
+    bridge; ``doubtful`` counts bridges where the two sides differed by more than a quarter of a fringe.
     """
 
     def __init__(self, threshold: float, box: int, guard: int) -> None:
@@ -38,9 +39,9 @@ class Bridge:
         self._shift = 0.0
 
     def feed(self, first: int, phase: Floats, power: Singles) -> list[Segment]:
-        """Take phases from index ``first`` on; return what is ready as (first, phase, power) without holes.
+        """Take phases from index ``first`` on; return the finished ones as (first, phase, power) without holes.
 
-        Views of the bridge's own memory, valid until the next call.
+        The arrays are views of the bridge's own memory, valid until the next call.
         """
         ready: list[Segment] = []
         if phase.size == 0:
@@ -59,12 +60,12 @@ class Bridge:
         return ready + self._release(last=False)
 
     def finish(self) -> list[Segment]:
-        """Return what is left; a hole at the very end stays as it is."""
+        """Return the remaining phases; a hole at the very end stays as it is."""
         return self._release(last=True)
 
     def _clear(self, first: int) -> None:
         self._first = first  # index of the oldest phase held
-        self._done = 0  # phases held that were given out already
+        self._done = 0  # phases held that were returned already
         self._phase: Floats = np.empty(0)
         self._power: Singles = np.empty(0, np.float32)
 
@@ -149,3 +150,37 @@ class Bridge:
             + b * u**2 * (3 - 2 * u)
             - slope_b * u**2 * (1 - u)
         )
+
+
+def joined(
+    displacement_m: Floats, breaks: tuple[int, ...], fringe_m: float, degree: int = 2, reach: int = JOIN_REACH
+) -> tuple[Floats, bool]:
+    """Return the displacement (n,), each stretch after a break shifted by whole fringes, and whether that is unsure.
+
+    The motion on either side is extrapolated to the middle of the gap by a polynomial of ``degree`` through ``reach``
+    samples, and shifted until both meet within half a fringe.  The shift is unsure where half as many samples give a
+    result more than a fifth of a fringe off, as when the force changed in the gap: the velocity is then right on both
+    sides, and the position is not known.
+    """
+    out = displacement_m.copy()
+    sure = True
+    for at in breaks:
+        known = np.flatnonzero(np.isfinite(out))
+        before, after = known[known < at][-reach:], known[known >= at][:reach]
+        if before.size < _LEAST or after.size < _LEAST:
+            continue
+        middle = 0.5 * (before[-1] + after[0])
+        apart = [_mismatch(out, before[-n:], after[:n], middle, degree) / fringe_m for n in (reach // 2, reach)]
+        whole = np.rint(apart[-1])
+        out[after[0] :] -= whole * fringe_m
+        sure = sure and abs(apart[0] - apart[1]) < _JOIN_DOUBT and abs(apart[1] - whole) < 2 * _JOIN_DOUBT
+    return out, not sure
+
+
+def _mismatch(
+    displacement: Floats, before: NDArray[np.intp], after: NDArray[np.intp], middle: float, degree: int
+) -> float:
+    base = displacement[before[-1]]
+    left = np.polynomial.Polynomial.fit(before - middle, displacement[before] - base, degree)
+    right = np.polynomial.Polynomial.fit(after - middle, displacement[after] - base, degree)
+    return float(right(0.0) - left(0.0))

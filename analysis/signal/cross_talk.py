@@ -1,8 +1,8 @@
-"""Cross-talk of PD1 in PD0: a line at the moving beat's frequency in the rest beat, estimated and taken off.
+"""Estimate and remove cross-talk of PD1 in PD0: the moving beat's frequency in the rest beat.
 
-It wobbles PD0's phase at the Doppler frequency, and where that passes through zero it looks like the jump of a lost
-sample.  What couples (cables, amplifiers, a board) does it linearly and within a sample or two: a few taps on PD1.
-PD0's own beat in PD1 is a leak like that of light, and is taken off as one (``leak``).
+It modulates PD0's phase at the Doppler frequency; where that passes through zero it looks like the jump of a lost
+sample.  Cables, amplifiers and boards couple linearly and within a sample or two, so a few taps on PD1 describe it.
+PD0's beat in PD1 has the same effect as a leak of light, and is removed as one (``leak``).
 """
 
 from collections.abc import Callable
@@ -15,28 +15,28 @@ from analysis.signal.survey import Survey
 
 Floats = NDArray[np.float64]
 REMOVED, LEFT = "cross_talk_removed", "cross_talk"  # flags
-BLOCK, MOST_BLOCKS = 1024, 256  # samples, and stretches of so many that are looked at
+BLOCK, MOST_BLOCKS = 1024, 256  # samples of a block, and blocks examined at most
 REMOVED_ABOVE = 0.01  # of PD0's amplitude
-LEFT_ABOVE = 0.02  # of PD0's amplitude, after the taps: then it is not of the kind that they take off
+LEFT_ABOVE = 0.02  # of PD0's amplitude, after the taps: then it is not the linear kind that taps remove
 _REACH = 1  # samples: taps at -1, 0 and 1
-_APART = 6.0  # bins of a block by which PD1's beat must differ from PD0's to be told from it
+_APART = 6.0  # bins of a block by which PD1's beat must differ from PD0's to be separable
 _FEWEST = 8  # blocks
-_FAULTY = 4.0  # times the usual remainder: a block with a lost sample, a knock of light
-_SLOW_HZ = 20e3  # by which a rest beat may drift in a shot, as far as a stretch tells
-_STILL = 0.1  # of the other's span
+_FAULTY = 4.0  # times the usual residual: a block with a lost sample or a flash
+_SLOW_HZ = 20e3  # by which a rest beat may drift in a shot at most
+_STILL = 0.1  # of the other channel's span of frequencies
 
 
 @dataclass(frozen=True, slots=True)
 class CrossTalk:
-    """What of PD1 stands in PD0: ``taps`` (3,) at -1, 0, 1 samples, and amplitudes relative to PD0's beat."""
+    """The part of PD1 in PD0: ``taps`` (3,) at -1, 0, 1 samples, and amplitudes relative to PD0's beat."""
 
     taps: Floats
     ratio: float
-    left: float  # that the taps do not take off
+    left: float  # that the taps do not describe
 
 
-def swapped(measurement: Survey, reference: Survey) -> float | None:
-    """Return by how many Hz PD0's beat moves where it does and PD1's stands still, else None."""
+def swapped_hz(measurement: Survey, reference: Survey) -> float | None:
+    """Return the span in Hz of PD0's beat where it moves while PD1's does not, else None."""
     spans = []
     for seen in (measurement, reference):
         low, high = np.percentile(seen.frequency_hz[seen.seen], (5, 95))
@@ -50,7 +50,7 @@ def find_cross_talk(
 ) -> CrossTalk | None:
     """Return the cross-talk of ``moving`` in ``reference``, both (n,), None where there is too little to matter.
 
-    Stretches where the block moves are freed from PD0's own tone, and what is left of PD0 is put down to PD1.
+    PD0's own tone is removed from blocks in which the block moves, and the rest of PD0 is fitted with PD1.
     """
     turns = float(np.median(rest.frequency_hz[rest.seen])) / sample_rate_hz
     at = np.interp(beat.sample, rest.sample[rest.seen], rest.frequency_hz[rest.seen])
@@ -78,8 +78,8 @@ def find_cross_talk(
     return CrossTalk(taps, ratio, _left_over(columns, left - columns @ taps, amplitude))
 
 
-def taken_off(reference: NDArray[np.int16], moving: NDArray[np.int16], found: CrossTalk) -> NDArray[np.int16]:
-    """Return ``reference``, (n,), without what the taps put into it of ``moving``."""
+def without_cross_talk(reference: NDArray[np.int16], moving: NDArray[np.int16], found: CrossTalk) -> NDArray[np.int16]:
+    """Return ``reference``, (n,), minus the taps' part of ``moving``."""
     mean = float(moving[:: max(1, moving.size // 4096)].mean())
     beat = np.pad(moving.astype(np.float32) - np.float32(mean), _REACH, mode="edge")
     out = reference.astype(np.float32)
@@ -89,11 +89,11 @@ def taken_off(reference: NDArray[np.int16], moving: NDArray[np.int16], found: Cr
 
 
 def _without_tone(turns: float) -> Callable[[Floats], Floats]:
-    """Return what takes a tone of nearly ``turns`` cycles a sample, and a level, off blocks of shape (m, BLOCK)."""
+    """Return the function that removes a tone near ``turns`` cycles per sample and a level from blocks (m, BLOCK)."""
     n = np.arange(BLOCK) - 0.5 * (BLOCK - 1)
     wave = np.exp(2j * np.pi * turns * n)
-    bent = n / BLOCK  # a frequency a little off, an amplitude that drifts
-    columns = [wave.real, wave.imag, bent * wave.real, bent * wave.imag, np.ones(BLOCK)]
+    drift = n / BLOCK  # of frequency and amplitude
+    columns = [wave.real, wave.imag, drift * wave.real, drift * wave.imag, np.ones(BLOCK)]
     basis = np.linalg.qr(np.stack(columns, axis=1))[0]
     return lambda blocks: np.asarray(blocks - (blocks @ basis) @ basis.T)
 
@@ -105,9 +105,9 @@ def _solved(columns: Floats, left: Floats) -> Floats:
 
 
 def _left_over(columns: Floats, remainder: Floats, amplitude: float) -> float:
-    """Return what of PD1 still stands in the remainder, at any phase, as the greatest block shows it clearly.
+    """Return the amplitude of PD1, relative to PD0's, that remains at any phase: the 90th percentile of the blocks.
 
-    Each block is asked for itself: a coupling that changes in the shot leaves nothing on the average.
+    Blocks are examined one by one: a coupling that changes in the shot leaves nothing on average.
     """
     beat = columns[..., _REACH]
     turned = np.fft.fft(beat, axis=1)

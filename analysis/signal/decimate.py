@@ -1,4 +1,4 @@
-"""From the phase of a beat at millions of samples a second to the motion's rate, block by block."""
+"""Decimate the phase of a beat to the motion's sample rate, block by block."""
 
 from functools import lru_cache
 from typing import Any

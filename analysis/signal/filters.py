@@ -1,7 +1,7 @@
-"""The filters between phase and force: one decimating low-pass, and the derivatives of displacement.
+"""The filters from phase to force: a decimating low-pass, and the derivatives of displacement.
 
-Everything here is linear and has zero delay (odd, symmetric or antisymmetric taps on their centre sample), so a
-model's displacement passed through ``derivatives`` is distorted exactly as the measured one is.
+All are linear and without delay (symmetric or antisymmetric taps about their centre sample), so a model's displacement
+passed through ``derivatives`` is distorted exactly as the measured one is.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ def decimator_taps(factor: int, spread: float = 0.0) -> Floats:
 
     Kaiser-windowed sinc with its half-power point at half the output rate: its power response and the response's
     mirror image add up to one there, so white phase noise stays white.  ``spread`` is the second moment, in
-    inputs squared, of what smoothed them before: it is made good, so that cubics pass both unchanged (factor > 2).
+    inputs squared, of the smoothing before: it is compensated, so that cubics pass both unchanged (factor > 2).
     """
     if factor == 1:
         return _frozen(np.ones(1))
@@ -114,7 +114,7 @@ def derivative_filters(sample_rate_hz: float, bandwidth_hz: float) -> Derivative
 def derivatives(displacement_m: Floats, sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]:
     """Return (velocity in m/s, acceleration in m/s^2), both shape (n,), of a displacement of shape (n,).
 
-    The very filters a Motion is made with.  NaN in the displacement parts it into stretches; nothing is ever padded:
+    These are the filters a Motion is made with.  NaN in the displacement separates stretches; nothing is padded:
     within half a filter length of a stretch's ends (0.3 ms at 10 kHz) the value is that of a cubic fitted to the
     outermost filter length, whose larger noise ``derivative_gains`` states; a stretch shorter than that is NaN.
     """
@@ -165,7 +165,7 @@ def derivative_gains(
 
 
 def _gain(rows: Floats, sample_rate_hz: float, walk: bool) -> Floats:
-    if walk:  # a walk's steps, one a sample, reach every later sample
+    if walk:  # each step of the walk shifts every later sample
         rows = np.cumsum(rows[:, ::-1], axis=1) / np.sqrt(sample_rate_hz)
     return np.asarray(np.sqrt(np.sum(rows**2, axis=1)))
 

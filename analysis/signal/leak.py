@@ -1,8 +1,8 @@
-"""Polarisation leak: the little of the unshifted frequency that reaches PD1, and taking it off.
+"""Measure the polarisation leak, the unshifted light that reaches PD1, and compute its error of the beat's phase.
 
-In the frame that turns with PD0's phase the moving beat draws a circle, and the leak is the distance of its centre
-from zero.  While the block moves fast the leak's ripple lies far outside the motion's band; near the turnaround it
-lies within it and bends the displacement by up to lambda / (4 pi) times leak / beat.
+In the frame that rotates with PD0's phase the moving beat describes a circle, and the leak is the distance of its
+centre from zero.  While the block moves fast the leak's ripple lies far outside the motion's band; near the turnaround
+it lies within it and disturbs the displacement by up to lambda / (4 pi) times leak / beat.
 """
 
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from analysis.shot.recording import Recording
 from analysis.signal.beat import BeatReader
 from analysis.signal.filters import decimator_taps, stretches
-from analysis.signal.rest import Rest
-from analysis.signal.track import Grid, Track, Wanted
+from analysis.signal.rest import RestPhase
+from analysis.signal.track import BeatSpec, Grid, Track
 
 Floats = NDArray[np.float64]
 LONGEST_S = 12e-3  # of flight, read for the centre
 SHORTEST_S = 0.5e-3
-FAST_HZ = 40e3  # Doppler shift above which the circle is drawn often enough for its centre to be its mean
-REMOVED_ABOVE = 5e-4  # of the beat's amplitude; less bends the displacement by less than 25 pm
+FAST_HZ = 40e3  # Doppler shift above which the circle turns often enough for its centre to be its mean
+REMOVED_ABOVE = 5e-4  # of the beat's amplitude; less disturbs the displacement by less than 25 pm
 _SIGMA = 6.0
 
 
@@ -34,11 +34,11 @@ class Leak:
 
 
 def find_leak(
-    recording: Recording, column: int, rest: Rest, rest_read: Wanted, track: Track, grid: Grid, doppler_hz: Floats
+    recording: Recording, rest: RestPhase, rest_spec: BeatSpec, track: Track, grid: Grid, doppler_hz: Floats
 ) -> Leak | None:
-    """Return the leak in a channel, or None where it never moves fast enough or has too little of it.
+    """Return the leak in the moving beat ``track``; None where it is too small or the block never moves fast enough.
 
-    ``doppler_hz`` (n,) on the motion's grid says where the block flies.  The channel is read once more there, at the
+    ``doppler_hz`` (n,) on the motion's grid says where the block flies.  There its channel is read once more at the
     rest frequency, and averaged in PD0's frame under a Hann window.
     """
     fast = (np.abs(doppler_hz) > FAST_HZ) & ~track.hole[: doppler_hz.size]
@@ -55,8 +55,8 @@ def find_leak(
             break
     else:
         return None
-    tuning = rest_read.tuning
-    reader = BeatReader(tuning, rest_read.guide, column, track.wanted.survey.offset_counts, begin)
+    tuning = rest_spec.tuning
+    reader = BeatReader(tuning, rest_spec.schedule, track.spec.column, track.spec.survey.offset_counts, begin)
     index, phase, power = reader.feed(
         recording.counts[begin - true_start + piece_start : end - true_start + piece_start]
     )
@@ -67,8 +67,8 @@ def find_leak(
     turned = 2 * np.sqrt(power.astype(np.float64)) * np.exp(2j * np.pi * (phase - rest.phase_at(time_s)))
     window = np.hanning(phase.size + 2)[1:-1]
     centre = complex(np.sum(window * turned) / window.sum())
-    amplitude = track.wanted.survey.amplitude_counts
-    snr = 10 ** (track.wanted.survey.snr_db / 10)
+    amplitude = track.spec.survey.amplitude_counts
+    snr = 10 ** (track.spec.survey.snr_db / 10)
     std = float(np.sqrt(1.5 / (snr * tuning.effective_samples * phase.size)))
     ratio = abs(centre) / amplitude
     if ratio < max(REMOVED_ABOVE, _SIGMA * std):
@@ -77,16 +77,16 @@ def find_leak(
 
 
 def leak_phase(leak: Leak, moving_cycles: Floats, rest_cycles: Floats, track: Track, grid: Grid) -> Floats:
-    """Return what a leak adds to the phase of the moving beat, in cycles, shape (n,).
+    """Return the phase in cycles, shape (n,), that a leak adds to the moving beat's.
 
-    Both phases are true ones (a cosine's) at the same times.  The band-pass and the decimator let the ripple through
-    as they let through a tone at the Doppler frequency; second order in the ratio.
+    Both phases are true ones (a cosine's) at the same times.  Band-pass and decimator attenuate the ripple as a tone
+    at the Doppler frequency.  Second order in the ratio.
     """
     doppler = np.abs(np.gradient(moving_cycles - rest_cycles) * grid.rate_hz)
-    ratio = leak.ratio * _response(track.wanted.tuning.window, doppler / grid.input_rate_hz)
-    factor = grid.step // track.wanted.tuning.decimation
-    taps = decimator_taps(factor, track.wanted.tuning.spread)
-    phase_rate = track.wanted.tuning.phase_rate_hz
+    ratio = leak.ratio * _response(track.spec.tuning.window, doppler / grid.input_rate_hz)
+    factor = grid.step // track.spec.tuning.decimation
+    taps = decimator_taps(factor, track.spec.tuning.spread)
+    phase_rate = track.spec.tuning.phase_rate_hz
     once, twice = _response(taps, doppler / phase_rate), _response(taps, 2 * doppler / phase_rate)
     added = np.zeros(moving_cycles.shape)
     for _ in range(2):

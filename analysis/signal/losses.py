@@ -1,9 +1,9 @@
-"""Samples that a digitizer lost without a word: where, and how many, from the jumps of both beats.
+"""Find samples that a digitizer lost without reporting it: where, and how many, from jumps of both beats' phases.
 
-A sample that is missing moves the rest beat on by f/fs of a cycle, whatever the block does.  So a jump of PD0's phase
-that is sharp to a sample is a loss; its size tells the number of samples but for whole periods of the beat, and PD1,
-whose frequency is another one, tells between those.  Whole periods alone leave PD0 as it was: PD1 jumps by itself then,
-by what the block went meanwhile.
+A missing sample advances the rest beat by f/fs of a cycle, whatever the block does.  A jump of PD0's phase within one
+sample is therefore a loss; its size gives the number of samples up to whole periods of the beat, and PD1, at another
+frequency, decides between those.  A loss of whole periods leaves PD0 unchanged: then PD1 alone jumps, by the block's
+displacement meanwhile.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Gap, Recording, Role
-from analysis.signal.rest_tones import RestTones, jump_of, summed, tone_of
+from analysis.signal.rest_tones import RestTones, cumulative, jump_of, tone_columns
 from analysis.signal.track import Track
 
 Floats = NDArray[np.float64]
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 FLAG = "samples_lost"
 APART = 16  # motion samples: beyond the decimator's own reach
 SUSPECT_SIGMAS = 8.0
-SUSPECT_CYCLES = 0.01  # of a jump that is looked at
+SUSPECT_CYCLES = 0.01  # of a jump that is examined
 SHORTEST_BLOCK, LONGEST_BLOCK = 64, 1024
 BLOCK_PERIODS = 8.0  # of the beat and of its mirror image
 JUMP_CYCLES = 0.006  # of a block's phase
@@ -30,14 +30,14 @@ PD0_CYCLES, PD1_CYCLES = 0.003, 0.04  # to which jumps are known, at least
 MOST_SINGLE = 64  # samples lost one by one ...
 PACKET, MOST_LOST = 64, 8192  # ... or in the packets of a transfer
 MOST_LOSSES = 200
-CLOSE_BLOCKS = 3  # within which two losses are looked at together
+CLOSE_BLOCKS = 3  # within which two losses are examined together
 KINK_SIGMAS, KINK_CYCLES = 10.0, 0.02  # of a fourth difference of the moving beat's phase
-KINK_GUARD, KINK_SIDE = 256, 2048  # samples: as near as a kink is known, and how far the beat is led on from
-REACH = KINK_SIDE + 64  # samples about a kink that are looked at
+KINK_GUARD, KINK_SIDE = 256, 2048  # samples: uncertainty of a kink's place, and reach of the beat's extrapolation
+REACH = KINK_SIDE + 64  # samples examined about a kink
 
 
 def suspicious(reference: Track) -> bool:
-    """Tell whether the rest beat's phase jumps anywhere beyond its noise.  Cost: one pass over the motion samples."""
+    """Return whether the rest beat's phase jumps beyond its noise anywhere.  Cost: one pass over the motion samples."""
     step = reference.phase_cycles[APART:] - reference.phase_cycles[:-APART]
     step = step[np.isfinite(step)]
     if step.size < 8 * APART:
@@ -48,9 +48,9 @@ def suspicious(reference: Track) -> bool:
 
 
 def kinks(moving: Track) -> list[int]:
-    """Return the motion samples about which the moving beat's phase jumps as no collision makes it.
+    """Return the motion samples about which the moving beat's phase jumps faster than in any collision.
 
-    A jump spoils the fourth difference over all of the decimator's reach; a force that sets in within a sample moves
+    A jump shows in the fourth difference over all of the decimator's reach; a force that sets in within a sample moves
     the block by less than a nanometre within it.  Cost: one pass over the motion samples.
     """
     bend = np.abs(np.diff(moving.phase_cycles, 4))
@@ -64,10 +64,10 @@ def kinks(moving: Track) -> list[int]:
 
 
 def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()) -> tuple[Gap, ...]:
-    """Return the losses that both beats show, beside those that are known.
+    """Return the losses that both beats show, without those already known as gaps.
 
     ``kinked`` are the stored samples about which PD1 jumps (``kinks``): where PD0 does not, whole periods of it may be
-    missing.  Cost: some 10 ms a million samples, and 1 ms a loss.
+    missing.  Cost: some 10 ms per million samples, and 1 ms per loss.
     """
     column = recording.column(Role.REFERENCE)
     moving_column = recording.column(Role.MEASUREMENT)
@@ -104,7 +104,7 @@ def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()
         if whole is None:
             continue
         at = first + whole.sample_start
-        if all(abs(at - gap.sample_start) > 2 * block for gap in found):  # else it is that one, seen again
+        if all(abs(at - gap.sample_start) > 2 * block for gap in found):  # else it is the same loss again
             found.append(Gap(at, whole.samples_lost))
     return tuple(sorted(found, key=lambda gap: gap.sample_start))
 
@@ -126,27 +126,27 @@ def _block_phases(values: Floats, turns: float, block: int) -> tuple[Floats, Flo
 
 
 def _jumps(counts: NDArray[np.int16], turns: float, block: int) -> tuple[float, list[int]]:
-    """Return the beat's cycles a sample, and about which samples its phase jumps."""
+    """Return the beat's cycles per sample, and the samples about which its phase jumps."""
     values = counts.astype(np.float64)
     values -= values.mean()
     phase, size = _block_phases(values, turns, block)
     per_block = float(np.median(_wrapped(np.diff(phase))))
-    step = _wrapped(phase[4:] - phase[:-4] - 4 * per_block)  # blocks that lie apart by a block's length
+    step = _wrapped(phase[4:] - phase[:-4] - 4 * per_block)  # between blocks one block's length apart
     bright = size > 0.5 * float(np.median(size))
-    lit = bright[4:] & bright[:-4]  # between them a jump of half a cycle darkens its own block
+    lit = bright[4:] & bright[:-4]  # a jump of half a cycle darkens only the block that holds it
     usual = 1.4826 * float(np.median(np.abs(step)))
     over = lit & (np.abs(step) > max(JUMP_CYCLES, SUSPECT_SIGMAS * usual))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], over, [False]]).astype(np.int8)))
     places = []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        # a jump shows in all pairs of blocks that hold it between them: it lies in the middle of those
+        # a jump shows in all pairs of blocks on either side of it: it lies in the middle of those
         strong = start + np.flatnonzero(np.abs(step[start:stop]) > 0.7 * np.abs(step[start:stop]).max())
         places.append(int((0.5 * (strong[0] + strong[-1]) + 3.0) * (block // 2)))
     return turns + per_block / (block // 2), places
 
 
 def _joined(places: list[int]) -> list[int]:
-    """Return places of which two that lie close together are one, in their middle."""
+    """Return places with those close together replaced by their mean."""
     joined: list[list[int]] = []
     for at in places:
         if joined and at - joined[-1][0] <= CLOSE_BLOCKS * SHORTEST_BLOCK:
@@ -157,7 +157,7 @@ def _joined(places: list[int]) -> list[int]:
 
 
 def _losses(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, turns: float) -> tuple[Gap, ...]:
-    """Return the loss about sample ``near`` of a stretch of both beats, or two close together, if any is there."""
+    """Return the loss about sample ``near`` of a stretch of both beats, or two losses close together, or none."""
     x, beat = reference.astype(np.float64), moving.astype(np.float64)
     room = min(near // 2, (x.size - near) // 2)
     guard = min(SHORTEST_BLOCK, room)
@@ -171,7 +171,7 @@ def _losses(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, 
         return () if gap is None else (gap,)
     guard = min(CLOSE_BLOCKS * SHORTEST_BLOCK, room)
     two = RestTones.of(x, near, guard, turns)
-    left, place, lasts, count = two.parted(turns)
+    left, place, lasts, count = two.two_losses(turns)
     at = near - guard + place
     whole = _counted(at, turns, two.jump, two.sigma, _moving_jump(beat, at, lasts)) if left <= two.most else None
     if whole is None or whole.samples_lost is None or whole.samples_lost <= count:
@@ -180,7 +180,7 @@ def _losses(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, 
 
 
 def _counted(at: int, turns: float, jump: float, sigma: float, moved: tuple[float, float] | None) -> Gap | None:
-    """Return how many samples make the rest beat jump so and the moving one by ``moved``, None where no number does."""
+    """Return the loss that explains the jumps of both beats, ``jump`` and ``moved``; None where no number does."""
     lost = np.concatenate([np.arange(1, MOST_SINGLE + 1), np.arange(2 * PACKET, MOST_LOST + 1, PACKET)])
     misfit = (_wrapped(lost * turns - jump) / max(PD0_CYCLES / 3.0, sigma)) ** 2
     if moved is not None:
@@ -192,44 +192,46 @@ def _counted(at: int, turns: float, jump: float, sigma: float, moved: tuple[floa
 def _whole_periods(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, turns: float) -> Gap | None:
     """Return the loss of whole periods of the rest beat about sample ``near``, None where there is none.
 
-    It lies where the moving beat, led on from either side, leaves least.
+    It lies where the moving beat, extrapolated from either side, has the smallest residual.
     """
     x = moving - moving.mean()
     spans = (slice(max(0, near - KINK_SIDE), near - KINK_GUARD), slice(near + KINK_GUARD, near + KINK_SIDE))
     within = np.arange(near - KINK_GUARD, near + KINK_GUARD)
     errors = []
     for span in spans:
-        cycles = _led_on(x, span, near)
+        cycles = _extrapolated(x, span, near)
         if cycles is None:
             return None
         index = np.arange(x.size)[span]
-        level = np.linalg.lstsq(tone_of(cycles(index - near)), x[span], rcond=None)[0]
-        errors.append((x[within] - tone_of(cycles(within - near)) @ level) ** 2)
-    at = near - KINK_GUARD + int(summed(errors[0] - errors[1]).argmin())
+        level = np.linalg.lstsq(tone_columns(cycles(index - near)), x[span], rcond=None)[0]
+        errors.append((x[within] - tone_columns(cycles(within - near)) @ level) ** 2)
+    at = near - KINK_GUARD + int(cumulative(errors[0] - errors[1]).argmin())
     moved = _moving_jump(x, at)
     if moved is None or abs(moved[1]) < PD1_CYCLES:
         return None
     y = reference - reference.mean()
     sides = (slice(0, at - 2), slice(at + 2, y.size))
-    tone = tone_of(turns * np.arange(y.size))
+    tone = tone_columns(turns * np.arange(y.size))
     jump = jump_of([np.linalg.lstsq(tone[side], y[side], rcond=None)[0] for side in sides])
     return _counted(at, turns, float(_wrapped(np.array(jump))), 0.0, moved)
 
 
 def _moving_jump(x: Floats, at: int, lasts: int = 0) -> tuple[float, float] | None:
-    """Return cycles a sample and the jump in cycles of the moving beat at a sample; None where it is not seen.
+    """Return cycles per sample and the jump in cycles of the moving beat at a sample; None where it is not seen.
 
-    What lies within ``lasts`` samples from there is left out.
+    The ``lasts`` samples from there on are left out.
     """
-    before, after = (_led_on(x - x.mean(), side, at) for side in (slice(0, at - 2), slice(at + lasts + 2, x.size)))
+    before, after = (
+        _extrapolated(x - x.mean(), side, at) for side in (slice(0, at - 2), slice(at + lasts + 2, x.size))
+    )
     if before is None or after is None:
         return None
     turns = 0.5 * (float(before.deriv()(0.0)) + float(after.deriv()(0.0)))
     return turns, float(_wrapped(np.array(float(after(0.0)) - float(before(0.0)))))
 
 
-def _led_on(x: Floats, side: slice, at: int) -> Polynomial | None:
-    """Return the cycles of a beat on one side of a sample, by the samples from there; None where it is not seen."""
+def _extrapolated(x: Floats, side: slice, at: int) -> Polynomial | None:
+    """Return a polynomial of a beat's cycles on one side of a sample, by samples from it; None where none is seen."""
     block = 64
     part = x[side]
     if part.size < 4 * block:

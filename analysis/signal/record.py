@@ -1,4 +1,4 @@
-"""A motion record demodulated elsewhere, as a Motion: same grid, same filters, noise read from the record itself."""
+"""Make a Motion of a record demodulated elsewhere, with this program's filters and the noise that the record shows."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +9,8 @@ from analysis.shot.shot import AnalysisError
 from analysis.signal.filters import FLAT_SHARE, derivative_gains, derivatives
 
 Floats = NDArray[np.float64]
-BANDWIDTH_SHARE = 0.2  # of the sample rate, where no bandwidth is asked for
-MAX_JITTER = 0.2  # of a step: times further off an even grid than this are refused
+BANDWIDTH_SHARE = 0.2  # of the sample rate: the widest bandwidth, and the default
+MAX_JITTER = 0.2  # of a step: times farther off an even grid are refused
 _EVEN = 1e-3  # of a step: closer than this the grid counts as even
 _LONGEST_GAP = 10_000  # steps
 _MIN_SAMPLES = 32
@@ -36,45 +36,16 @@ def motion_from_displacement(
     The noise is read from the record's fourth differences, at least the rounding of its numbers.  Raises
     AnalysisError, in one line, naming the column at fault.
     """
-    time = np.asarray(time_s, dtype=np.float64)
-    if displacement_m is None and velocity_m_per_s is None:
-        raise AnalysisError("neither displacement_m nor velocity_m_per_s is given")
-    if time.ndim != 1 or time.size < _MIN_SAMPLES:
-        raise AnalysisError(f"time_s: {time.size} rows are too short (at least {_MIN_SAMPLES})")
-    if not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0):
-        raise AnalysisError("time_s: must be finite and rise from row to row")
-    columns = {"displacement_m": displacement_m, "velocity_m_per_s": velocity_m_per_s, "force_n": force_n}
-    given: dict[str, Floats] = {}
-    for name, column in columns.items():
-        if column is None:
-            continue
-        given[name] = np.asarray(column, dtype=np.float64)
-        if given[name].shape != time.shape:
-            raise AnalysisError(f"{name}: {given[name].size} values for {time.size} times")
-    grid, given, problems = _even(time, given)
+    grid, given, problems = _even(*_checked(time_s, displacement_m, velocity_m_per_s, force_n))
     rate = (grid.size - 1) / (grid[-1] - grid[0])
     bandwidth = BANDWIDTH_SHARE * rate if bandwidth_hz is None else min(bandwidth_hz, BANDWIDTH_SHARE * rate)
-
-    if "displacement_m" in given:
-        displacement = given["displacement_m"]
-        noise = _noise(displacement, "displacement_m")
-        std = np.full(grid.size, noise)
-        velocity, acceleration = derivatives(displacement, rate, bandwidth)
-        gains = derivative_gains(np.isfinite(displacement), rate, bandwidth)
-        velocity_std, acceleration_std = noise * gains[0], noise * gains[1]
-    else:
-        rates = given["velocity_m_per_s"]
-        if not np.all(np.isfinite(rates)):
-            raise AnalysisError("velocity_m_per_s: has missing values, over which it cannot be integrated")
-        noise = _noise(rates, "velocity_m_per_s")
-        displacement = np.concatenate(([0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1])))) / rate
-        std = noise / rate * np.sqrt(np.arange(grid.size) + 1.0)
-        velocity, acceleration = derivatives(displacement, rate, bandwidth)
-        gains = derivative_gains(np.isfinite(displacement), rate, bandwidth, walk=True)
-        growth = noise / np.sqrt(rate)  # of the walk that the integral of white noise is, in m/s^0.5
-        velocity_std, acceleration_std = growth * gains[0], growth * gains[1]
-    valid = np.isfinite(displacement)
-    std[~valid] = np.nan
+    displacement, std, walk_m_per_sqrt_s = _displacement(given, rate)
+    velocity, acceleration = derivatives(displacement, rate, bandwidth)
+    finite = np.isfinite(displacement)
+    gains = derivative_gains(finite, rate, bandwidth, walk=walk_m_per_sqrt_s is not None)
+    size = walk_m_per_sqrt_s if walk_m_per_sqrt_s is not None else std[0]
+    velocity_std, acceleration_std = size * gains[0], size * gains[1]
+    std[~finite] = np.nan
 
     mass = float("nan") if moving_mass_kg is None else float(moving_mass_kg)
     if mass <= 0:
@@ -93,7 +64,7 @@ def motion_from_displacement(
         velocity_std_m_per_s=velocity_std,
         acceleration_std_m_per_s2=acceleration_std,
         force_std_n=force_std,
-        valid=valid,
+        valid=finite,
         sample_rate_hz=float(rate),
         bandwidth_hz=float(bandwidth),
         displacement_band_hz=FLAT_SHARE * float(rate),
@@ -104,6 +75,38 @@ def motion_from_displacement(
         flags=tuple(dict.fromkeys((*flags, *problems))),
         force_measured="force_n" in given,
     )
+
+
+def _checked(
+    time_s: Floats, displacement_m: Floats | None, velocity_m_per_s: Floats | None, force_n: Floats | None
+) -> tuple[Floats, dict[str, Floats]]:
+    """Return the times and the given columns by name as arrays.  Raises AnalysisError on sizes or times at fault."""
+    time = np.asarray(time_s, dtype=np.float64)
+    if displacement_m is None and velocity_m_per_s is None:
+        raise AnalysisError("neither displacement_m nor velocity_m_per_s is given")
+    if time.ndim != 1 or time.size < _MIN_SAMPLES:
+        raise AnalysisError(f"time_s: {time.size} rows are too short (at least {_MIN_SAMPLES})")
+    if not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0):
+        raise AnalysisError("time_s: must be finite and rise from row to row")
+    columns = {"displacement_m": displacement_m, "velocity_m_per_s": velocity_m_per_s, "force_n": force_n}
+    given = {name: np.asarray(column, dtype=np.float64) for name, column in columns.items() if column is not None}
+    for name, column in given.items():
+        if column.shape != time.shape:
+            raise AnalysisError(f"{name}: {column.size} values for {time.size} times")
+    return time, given
+
+
+def _displacement(given: dict[str, Floats], rate_hz: float) -> tuple[Floats, Floats, float | None]:
+    """Return displacement and its std, (n,) each, and the growth of its random walk where velocity was integrated."""
+    if "displacement_m" in given:
+        displacement = given["displacement_m"]
+        return displacement, np.full(displacement.size, _noise(displacement, "displacement_m")), None
+    velocity = given["velocity_m_per_s"]
+    if not np.all(np.isfinite(velocity)):
+        raise AnalysisError("velocity_m_per_s: has missing values, over which it cannot be integrated")
+    noise = _noise(velocity, "velocity_m_per_s")
+    displacement = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1])))) / rate_hz
+    return displacement, noise / rate_hz * np.sqrt(np.arange(velocity.size) + 1.0), noise / np.sqrt(rate_hz)
 
 
 def _even(time: Floats, given: dict[str, Floats]) -> tuple[Floats, dict[str, Floats], tuple[str, ...]]:

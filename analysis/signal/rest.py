@@ -1,4 +1,4 @@
-"""The rest beat: its frequency, its drift, and what of its phase is taken off the moving beat's."""
+"""The rest beat's phase as a smooth curve: its frequency and drift, to be subtracted from the moving beat's phase."""
 
 from dataclasses import dataclass
 
@@ -10,32 +10,31 @@ from analysis.shot.shot import AnalysisError
 
 Floats = NDArray[np.float64]
 _HIGHEST_DEGREE = 4
-_MEANS = 1024  # the phases are averaged down to, before curves are tried on them
-_WORTH = 25.0  # drop of chi^2 that a further term of the polynomial must bring (5 sigma)
+_MEANS = 1024  # to which the phases are averaged before curves are fitted
+_WORTH = 25.0  # decrease of chi^2 that a further term of the polynomial must bring (5 sigma)
 
 
 @dataclass(frozen=True, slots=True)
-class Rest:
-    """The rest beat's smooth phase: a polynomial over ``middle_s`` +- ``half_s``, the oscillator taken off."""
+class RestPhase:
+    """The rest beat's smooth phase minus the oscillator's: a polynomial over ``middle_s`` +- ``half_s``."""
 
     coefficients: Floats  # Legendre
     middle_s: float
     half_s: float
     frequency_hz: Quantity  # mean over the record
-    drift_hz: float  # change over the record
-    unsteady_cycles: float  # rms of what a smooth curve leaves, beyond noise
+    unsteady_cycles: float  # rms residual of the smooth curve, beyond noise
     degree: int
 
     def phase_at(self, time_s: Floats) -> Floats:
-        """Return the phase in cycles, less the oscillator's, at times of shape (n,)."""
+        """Return the phase in cycles, minus the oscillator's, at times of shape (n,)."""
         return np.asarray(np.polynomial.Legendre(self.coefficients)((time_s - self.middle_s) / self.half_s))
 
 
-def smooth(time_s: Floats, phase_cycles: Floats, std_cycles: float, oscillator_hz: float) -> Rest:
-    """Fit PD0's phase (NaN where not measured) with the lowest polynomial that accounts for it.
+def fit_rest_phase(time_s: Floats, phase_cycles: Floats, std_cycles: float, oscillator_hz: float) -> RestPhase:
+    """Fit PD0's phase (NaN where not measured) with the polynomial of lowest degree that describes it.
 
-    A straight line is a constant frequency; further terms are taken only where they are worth 5 sigma.  The
-    uncertainty of the frequency is that of the slope with the remainder that was really left.
+    A straight line is a constant frequency; further terms are added only where they are worth 5 sigma.  The
+    uncertainty of the frequency is that of the slope, from the actual residual.
     """
     middle = 0.5 * (time_s[0] + time_s[-1])
     half = max(0.5 * (time_s[-1] - time_s[0]), 1e-12)
@@ -57,18 +56,15 @@ def smooth(time_s: Floats, phase_cycles: Floats, std_cycles: float, oscillator_h
         raise AnalysisError("reference channel: too short for a rest frequency")
     degree, coefficients, left = best
     series = np.polynomial.Legendre(coefficients)
-    slope = series.deriv()
-    slow = np.sqrt(left / max(1, count - degree - 1))  # of a single phase, if the means' remainder were white
+    slow = np.sqrt(left / max(1, count - degree - 1))  # of a single phase, if the means' residual were white
     remainder = max(slow, float(np.sqrt(np.mean((phase_cycles[known] - series(u[known])) ** 2))))
     std = np.sqrt(3.0 / known.sum()) * max(slow, std_cycles) / half
-    ends = (float(slope(-1.0)) / half, float(slope(1.0)) / half)
     mean = oscillator_hz + float(series(1.0) - series(-1.0)) / (2 * half)
-    return Rest(
+    return RestPhase(
         coefficients,
         middle,
         half,
         Quantity(mean, float(std), f"PD0's phase over the record, polynomial of degree {degree}"),
-        ends[1] - ends[0],
         float(np.sqrt(max(0.0, remainder**2 - std_cycles**2))),
         degree,
     )

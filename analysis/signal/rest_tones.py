@@ -1,4 +1,4 @@
-"""The rest beat's tones on either side of a stretch in which samples may be missing."""
+"""Fit the rest beat on either side of a stretch in which samples may be missing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-SHARP = 2.0  # of the noise beside it: a phase that moves during its jump is no loss
-MOST_CLOSE = 16  # samples lost at once, the first of two losses within a few periods of the beat
+SHARP = 2.0  # of the noise on both sides: a phase that changes gradually is no loss
+MOST_CLOSE = 16  # samples lost at once, in the first of two losses within a few periods of the beat
 
 
 @dataclass(frozen=True, slots=True)
 class RestTones:
-    """What the tones on either side of a doubtful stretch of the rest beat leave of it.
+    """The residuals of a doubtful stretch of the rest beat from the tones fitted before and after it.
 
-    ``before`` and ``after``, shape (n + 1,), sum the squares up to each of the stretch's samples ``x``, shape (n,);
+    ``before`` and ``after``, shape (n + 1,), are the cumulative squares over the stretch's samples ``x``, shape (n,);
     ``tone``, shape (n, 3), are the beat's cosine, sine and level, ``solution``, shape (3,), the tone before.  ``most``
-    is what noise may leave, ``jump`` the cycles from one tone to the other, ``sigma`` its standard deviation.
+    is the sum of squares that noise may leave, ``jump`` the cycles between the tones, ``sigma`` its standard deviation.
     """
 
     x: Floats
@@ -32,8 +32,8 @@ class RestTones:
 
     @classmethod
     def of(cls, x: Floats, near: int, guard: int, turns: float) -> "RestTones":
-        """Take what lies within ``guard`` samples of one for doubtful."""
-        tone = np.column_stack([tone_of(turns * np.arange(x.size, dtype=np.float64)), np.ones(x.size)])
+        """Fit the tones of ``turns`` cycles per sample outside of ``guard`` samples about sample ``near``."""
+        tone = np.column_stack([tone_columns(turns * np.arange(x.size, dtype=np.float64)), np.ones(x.size)])
         sides = (slice(0, near - guard), slice(near + guard, x.size))
         solutions: list[Floats] = [np.asarray(np.linalg.lstsq(tone[side], x[side], rcond=None)[0]) for side in sides]
         errors = [(x - tone @ solution) ** 2 for solution in solutions]
@@ -44,21 +44,21 @@ class RestTones:
             x[within],
             tone[within],
             solutions[0],
-            summed(errors[0][within]),
-            summed(errors[1][within]),
+            cumulative(errors[0][within]),
+            cumulative(errors[1][within]),
             2 * guard * (SHARP * noise + 1.0),
             jump_of(solutions),
             np.sqrt(noise) / max(amplitude, 1e-9) / (2 * np.pi) * np.sqrt(4.0 / max(near - guard, 8)),
         )
 
-    def parted(self, turns: float) -> tuple[float, int, int, int]:
-        """Return what two losses leave, where the first lies, how far off the second, and how many the first is of."""
+    def two_losses(self, turns: float) -> tuple[float, int, int, int]:
+        """Return the squares left by two losses, the first one's place, the second one's distance, the first's size."""
         best = (float(np.inf), 0, 0, 0)
         cosine, sine, level = self.solution
         for count in range(1, MOST_CLOSE + 1):
             turn = 2 * np.pi * turns * count
             moved = (cosine * np.cos(turn) + sine * np.sin(turn), sine * np.cos(turn) - cosine * np.sin(turn), level)
-            between = summed((self.x - self.tone @ np.array(moved)) ** 2)
+            between = cumulative((self.x - self.tone @ np.array(moved)) ** 2)
             entered = self.before - between
             left = np.minimum.accumulate(entered) + between - self.after
             last = int(left.argmin())
@@ -68,17 +68,17 @@ class RestTones:
 
 
 def jump_of(solutions: Sequence[Floats]) -> float:
-    """Return the cycles from one tone to the other, each given by its cosine's and its sine's size."""
+    """Return the cycles between two tones, each given by the coefficients of its cosine and sine."""
     before, after = (float(np.arctan2(-s[1], s[0])) / (2 * np.pi) for s in solutions)
     return after - before
 
 
-def tone_of(cycles: Floats) -> Floats:
+def tone_columns(cycles: Floats) -> Floats:
     """Return cosine and sine at a phase, shape (n, 2)."""
     turn = 2 * np.pi * cycles
     return np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
-def summed(values: Floats) -> Floats:
-    """Return the sums of none, one, two ... of the values, shape (n + 1,)."""
+def cumulative(values: Floats) -> Floats:
+    """Return the cumulative sums, beginning with 0, shape (n + 1,)."""
     return np.asarray(np.concatenate([[0.0], np.cumsum(values)]))

@@ -1,4 +1,4 @@
-"""The live picture: frequency, velocity and force while samples stream, block by block, without growing."""
+"""Demodulate a running stream for the live display: frequency, velocity and force, block by block."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,11 @@ from analysis.shot.shot import AnalysisError
 from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator, filtered
 from analysis.signal.filters import derivative_filters
-from analysis.signal.guide import fixed_guide
 from analysis.signal.survey import survey
-from analysis.signal.tuning import Tuning, tune
+from analysis.signal.tuning import Tuning, fixed_schedule, tune
 
 Floats = NDArray[np.float64]
-LOOK_S = 2e-3  # of the stream, read before a beat is tuned to
+LOOK_S = 2e-3  # of the stream, surveyed before the beat is tuned to
 REST_MEMORY_S = 0.2  # the rest frequency shown is a running mean over about this long
 MAX_DOPPLER_HZ = 1.3e6
 _REST_HALF_WIDTH_HZ = 80e3
@@ -25,7 +24,7 @@ _MIN_PHASE_RATE_HZ = 100e3
 
 @dataclass(frozen=True, slots=True)
 class LiveChunk:
-    """What one block added, on a uniform grid; arrays of shape (k,), k may be 0; NaN parts stretches at a gap."""
+    """The samples that one block added, on a uniform grid; arrays of shape (k,), k may be 0; NaN marks a gap."""
 
     time_s: Floats  # from the stream's first sample
     beat_frequency_hz: Floats
@@ -37,11 +36,11 @@ class LiveChunk:
 
 
 class LiveDemodulator:
-    """Demodulates a running stream at a rate for the eye; used from one thread.
+    """Demodulates a running stream at a display rate; used from one thread.
 
-    Tunes itself to the rest beat from the first ``LOOK_S`` (tries again until there is a beat), then follows both
-    beats; the result lags the samples by 3 / bandwidth.  Holds a few blocks' worth of memory however long it runs.
-    Raises AnalysisError at once where no rest frequency can ever be known.
+    Tunes itself to the beats of the first ``LOOK_S`` (repeated until there is a beat), then follows both; the result
+    lags the samples by 3 / bandwidth.  Memory is that of a few blocks however long it runs.  Raises AnalysisError at
+    once where no rest frequency can be known.
     """
 
     def __init__(
@@ -69,7 +68,7 @@ class LiveDemodulator:
         self._sample = 0  # next input sample, lost ones counted
         self._look: list[NDArray[np.int16]] = []
         self._looked = 0
-        self._lines: list[_Line] = []
+        self._lines: list[_BeatStream] = []
         self._rest_hz: float | None = None if reference_column is not None else setup.rest_frequency_hz
         self._rest_weight = 0.0
         self._broken = False
@@ -77,7 +76,7 @@ class LiveDemodulator:
         self._problem: str | None = "looking for the beat"
 
     def feed(self, counts: NDArray[np.int16]) -> LiveChunk:
-        """Take the next counts, shape (n, channels), and return what they add to the picture."""
+        """Take the next counts, shape (n, channels), and return the samples they add."""
         if self._lines:
             self._sample += counts.shape[0]
             return self._follow(counts)
@@ -90,7 +89,7 @@ class LiveDemodulator:
         seen = np.concatenate(self._look)
         self._look, self._looked = [], 0
         try:
-            self._tune(seen[:enough])  # as many as that, so that blocks of another size give the same picture
+            self._tune(seen[:enough])  # so many, so that blocks of another size give the same result
         except AnalysisError as problem:
             self._problem = str(problem)
             return self._nothing()
@@ -99,7 +98,7 @@ class LiveDemodulator:
         return self._follow(seen)
 
     def gap(self, samples_lost: int | None) -> None:
-        """Take note that samples were lost before the next block; None: how many is not known."""
+        """Note that samples were lost before the next block; None: how many is not known."""
         self._sample += samples_lost or 0
         self._look, self._looked = [], 0
         if self._lines:
@@ -131,7 +130,7 @@ class LiveDemodulator:
                     raise
                 reach *= 0.85
         tunings.insert(0, (measurement, tuning, centre, beat.offset_counts))
-        self._lines = [_Line(*t, self._wanted_rate, self._bandwidth) for t in tunings]
+        self._lines = [_BeatStream(*t, self._wanted_rate, self._bandwidth) for t in tunings]
 
     def _restart(self, sample: int) -> None:
         for line in self._lines:
@@ -175,15 +174,15 @@ class LiveDemodulator:
         return LiveChunk(empty, empty, empty, empty, empty, self._rest_hz, self._problem)
 
 
-class _Line:
-    """One beat of the stream: phase, decimated, then its derivatives."""
+class _BeatStream:
+    """One beat of the stream: its decimated phase and the derivatives of that."""
 
     def __init__(
         self, column: int, tuning: Tuning, centre_hz: float, offset: float, rate_hz: float, bandwidth_hz: float
     ) -> None:
         self._column = column
         self._tuning = tuning
-        self._guide = fixed_guide(tuning, centre_hz)
+        self._guide = fixed_schedule(tuning, centre_hz)
         self._offset = offset
         self._factor = max(2, round(tuning.phase_rate_hz / rate_hz))
         self.rate_hz = tuning.phase_rate_hz / self._factor

@@ -1,4 +1,4 @@
-"""A first look at one beat: level, frequency span and signal-to-noise ratio from short stretches of the record."""
+"""Survey one beat before it is demodulated: amplitude, frequencies and signal-to-noise ratio in short stretches."""
 
 from dataclasses import dataclass
 
@@ -22,9 +22,9 @@ _SEEN = 13.0  # peak over mean noise, as power: one noise bin in 400,000 is as h
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """What a beat looks like before it is demodulated.
+    """A beat in short stretches; ``frequency_hz`` and ``seen`` have shape (stretches,), at ``sample``.
 
-    ``frequency_hz`` and ``seen`` have shape (stretches,), at ``sample``; a stretch without a beat is not ``seen``.
+    A stretch without a beat is not ``seen``.
     """
 
     offset_counts: float
@@ -36,8 +36,6 @@ class Survey:
     seen: NDArray[np.bool_]
     clipped_fraction: float
     harmonics: float  # amplitude of the strongest of the 2nd and 3rd, relative to the beat
-    lowest_count: int
-    highest_count: int
 
     @property
     def low_hz(self) -> float:
@@ -98,25 +96,15 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
     snr = 0.5 * typical**2 / max(variance, 1 / 12 * 1e-3)
     harmonics = _harmonics(power[seen], frequency[seen] * length / sample_rate_hz, noise[seen])
     return Survey(
-        offset,
-        typical,
-        float(10 * np.log10(max(snr, 1e-9))),
-        sample,
-        length,
-        frequency,
-        seen,
-        clipped,
-        harmonics,
-        low,
-        high,
+        offset, typical, float(10 * np.log10(max(snr, 1e-9))), sample, length, frequency, seen, clipped, harmonics
     )
 
 
 def _excess_pinning(raw: NDArray[np.int16], low: int, high: int) -> float:
-    """Return the fraction of samples cut off at a level of their own, below the digitizer's rail.
+    """Return the fraction of samples clipped at a level below the digitizer's rail.
 
-    A sine spends little time within a count of its extremes, and there at most 2.4 times as much as within the next
-    count: more than either is clipping.
+    A sine spends little time within a count of its extremes, and at most 2.4 times as much as within the next count:
+    more than that is clipping.
     """
     extreme = float(((raw == high) | (raw == low)).mean())
     next_in = float(((raw == high - 1) | (raw == low + 1)).mean())
@@ -127,7 +115,7 @@ def _excess_pinning(raw: NDArray[np.int16], low: int, high: int) -> float:
 def _harmonics(power: NDArray[np.float32], peak: NDArray[np.float64], noise: NDArray[np.float64]) -> float:
     """Return the amplitude of the stronger of the second and third harmonic, folded back, relative to the beat.
 
-    Seen where it folds neither onto the beat nor onto the edges of the band; there it bends nothing, elsewhere it does.
+    It is measured where it folds neither onto the beat nor onto the edges of the band.
     """
     size = 2 * (power.shape[1] - 1)
     rows = np.arange(power.shape[0])

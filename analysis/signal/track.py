@@ -1,4 +1,4 @@
-"""Reading the beats of a recording onto the motion's grid, each on its own thread."""
+"""Read the beats of a recording onto the motion's grid, each in its own thread."""
 
 import threading
 from collections.abc import Callable
@@ -12,25 +12,24 @@ from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop
 from analysis.signal.beat import BeatReader
 from analysis.signal.bridge import Bridge, Segment
 from analysis.signal.decimate import PhaseDecimator, noise_ratio
-from analysis.signal.guide import BATCH, Guide
 from analysis.signal.survey import Survey
-from analysis.signal.tuning import PHASE_STEPS, Tuning
+from analysis.signal.tuning import BATCH, PHASE_STEPS, OscillatorSchedule, Tuning
 
 Floats = NDArray[np.float64]
-BLOCK_SAMPLES = 1 << 19  # the interpreter is waited for between blocks
+BLOCK_SAMPLES = 1 << 19  # read without the interpreter's lock
 MIN_MOTION_SAMPLES = 64
-DARK_SHARE = 0.3  # of the amplitude the survey saw: below it there is no phase to speak of
+DARK_SHARE = 0.3  # of the surveyed amplitude: below it the phase is not usable
 _STEADY_VARIANCE = 0.005  # of the power's box means, relative, so that noise alone is never taken for darkness
 _NOISE_BLOCK = 512
 _CHI2_MEDIAN = 0.45494  # of one squared standard normal
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
-    """One beat to read."""
+class BeatSpec:
+    """One beat to read: its column, band-pass, oscillators and survey."""
 
     tuning: Tuning
-    guide: Guide
+    schedule: OscillatorSchedule
     column: int
     survey: Survey
 
@@ -39,28 +38,28 @@ class Wanted:
 class Track:
     """One beat on the motion's grid; arrays of shape (n,), NaN where not measured."""
 
-    phase_cycles: Floats  # of the beat less the oscillator
+    phase_cycles: Floats  # of the beat minus the oscillator's
     std_cycles: Floats
     amplitude_counts: Floats
-    hole: NDArray[np.bool_]  # not measured, bridged where that could be done
+    hole: NDArray[np.bool_]  # not measured, bridged where possible
     breaks: tuple[int, ...]  # first samples after holes that could not be bridged
     doubtful: int  # bridges that may be a fringe off
     oscillator_hz: float
-    wanted: Wanted
+    spec: BeatSpec
 
     def offset_hz(self, grid: "Grid") -> Floats:
-        """Return how far the beat lay from the oscillator it was read with, shape (n - 1,), NaN where not known."""
-        tuning, guide = self.wanted.tuning, self.wanted.guide
+        """Return the beat's distance from the oscillator it was read with, shape (n - 1,), NaN where not known."""
+        tuning, schedule = self.spec.tuning, self.spec.schedule
         factor = grid.step // tuning.decimation
         batch = ((np.arange(self.phase_cycles.size - 1) + 6) * factor + factor // 2) // BATCH
-        steps = guide.steps[guide.batch[np.minimum(batch, guide.batch.size - 1)]]
+        steps = schedule.steps[schedule.batch[np.minimum(batch, schedule.batch.size - 1)]]
         oscillator = steps * (tuning.sample_rate_hz / (tuning.decimation * PHASE_STEPS))
         return np.asarray(self.oscillator_hz + np.diff(self.phase_cycles) * grid.rate_hz - oscillator)
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """The motion's uniform grid, ``step`` input samples apart, counted over lost samples too.
+    """The motion's uniform time grid, ``step`` recorded samples apart, lost samples counted.
 
     ``pieces`` are (start, stop, true index of start) of the stretches of stored samples without a loss.
     """
@@ -103,7 +102,7 @@ class Grid:
         return self.input_rate_hz / self.step
 
     def time_s(self, tuning: Tuning) -> Floats:
-        """Return the times, shape (samples,), that a beat read with ``tuning`` is centred on.
+        """Return the times, shape (samples,), on which samples of a beat read with ``tuning`` are centred.
 
         Half the decimator (6 steps) and half the band-pass lie before a sample's centre.
         """
@@ -111,7 +110,7 @@ class Grid:
         return np.asarray(centre / self.input_rate_hz)
 
     def stored_sample(self, place: int, tuning: Tuning) -> int:
-        """Return which stored sample a motion sample of a beat read with ``tuning`` is centred on."""
+        """Return the stored sample on which motion sample ``place`` of a beat read with ``tuning`` is centred."""
         centre = int((place + 6) * self.step + tuning.delay_samples)
         start, stop, first = next(piece for piece in reversed(self.pieces) if piece[2] <= centre or piece[2] == 0)
         return min(start + centre - first, stop - 1)
@@ -119,14 +118,14 @@ class Grid:
 
 def read_tracks(
     recording: Recording,
-    wanted: list[Wanted],
+    wanted: list[BeatSpec],
     grid: Grid,
     progress: Progress | None,
     cancelled: Stop | None,
 ) -> list[Track]:
-    """Read every beat over the whole recording; the kernels let go of the interpreter, so the threads run at once.
+    """Read every beat over the whole recording, in parallel, as the kernels release the interpreter's lock.
 
-    Holds one block a beat beside the motion's own arrays.  Raises Cancelled.
+    Memory: one block per beat in addition to the motion's own arrays.  Raises Cancelled.
     """
     tracks: list[Track | None] = [None] * len(wanted)
     problems: list[BaseException] = []
@@ -156,7 +155,7 @@ def read_tracks(
     return [track for track in tracks if track is not None]
 
 
-def _read(recording: Recording, wanted: Wanted, grid: Grid, advance: Callable[[int], None]) -> Track:
+def _read(recording: Recording, wanted: BeatSpec, grid: Grid, advance: Callable[[int], None]) -> Track:
     tuning = wanted.tuning
     factor = grid.step // tuning.decimation
     phase = np.full(grid.samples, np.nan)
@@ -183,7 +182,7 @@ def _read(recording: Recording, wanted: Wanted, grid: Grid, advance: Callable[[i
 
     oscillator_hz = 0.0
     for start, stop, true_start in grid.pieces:
-        reader = BeatReader(tuning, wanted.guide, wanted.column, wanted.survey.offset_counts, true_start)
+        reader = BeatReader(tuning, wanted.schedule, wanted.column, wanted.survey.offset_counts, true_start)
         oscillator_hz = reader.oscillator_hz
         for block in range(start, stop, BLOCK_SAMPLES):
             end = min(stop, block + BLOCK_SAMPLES)
@@ -203,7 +202,7 @@ def _read(recording: Recording, wanted: Wanted, grid: Grid, advance: Callable[[i
 
 
 def local_variance(rough: Floats) -> Floats:
-    """Return the variance behind squares of normal deviates, shape (n,): medians of 512, joined by straight lines."""
+    """Return the local variance of squared normal deviates, shape (n,): medians of 512, linearly interpolated."""
     each = min(_NOISE_BLOCK, rough.size)
     count = rough.size // each
     blocks = rough[: count * each].reshape(count, each)

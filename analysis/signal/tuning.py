@@ -1,4 +1,4 @@
-"""Choosing the band-pass a beat is read through: where to mix, how far to decimate, how long a window."""
+"""Choose the band-pass that a beat is read through, and the oscillator of every part of the recording."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.shot.shot import AnalysisError
 
+BATCH = 64  # decimated samples read with one oscillator; their input stays in the first cache
 PHASE_STEPS = 65536  # the local oscillator advances by whole 1/65536 cycles a decimated sample: exact in integers
 IMAGE_REJECTION_DB = 90.0
 ALIAS_LIMIT = 0.012  # noise power folded onto the beat by decimation, relative to its own
@@ -51,7 +52,7 @@ class Tuning:
 
     @property
     def effective_samples(self) -> float:
-        """Get how many samples' worth of noise one phase averages: its variance is 1 / (SNR effective_samples)."""
+        """Get the number of samples that one phase averages: its variance is 1 / (SNR effective_samples)."""
         window = self.window
         return float(window.sum() ** 2 / np.sum(window**2))
 
@@ -82,10 +83,10 @@ def tune(
 ) -> Tuning:
     """Return the cheapest band-pass for oscillators from ``low_hz`` to ``high_hz`` and beats ``half_width_hz`` off.
 
-    The image of a real beat at f lies at -f; it and its folds are held ``IMAGE_REJECTION_DB`` below the beat, and
+    The image of a real beat at f lies at -f; it and its aliases are kept ``IMAGE_REJECTION_DB`` below the beat, and
     decimation folds no more than ``ALIAS_LIMIT`` of noise onto it; the decimation divides ``divides`` (0: any does).
-    Raises AnalysisError where no window of up to 4096 taps can do so, because the beat comes too near zero or the
-    Nyquist frequency.
+    Raises AnalysisError where no window of up to 4096 taps does, because the beat comes too near zero or the Nyquist
+    frequency.
     """
     lowest, highest = low_hz - half_width_hz, high_hz + half_width_hz
     if not 0 < lowest <= highest < sample_rate_hz / 2:
@@ -164,3 +165,40 @@ def _folded(
     alias = np.mod(at + fold + rate_hz / 2, rate_hz) - rate_hz / 2
     folded = np.interp(np.abs(alias).ravel(), frequency, power).reshape(alias.shape).sum(axis=0)
     return float(np.max(folded / kept))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OscillatorSchedule:
+    """The oscillator of every batch, which follows the beat so that a narrow band is enough.
+
+    ``steps`` (g,) are oscillators in PHASE_STEPS, ``batch`` (b,) the index into them for every batch.
+    """
+
+    steps: NDArray[np.int64]
+    batch: NDArray[np.int32]
+
+    @property
+    def nominal(self) -> int:
+        """Get the oscillator relative to which phases are given, in steps."""
+        return int(self.steps[self.steps.size // 2])
+
+
+def fixed_schedule(tuning: Tuning, frequency_hz: float) -> OscillatorSchedule:
+    """Return the schedule of a beat that stays near one frequency."""
+    return OscillatorSchedule(np.array([tuning.steps(frequency_hz)], np.int64), np.zeros(1, np.int32))
+
+
+def following_schedule(
+    tuning: Tuning, sample: NDArray[np.int64], frequency_hz: NDArray[np.float64], samples: int, spacing_hz: float
+) -> OscillatorSchedule:
+    """Return the schedule of a beat of ``frequency_hz`` (n,) at ``sample`` (n,): straight lines between, rounded.
+
+    ``samples`` is the recording's length, ``spacing_hz`` the distance between oscillators.
+    """
+    batches = samples // (BATCH * tuning.decimation) + 1
+    centre = (np.arange(batches) + 0.5) * (BATCH * tuning.decimation)
+    wanted = np.interp(centre, sample, frequency_hz)
+    rounded = np.rint(wanted / spacing_hz).astype(np.int64)
+    values, batch = np.unique(rounded, return_inverse=True)
+    steps = np.array([tuning.steps(float(v) * spacing_hz) for v in values], np.int64)
+    return OscillatorSchedule(steps, batch.reshape(-1).astype(np.int32))

@@ -1,4 +1,4 @@
-"""The slow part of the noise: what the optical path does by itself, as a random walk read from free flight."""
+"""Estimate the random walk of the optical path from free flight."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,8 +7,8 @@ from analysis.signal.filters import stretches
 
 Floats = NDArray[np.float64]
 BLOCK = 32  # samples a mean
-_FORCED = 8.0  # standard deviations of acceleration: above it something pushes
-_SHIELD = 100  # samples about it that are left out
+_FORCED = 8.0  # standard deviations of acceleration: above it a force acts
+_SHIELD = 100  # samples about such a force that are left out
 _LEAST = 40  # second differences
 _CHI2_MEDIAN = 0.45494
 _SIGMA = 4.0
@@ -22,7 +22,7 @@ def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, accelera
     """
     with np.errstate(invalid="ignore"):
         forced = ~(np.abs(acceleration) < _FORCED * acceleration_std)
-    # "same" would answer with the shield's length where the record is the shorter of the two
+    # mode "same" would return the shield's length where the record is shorter
     near = np.convolve(forced, np.ones(2 * _SHIELD + 1))[_SHIELD:-_SHIELD] > 0.5
     squares = []
     for start, stop in stretches(~near & np.isfinite(displacement_m)):

@@ -1,1 +1,1 @@
-"""What a standard uncertainty holds: budget, consistency over a series of shots, the band of the noise."""
+"""The numbers of a shot and their uncertainties: budget, statistics over a series of shots, the band of the noise."""

@@ -1,4 +1,4 @@
-"""Uncertainty budget of a shot in the sense of the GUM (JCGM 100:2008): source by source, type A and B apart."""
+"""The uncertainty budget of a shot after the GUM (JCGM 100:2008): source by source, type A and B separate."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from analysis.uncertainty.numbers import ResultNumber, with_equation
 from analysis.uncertainty.series import ONE_SPEED, excess_spread, speed
 
 COVERAGE_FACTOR = 2.0
-ALIKE = 0.1  # shots whose impact speed differs by no more than this share tell the repeatability
+ALIKE = 0.1  # relative difference of impact speed up to which shots are compared for repeatability
 ENOUGH_FOR_A_LINE = 4
 COLUMNS = (
     "shot",
@@ -38,7 +38,7 @@ COLUMNS = (
 class BudgetRow:
     """One source: its standard uncertainty u(x), the sensitivity dy/dx, and their product in the result's unit.
 
-    ``std`` None: the source exists and this data cannot tell its size; it counts as nothing and is listed all the same.
+    ``std`` None: the size of the source is not known from these data; it counts as 0 and is listed.
     """
 
     source: str
@@ -56,7 +56,7 @@ class BudgetRow:
 
 @dataclass(frozen=True, slots=True)
 class QuantityBudget:
-    """One result with everything that makes it uncertain, the largest contribution first."""
+    """One result with all its sources of uncertainty, the largest contribution first."""
 
     key: str  # the result file's name; "cor_kinetic.onsets" for a nested one
     words: str
@@ -92,7 +92,7 @@ class QuantityBudget:
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """The budgets of everything a shot gave; what it did not give has none."""
+    """The budgets of all numbers that a shot shows."""
 
     shot: str
     quantities: tuple[QuantityBudget, ...]
@@ -106,9 +106,9 @@ class Budget:
 def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: Sequence[Shot] = ()) -> Budget:
     """Return the budget of a shot's velocities, force, stiffness and restitution.
 
-    ``others`` are shots of the same rig: those at a like speed tell the repeatability beyond the noise.  Sensitivities
-    are the derivatives that the ``uncertainties`` package takes of the measurement equations, so a source common to two
-    readings (wavelength, timebase, mass) cancels from their ratio as it does in truth.
+    ``others`` are shots of the same rig: those of similar speed give the repeatability beyond the noise.  Sensitivities
+    are derivatives of the measurement equations by the ``uncertainties`` package, so a source common to two readings
+    (wavelength, timebase, mass) cancels from their ratio.
     """
     known = instrument or InstrumentUncertainty()
     sources = ShotSources(shot, known)
@@ -181,13 +181,13 @@ def to_rows(result: Budget) -> list[list[str]]:
 
 def _row(sources: ShotSources, variable: Any, slope: float, size: float) -> BudgetRow:
     source, std = sources.ledger.source(variable), float(variable.std_dev)
-    if abs(slope) * std < 1e-15 * size:  # what cancels leaves a rounding behind
+    if abs(slope) * std < 1e-15 * size:  # rounding of what cancels
         slope = 0.0
     return BudgetRow(source.name, source.kind, std, source.unit, float(slope), source.how)
 
 
 def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> BudgetRow:
-    """Return what like shots scatter beyond their own type A uncertainties."""
+    """Return the scatter of similar shots beyond their own type A uncertainties."""
     unit, own = of.unit, speed(shot)
     readings = []
     if isinstance(own, Quantity):
@@ -204,7 +204,7 @@ def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> Budg
     if len(readings) < 2:
         return BudgetRow("repeatability", "A", None, unit, 1.0, "not seen: no other shot at a like speed")
     speeds, values, stds = (np.array(column) for column in zip(*readings, strict=True))
-    # A number that changes with speed is not scatter: a line is taken off where the shots can tell one.
+    # a change with speed is not scatter: a line is subtracted where there are enough shots
     sloped = len(readings) >= ENOUGH_FOR_A_LINE and np.ptp(speeds) > ONE_SPEED * speeds.mean()
     spread = excess_spread(values, stds, 1 if sloped else 0, speeds - speeds.mean())
     about = " about their line over speed" if sloped else ""
@@ -213,11 +213,11 @@ def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> Budg
 
 
 def combined_of(shot: Shot) -> dict[str, float]:
-    """Return the combined standard uncertainty of each number that has a budget, by its key; some ms."""
+    """Return the combined standard uncertainty of each number that has a budget, by its key.  Cost: some ms."""
     return {q.key: q.std for q in budget(shot).quantities} if shot.impact is not None else {}
 
 
 def stated(reading: Reading, key: str, combined: Mapping[str, float]) -> Reading:
-    """Return a reading with the uncertainty that stands under its key, or as it is where none does."""
+    """Return a reading with the combined uncertainty of its key, or unchanged where there is none."""
     std = combined.get(key)
     return replace(reading, std=std) if isinstance(reading, Quantity) and std is not None else reading

@@ -1,4 +1,4 @@
-"""The sources a budget knows, as numbers with uncertainty that remember what they are and where they come from."""
+"""The sources of uncertainty of a shot as variables, each with its name, type and origin."""
 
 import math
 from dataclasses import dataclass, fields
@@ -13,12 +13,12 @@ from analysis.shot.recording import Plate, Setup
 from analysis.shot.shot import Shot
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 
-_DEFAULT_VACUUM_M = 632.991354e-9  # the HP 5518A's, for the sensitivity to the air where only air is spoken of
+_DEFAULT_VACUUM_M = 632.991354e-9  # of the HP 5518A, for the sensitivity to air where no vacuum wavelength is stated
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What a variable stands for."""
+    """The meaning of a variable."""
 
     name: str
     kind: str
@@ -27,7 +27,7 @@ class Source:
 
 
 class Ledger:
-    """Makes variables and keeps what they stand for."""
+    """Makes variables and keeps their meanings."""
 
     def __init__(self) -> None:
         self._sources: dict[Any, Source] = {}
@@ -41,12 +41,12 @@ class Ledger:
         return variable
 
     def source(self, variable: Any) -> Source:
-        """Return what a variable stands for."""
+        """Return the meaning of a variable."""
         return self._sources[variable]
 
 
 class ShotSources:
-    """The variables of one shot, each made once, so that results which share one are correlated through it.
+    """The variables of one shot, each made once, so that results which share one are correlated.
 
     Scales are ratios to the value used in the analysis, 1 with an uncertainty.
     """
@@ -72,8 +72,8 @@ class ShotSources:
     ) -> Number | None:
         """Return a reading with its own type A uncertainty, or None where it was not seen.
 
-        ``without_mass`` takes the mass's part off a reading that carries it already; ``per_time``, the power of the
-        sample rate that it goes with, takes off what a contradicted rate put into it.
+        ``without_mass`` removes the mass's part from a reading whose uncertainty includes it; ``per_time``, the power
+        of the sample rate with which the reading scales, removes that of a contradicted rate.
         """
         if not isinstance(reading, Quantity) or not (math.isfinite(reading.value) and math.isfinite(reading.std)):
             return None
@@ -96,7 +96,7 @@ class ShotSources:
         return (noise + shift) * self.timebase
 
     def band_scale(self, contact_time: Reading) -> Number:
-        """Return how much of the pulse's height the band limit may take: (pi / T)^2 against (2 pi B)^2."""
+        """Return the scale of the pulse's height, uncertain by what the band limit may remove: (1 / (2 T B))^2."""
         motion = self._shot.motion
         if motion is None or not isinstance(contact_time, Quantity) or not contact_time.value > 0.0:
             return 1.0
@@ -105,7 +105,7 @@ class ShotSources:
         return self.ledger.number(1.0, lost / math.sqrt(3.0), "bandwidth", "B", "1", how)
 
     def plate(self, plate: Plate) -> dict[str, Number]:
-        """Return a plate's fields by name, its geometry and material as uncertain as stated; E itself left out."""
+        """Return a plate's fields and "beam_theory" by name, with the instrument's tolerances."""
         units = {"density_kg_m3": "kg/m3", "youngs_modulus_pa": "Pa"}
         numbers: dict[str, Number] = {}
         for field in fields(plate):
@@ -118,7 +118,7 @@ class ShotSources:
         return numbers | {"beam_theory": self.ledger.number(1.0, theory, "plate: beam theory", "B", "1", how)}
 
     def _timebase(self) -> Number:
-        """Return the clock's time over the true one, 1 with an uncertainty."""
+        """Return the clock's time over the true one."""
         stated = self._instrument.timebase_u
         if not self._rate_error:
             return self.ledger.number(1.0, stated, "timebase", "B", "1", "digitizer's clock, rectangular limit")
@@ -162,7 +162,7 @@ class ShotSources:
         return wavelength / used * self._air(setup)
 
     def _air(self, setup: Setup) -> Number:
-        """Return n of the air assumed over n of the air there was, linear in temperature, pressure and humidity."""
+        """Return n of the assumed air over n of the actual air, linear in temperature, pressure and humidity."""
         known, air = self._instrument, setup.air
         if air is not None:
             stds = (known.air_temperature_u_k, known.air_pressure_u_pa, known.air_humidity_u_percent)
@@ -202,7 +202,7 @@ class ShotSources:
 
 
 def _last_digit(wavelength_m: float) -> float:
-    """Return half a unit of the last digit a wavelength is written with, at the least 0.1 pm."""
+    """Return half a unit of the last digit of a stated wavelength, at least that of 0.1 pm."""
     digits = f"{wavelength_m * 1e9:.6f}".rstrip("0")
     decimals = min(4, max(1, len(digits.split(".")[1])))
     return 0.5e-9 * 10.0**-decimals

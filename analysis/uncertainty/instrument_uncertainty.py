@@ -1,4 +1,4 @@
-"""What is known of the instrument beyond one shot's own samples: the type B part of the budget, stated by its owner."""
+"""The uncertainties of the instrument that no shot shows: the type B part of the budget, stated by its owner."""
 
 import math
 from collections.abc import Iterator
@@ -11,16 +11,16 @@ _RECTANGLE = 1.0 / math.sqrt(3.0)  # standard uncertainty of a limit of which no
 
 @dataclass(frozen=True, slots=True)
 class InstrumentUncertainty:
-    """Standard uncertainties (or, where the name says limit, the half-width of a rectangle) of the rig's parts.
+    """Standard uncertainties (or, where the name says limit, half-widths of a rectangular distribution).
 
-    ``mass_u_kg`` counts where the recording's setup states none: 17.85 g read to 0.01 g.
+    ``mass_u_kg``: where the recording's setup states none; 17.85 g read to 0.01 g.
     ``wavelength_vacuum_relative``: a stabilised Zeeman laser without a calibration.
-    ``air_*``: sensors beside the beam; ``room_*``: what a laboratory does where nobody measured its air.
-    ``alignment_limit_rad``: half-angle of the cone in which the beam lies about the motion; 2 mrad is a return beam
-    that wanders 1 mm over 0.5 m of travel.
+    ``air_*``: sensors near the beam; ``room_*``: a laboratory whose air was not measured.
+    ``alignment_limit_rad``: half-angle of the cone in which the beam lies about the motion; with 2 mrad the return beam
+    moves by 1 mm over 0.5 m of travel.
     ``timebase_limit``: a digitizer's crystal, 25 ppm.
-    ``rest_frequency_u_hz`` counts where the rest frequency was given and not recorded beside the shot.
-    ``instant_limit_s``: how far the band limit may shift one read instant of a bounce against another.
+    ``rest_frequency_u_hz``: where the rest frequency was stated and not recorded.
+    ``instant_limit_s``: the shift of one instant of a bounce against another by the band limit.
     """
 
     mass_u_kg: float = 0.005e-3 * _RECTANGLE
@@ -51,10 +51,10 @@ class InstrumentUncertainty:
 
     @property
     def alignment_u(self) -> float:
-        """Get the relative uncertainty that a cosine error of unknown size leaves.
+        """Get the relative uncertainty from a cosine error of unknown size.
 
-        1/cos a - 1 = a^2/2 is uniform over 0 to its limit for a direction uniform in the cone; it is not corrected, so
-        its mean counts as well (GUM F.2.4.5): the root mean square of that rectangle.
+        1/cos a - 1 = a^2/2 is uniform from 0 to its limit for a direction uniform in the cone; it is not corrected, so
+        its mean counts as well (GUM F.2.4.5): the root mean square of that distribution.
         """
         return 0.5 * self.alignment_limit_rad**2 * _RECTANGLE
 
@@ -65,5 +65,5 @@ class InstrumentUncertainty:
 
     @property
     def instant_u_s(self) -> float:
-        """Get the standard uncertainty in s of an interval's end as the band limit leaves it."""
+        """Get the standard uncertainty in s of an interval's end by the band limit."""
         return self.instant_limit_s * _RECTANGLE

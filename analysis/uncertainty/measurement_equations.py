@@ -1,4 +1,4 @@
-"""The measurement equations of a shot's numbers, written in the budget's variables."""
+"""The measurement equations of a shot's numbers, in the budget's variables."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,11 +16,11 @@ Instants = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """A shot and what is written of it so far: numbers made of one another stay correlated."""
+    """A shot, its sources, and its numbers ``made`` so far by key: numbers made of one another stay correlated."""
 
     shot: Shot
     sources: ShotSources
-    made: dict[str, Number] = field(default_factory=dict)  # by key
+    made: dict[str, Number] = field(default_factory=dict)
 
 
 Equation = Callable[[Written, Reading, str], Number | None]  # the number's own reading and unit; None: not seen
@@ -33,12 +33,12 @@ mass: Scale = attrgetter("mass_scale")
 
 
 def damping(sources: ShotSources) -> Number:
-    """Return what scales a force over a velocity; the length cancels."""
+    """Return the scale of a force over a velocity; the length cancels."""
     return sources.mass_scale / sources.timebase
 
 
 def stiffness(sources: ShotSources) -> Number:
-    """Return what scales a stiffness: a mass over a time squared; the length cancels, as the model is linear."""
+    """Return the scale of a stiffness, a mass over a time squared; the length cancels, as the model is linear."""
     return sources.mass_scale / sources.timebase**2
 
 
@@ -50,7 +50,7 @@ def scaled(
     without_mass: bool = False,
     length_cancels: bool = False,
 ) -> Equation:
-    """Return the equation of a reading that one scale multiplies; both instants of a width shift alike.
+    """Return the equation of a reading times one scale.
 
     ``per_time`` and ``without_mass`` are those of ``ShotSources.noisy``; ``length_cancels`` lists the sources
     of the length with a sensitivity of zero.
@@ -78,25 +78,23 @@ def velocity(noise: str) -> Equation:
 
 
 def ratio_of_velocities(written: Written, reading: Reading, unit: str) -> Number | None:
-    """Return -v_out / v_in: what both share cancels."""
+    """Return -v_out / v_in; common sources cancel."""
     into, out = (written.made.get(f"velocity_{which}_m_per_s") for which in ("in", "out"))
     return None if into is None or out is None else -out / into
 
 
 def ratio_of_impulses(written: Written, reading: Reading, unit: str) -> Number | None:
-    """Return it; both impulses are m_b times a difference of velocities: whatever scales one scales the other."""
+    """Return the ratio of two impulses, each m_b times a difference of velocities, so that their scales cancel."""
     sources = written.sources
     impulse, one = sources.noisy(reading, "beat noise, impulses", unit), sources.mass_scale * sources.velocity_scale
     return None if impulse is None else impulse * one / one
 
 
 def between_peaks(impact: Impact) -> tuple[Instants, Instants]:
-    """Return the instants that T1 and T2 lie between."""
     return impact.bounce_peaks_s[:2], impact.bounce_peaks_s[1:3]
 
 
 def between_onsets(impact: Impact) -> tuple[Instants, Instants]:
-    """Return the instants that T1 and T2 lie between."""
     return impact.bounce_onsets_s[:2], impact.bounce_onsets_s[1:3]
 
 
@@ -107,7 +105,7 @@ def first_flights(impact: Impact) -> tuple[Instants, Instants]:
 
 
 def ratio_of_times(instants: Callable[[Impact], tuple[Instants, Instants]]) -> Equation:
-    """Return T2 / T1; the reading's own uncertainty is shared between the two as if both were read alike."""
+    """Return T2 / T1, ``instants`` giving both ends of each; the reading's noise is shared equally between the two."""
 
     def equation(written: Written, reading: Reading, unit: str) -> Number | None:
         impact, sources = written.shot.impact, written.sources
@@ -134,7 +132,7 @@ def peak_force(written: Written, reading: Reading, unit: str) -> Number | None:
 def stiffness_from_slope(written: Written, reading: Reading, unit: str) -> Number | None:
     """Return k_p from the slope of force against deflection, corrected for the plate's and the contact's parts.
 
-    The fit's m_p* and k_N scale with the mass as well, so their ratios to it do not know the mass.
+    The fit's m_p* and k_N scale with the mass as well, so their ratios to it are independent of the mass.
     """
     slope, fit, sources = written.made.get("stiffness_slope_n_per_m"), written.shot.fit, written.sources
     if slope is None or fit is None or not fit.converged:

@@ -1,4 +1,4 @@
-"""What noise and a path that moves by itself leave of a motion once the true model is taken off, sample by sample."""
+"""The band in which a motion lies about its true model, by noise and vibration, sample by sample."""
 
 from dataclasses import dataclass, replace
 
@@ -13,13 +13,13 @@ from analysis.shot.shot import Shot
 from analysis.signal.filters import derivative_filters, derivative_gains
 
 Floats = NDArray[np.float64]
-WANDERS = 1.1  # times the white noise: a fit's noise beyond it has a floor that it learned
-_POINTS = 256  # over a record: enough for what is slow, and what is not keeps its power anyway
+WANDERS = 1.1  # times the white noise, beyond which a fit's noise includes slow noise that it estimated
+_POINTS = 256  # over a record, for the effect of a polynomial on slow sines; fast ones are not affected
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseBand:
-    """Standard deviations of what stays when the true model is taken off a motion; arrays of shape (n,)."""
+    """Standard deviations of a motion about its true model; arrays of shape (n,)."""
 
     displacement_m: Floats
     velocity_m_per_s: Floats
@@ -27,9 +27,9 @@ class NoiseBand:
 
 
 def band_of(shot: Shot) -> NoiseBand:
-    """Return what stays of a shot's motion where its model lacks nothing; the shot must have a motion.
+    """Return the band of a shot's motion about a complete model; the shot must have a motion.
 
-    A path that wanders without a building that moves it (air, laser) leaves in the displacement what the fit weighed.
+    Where the path wanders without vibration (air, laser) the displacement's band is the noise that the fit estimated.
     """
     motion, fit = shot.motion, shot.fit
     assert motion is not None
@@ -42,7 +42,7 @@ def band_of(shot: Shot) -> NoiseBand:
 
 
 def judged_band(shot: Shot, diagnosis: Diagnosis | None) -> tuple[NoiseBand, str]:
-    """Return the band that the verdict on a shot was judged by, and what it is in words; None: of the shot alone."""
+    """Return the band by which the verdict on a shot was judged, and its name; without a diagnosis the shot's own."""
     band = band_of(shot)
     if diagnosis is None:
         return band, "noise, wander and building"
@@ -51,14 +51,15 @@ def judged_band(shot: Shot, diagnosis: Diagnosis | None) -> tuple[NoiseBand, str
 
 
 def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = None) -> NoiseBand:
-    """Return the noise of the samples and what shook the path, each through the motion's own filters.
+    """Return the noise of the samples and of the path's vibration, each through the motion's own filters.
 
-    ``left_m``, shape (n,), is the std of what a fit that weighed the building leaves of it in the displacement; without
-    it the fit is taken to choose place and speed alone.
+    ``left_m``, shape (n,), is the std of the vibration in the residual of a fit that includes it; without, the fit is
+    taken to absorb only a constant and a slope.
 
-    The uncertainties a Motion states take the path for a random walk, as no more is known when it is made.  A building
-    moves its floor ever less from octave to octave: with the spectrum that the flights showed (``shaking``) the force
-    keeps a sixth of the band on a floor of VC-D, and the displacement has one at all.  Without, the motion's own hold.
+    A Motion's stated uncertainties treat the path as a random walk, as its spectrum is not known when it is made.  A
+    building's spectrum falls from octave to octave: with the spectrum from the flights (``shaking``) the force's band
+    is a sixth as wide on a floor of VC-D, and the displacement has one at all.  Without it the motion's own stds are
+    used.
     """
     if shaking is None:
         return NoiseBand(motion.displacement_std_m, motion.velocity_std_m_per_s, motion.force_std_n)
@@ -78,11 +79,11 @@ def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = 
 
 
 def diagnosed_band(diagnosis: Diagnosis, shot: Shot) -> tuple[Floats, str]:
-    """Return what stays of a diagnosed shot's displacement where nothing is missing, in m, and what it is in words.
+    """Return the band of a diagnosed shot's displacement in m, and its name in words.
 
-    A diagnosis that explains its shots learns from the whole of all of them how far the path wanders: that is sharper
-    than what some milliseconds of flight show.  Where it took the building's spectrum instead, or left something over
-    that a wandering path might pass for, the flights' own word holds, as for a single shot.
+    A diagnosis that explains its shots estimates the path's wander from all samples of all shots, better than some
+    milliseconds of flight do.  Where it uses the building's spectrum instead, or its residual is not explained, the
+    band is that of a single shot.
     """
     motion = shot.motion
     assert motion is not None
@@ -98,9 +99,9 @@ def _rms(shaking: Shaking, gain: Floats) -> float:
 
 
 def _left(shaking: Shaking, span_s: float, terms: int) -> Floats:
-    """Return what stays of each sine's power once a polynomial of ``terms`` terms is taken off, shape (f,).
+    """Return the share of each sine's power that is left by a polynomial of ``terms`` terms, shape (f,).
 
-    The fit chooses every shot's own place and speed, and so takes the slowest part of the floor off.
+    The fit adjusts every shot's own offset and speed, and so absorbs the slowest part of the vibration.
     """
     at = np.linspace(-1.0, 1.0, _POINTS)
     basis = np.linalg.qr(np.vander(at, terms))[0]

@@ -1,4 +1,4 @@
-"""The numbers of a shot, each declared once: files, tables, report, window and trends are made from ``NUMBERS``.
+"""Declare the numbers of a shot: files, tables, report, window and trends are made from ``NUMBERS``.
 
 How to add one: docs/add-a-number.md.
 """
@@ -8,10 +8,9 @@ from dataclasses import KW_ONLY, dataclass
 from enum import Enum
 from operator import attrgetter
 
-from analysis.fitted.awaited_fit import awaits_fit
-from analysis.shot.quantity import NotSeen, Quantity, Reading
+from analysis.fitted.fitted_shot import awaits_fit
+from analysis.shot.quantity import NotSeen, Quantity, Reading, shown_in
 from analysis.shot.shot import Shot
-from analysis.shot.units import shown_in
 from analysis.uncertainty import measurement_equations as by
 from analysis.uncertainty.measurement_equations import Equation
 
@@ -27,20 +26,21 @@ class Group(Enum):
 
 
 class Kind(Enum):
-    """Where a number comes from, and with that in which files it stands under its own name."""
+    """The origin of a number, which decides in which files it has an entry."""
 
     READ = "read from the motion"  # result file, shots.csv, series
     FITTED = "a parameter of the fitted model"  # shots.csv, series; the result file has it among the fit's parameters
-    DERIVED = "its measurement equation alone gives it"  # budget
-    STATED = "beside the results"  # screen only
+    DERIVED = "computed by its measurement equation alone"  # budget
+    STATED = "information about the shot"  # screen only
 
 
 @dataclass(frozen=True, slots=True)
 class ResultNumber:
     """One result: its key in files ("group.name" is nested), name below its group's heading, words in full, SI unit.
 
-    ``computed`` finds it in a shot, where it is no attribute of the impact and no parameter of the fit.  ``equation``
-    is its measurement equation; without one it has no budget.  ``repeats``: other shots of a rig should show the same.
+    ``computed`` returns it from a shot where it is neither an attribute of the impact nor a parameter of the fit.
+    ``equation`` is its measurement equation; without one it has no budget.  ``repeats``: it should be the same in other
+    shots of the rig.
     """
 
     key: str
@@ -62,7 +62,7 @@ class ResultNumber:
     folded: str = ""  # a sentence that says what it is, of a number that the window shows on request
 
     def find(self, shot: Shot) -> Reading:
-        """Return it in SI units with its uncertainty from noise, or why the shot does not show it."""
+        """Return its value in SI units with the uncertainty from noise, or why the shot does not show it."""
         if self.computed is not None:
             return self.computed(shot)
         return _of_impact(shot, self.key) if self.kind is Kind.READ else _of_fit(shot, self.key)
@@ -79,12 +79,12 @@ class ResultNumber:
 
     @property
     def title(self) -> str:
-        """Get the name as it stands without its group's heading: "COR quasi-static"."""
+        """Get the name without its group's heading: "COR quasi-static"."""
         return f"COR {self.name}" if self.group is Group.RESTITUTION else self.name
 
     @property
     def head(self) -> str:
-        """Get the head of its column in the list of shots, with the unit."""
+        """Get the heading of its column in the list of shots, with the unit."""
         short = self.symbol if self.listed and self.group is not Group.RESTITUTION else ""
         return with_unit(short or self.title, self.shown_unit)
 

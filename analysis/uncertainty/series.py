@@ -1,4 +1,4 @@
-"""Across shots: each number's mean, its repeatability, and its trend with the impact velocity."""
+"""Statistics over several shots: each number's mean, its repeatability, and its trend with impact speed."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -34,16 +34,16 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """A straight line over impact speed, uncertainties with the scatter about it."""
+    """A straight line over impact speed, its uncertainties with the scatter about it."""
 
     slope: Quantity  # unit of the number per m/s
     at_mean_speed: Quantity
     mean_speed_m_per_s: float
-    repeatability: float  # what the shots scatter about the line beyond their own uncertainties
+    repeatability: float  # scatter of the shots about the line beyond their own uncertainties
 
     @property
     def significance(self) -> float:
-        """Get how many standard uncertainties the slope stands off zero."""
+        """Get the slope over its standard uncertainty."""
         return abs(self.slope.value) / self.slope.std if self.slope.std > 0.0 else math.inf
 
     def at(self, speed_m_per_s: float) -> float:
@@ -53,10 +53,10 @@ class Trend:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """One number over a series of shots; arrays of shape (n,), shots in which it was not seen left out.
+    """One number over a series of shots; arrays of shape (n,), without the shots in which it was not seen.
 
-    ``scatter`` is the plain standard deviation between the shots, ``repeatability`` the part of it that the shots' own
-    uncertainties do not account for; NaN with a single shot.
+    ``scatter`` is the standard deviation between the shots, ``repeatability`` the part of it beyond the shots' own
+    uncertainties; NaN with a single shot.
     """
 
     key: str
@@ -74,7 +74,7 @@ class Summary:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Several shots side by side, in the order of their impact speed."""
+    """Several shots in the order of their impact speed, and their numbers."""
 
     shots: tuple[str, ...]
     speeds: tuple[Reading, ...]
@@ -95,7 +95,7 @@ def speed(shot: Shot) -> Reading:
 
 
 def series(shots: Sequence[Shot]) -> Series:
-    """Return the shots side by side; a shot without an impact is left out of it."""
+    """Return the series of the shots that have an impact."""
     numbers = of_series()
     seen = [(shot, v) for shot in shots if isinstance(v := speed(shot), Quantity)]
     seen.sort(key=lambda pair: pair[1].value)
@@ -109,8 +109,9 @@ def series(shots: Sequence[Shot]) -> Series:
 def excess_spread(values: Floats, stds: Floats, degree: int = 0, at: Floats | None = None) -> float:
     """Return the standard deviation between shots beyond their own uncertainties (R. C. Paule and J. Mandel, 1982).
 
-    ``values`` and ``stds`` have shape (n,).  It is the s that makes the weighted squares about the mean (or about a
-    polynomial of ``degree`` over ``at``) sum to their degrees of freedom; 0 where the own uncertainties suffice.
+    ``values`` and ``stds`` have shape (n,).  It is the s with which the weighted squares about the mean (or about a
+    polynomial of ``degree`` over ``at``) sum to their degrees of freedom; 0 where the uncertainties explain the
+    scatter.
     """
     freedom = values.size - degree - 1
     if freedom < 1:

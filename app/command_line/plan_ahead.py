@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.planning.contest import again
+from analysis.planning.model_comparison import refit_diagnosed
 from analysis.planning.next_shot import Reach
-from analysis.planning.precision import sharpen
-from analysis.planning.steps import stand
-from analysis.planning.words import shots as shots_words
-from analysis.planning.words import told, with_words
+from analysis.planning.plan_words import plan_sentence, with_words
+from analysis.planning.plan_words import shots as shots_words
+from analysis.planning.precision import plan_precision
+from analysis.planning.shot_log import plan_next
 from analysis.shot.shot import AnalysisError, Shot
 
 NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
@@ -42,10 +42,11 @@ def plan_ahead(
         return None
     try:
         if parameter:
-            sharper = sharpen(again(diagnosis.fit_after, motions, lambda: False), parameter, reach=reach)
+            fitted = refit_diagnosed(diagnosis.fit_after, motions, lambda: False)
+            sharper = plan_precision(fitted, parameter, reach=reach)
             words = f"{shots_words(sharper.shots)} would make {sharper.words}."
             return Ahead(words, {**sharper.to_json(), "words": words})
-        further = stand(motions, diagnosis, reach=reach).plan
+        further = plan_next(motions, diagnosis, reach=reach).plan
     except AnalysisError as error:
         print(f"levimass: nothing planned: {error}", file=sys.stderr)
         return None
@@ -55,4 +56,4 @@ def plan_ahead(
         return None
     if further is None:
         return Ahead(NOTHING_OPEN, None)
-    return Ahead(told(further), with_words(further))
+    return Ahead(plan_sentence(further), with_words(further))

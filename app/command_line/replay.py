@@ -11,10 +11,8 @@ from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
-from analysis.fitted.fit_time import SECONDS
-from analysis.fitted.fitted_shot import fit_again, read_together
-from analysis.fitted.given_up import waited_for
-from analysis.fitted.readings_model import readings_model
+from analysis.fitted.fit_time import SECONDS, run_in_time
+from analysis.fitted.fitted_shot import fit_again, read_together, readings_model
 from analysis.planning.next_shot import Reach
 from analysis.report import result
 from analysis.shot.fit import Fit
@@ -130,7 +128,7 @@ def _foretold(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
     motions = [shot.motion for shot in seen if shot.motion is not None]
     try:
         names = [shot.path or shot.name for shot in seen]
-        told = waited_for(lambda: foretell_motions(motions, names, known), SECONDS * (1 + len(seen)))
+        told = run_in_time(lambda: foretell_motions(motions, names, known), SECONDS * (1 + len(seen)))
     except AnalysisError as error:
         print(f"levimass: no prediction: {error}", file=sys.stderr)
         return None

@@ -8,8 +8,8 @@ from pathlib import Path
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Diagnosis
 from analysis.planning.next_shot import NextShot, Reach
-from analysis.planning.steps import Standing, Step, next_step, stand
-from analysis.planning.words import told, with_words
+from analysis.planning.plan_words import plan_sentence, with_words
+from analysis.planning.shot_log import PlannedStep, PlanningState, next_step, plan_next
 from analysis.report import result
 from analysis.shot.shot import AnalysisError, Shot
 from app.command_line.acquire import LEAST_ARMING_S, Taking, capture_settings
@@ -79,25 +79,25 @@ def _analysed(paths: Sequence[Path]) -> list[Shot]:
 
 
 def _standing(
-    shots: Sequence[Shot], steps: Sequence[Step], left: int, reach: Reach | None
-) -> tuple[Diagnosis, Standing]:
+    shots: Sequence[Shot], steps: Sequence[PlannedStep], left: int, reach: Reach | None
+) -> tuple[Diagnosis, PlanningState]:
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     motions = [shot.motion for shot in fitted if shot.motion is not None]
     if not motions:
         raise AnalysisError("no shot could be analysed, so there is nothing to diagnose")
     diagnosis = diagnose(fitted)
     _say(f"after {len(motions)} shots: {diagnosis.sentence}")
-    standing = stand(motions, diagnosis, steps, left=left, reach=reach)
+    standing = plan_next(motions, diagnosis, steps, left=left, reach=reach)
     if standing.steps:
         last = standing.steps[-1]
         reached = "not told" if last.reached is None else f"{last.reached:.2g}"
         _say(f"expected {last.expected_separation:.2g} noise norms, reached {reached}")
     if standing.plan is not None:
-        _say(told(standing.plan))
+        _say(plan_sentence(standing.plan))
     return diagnosis, standing
 
 
-def _write(shots: Sequence[Shot], diagnosis: Diagnosis, standing: Standing, json_to: str | None) -> int:
+def _write(shots: Sequence[Shot], diagnosis: Diagnosis, standing: PlanningState, json_to: str | None) -> int:
     if json_to is None:
         return 0
     further = None if standing.plan is None else with_words(standing.plan)

@@ -3,12 +3,11 @@
 import math
 from collections.abc import Collection
 
-from analysis.fitted.readings_model import ReadingsModel
+from analysis.fitted.fitted_shot import ReadingsModel
 from analysis.shot.disturbance import Disturbance
 from analysis.shot.fit import Fit
-from analysis.shot.quantity import NotSeen, Quantity, Reading
+from analysis.shot.quantity import NotSeen, Quantity, Reading, shown_in
 from analysis.shot.shot import Shot
-from analysis.shot.units import shown_in
 from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
 from analysis.uncertainty.numbers import Kind, number_of, of_collision, with_unit
 from app.report.markup import Markup, joined, table, tag

@@ -6,7 +6,7 @@ from importlib import resources
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.foretold import Foretold
-from analysis.fitted.readings_model import readings_model
+from analysis.fitted.fitted_shot import readings_model
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.shot.quantity import Quantity
+from analysis.shot.quantity import Quantity, shown_in
 from analysis.shot.shot import Shot
-from analysis.shot.units import shown_in
 from analysis.uncertainty.budget import budget, combined_of, stated
 from analysis.uncertainty.numbers import Kind, of_collision, with_unit
 from analysis.uncertainty.series import Series, Summary, Trend, series

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from analysis.diagnosis.model_file import SavedModel
-from analysis.fitted.awaited_fit import awaits_fit, can_be_fitted
+from analysis.fitted.fitted_shot import awaits_fit, can_be_fitted
 from analysis.shot.shot import Shot
 from app.session.event import Event, Kind, Loaded, Refitted
 from app.session.jobs import Asked, Job, Report, Work

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import awaits_fit
 from analysis.planning.next_shot import MOST_SHOTS, NextShot
-from analysis.planning.steps import Standing, Step, next_step, stand
+from analysis.planning.shot_log import PlannedStep, PlanningState, next_step, plan_next
 from analysis.shot.shot import Shot
 from app.session.choices import Choices
 from app.session.event import Diagnosed
@@ -28,9 +28,9 @@ PLAN = "plan"  # the kind of its jobs
 class _Under:
     """A planned shot under way: the set it is to join, the log before it, the source to go back to."""
 
-    step: Step
+    step: PlannedStep
     numbers: tuple[int, ...]
-    before: tuple[Step, ...]
+    before: tuple[PlannedStep, ...]
     source: str
     arrived: bool = False  # then it is one of ``numbers``
 
@@ -40,7 +40,7 @@ class NextShots:
 
     def __init__(self, workbench: Workbench, rig: Rig, choices: Choices) -> None:
         self._workbench, self._rig, self._choices = workbench, rig, choices
-        self._standings: dict[frozenset[int], Standing] = {}
+        self._standings: dict[frozenset[int], PlanningState] = {}
         self._job: tuple[Job, frozenset[int]] | None = None
         self._under: _Under | None = None
 
@@ -54,15 +54,15 @@ class NextShots:
         """Get whether the program can set speed and weights at the source in use: at the simulated bench."""
         return is_bench(self._rig.source)
 
-    def standing(self, found: Diagnosed | None) -> Standing | None:
+    def standing(self, found: Diagnosed | None) -> PlanningState | None:
         """Return where the set of a diagnosis stands, None where it was not planned for."""
         return None if found is None else self._standings.get(frozenset(found.numbers))
 
-    def plan(self, found: Diagnosed, steps: Sequence[Step] = ()) -> None:
+    def plan(self, found: Diagnosed, steps: Sequence[PlannedStep] = ()) -> None:
         """Queue the planning of what would tell apart what this diagnosis left open."""
         motions = [shot.motion for shot in self._shots(found.numbers) if shot.motion is not None]
         left = max(0, MOST_SHOTS - len(steps))
-        work = partial(stand, motions, found.diagnosis, tuple(steps), left=left, reach=self._choices.settings.reach)
+        work = partial(plan_next, motions, found.diagnosis, tuple(steps), left=left, reach=self._choices.settings.reach)
         self._job = (self._workbench.aside("next shot", work, PLAN), frozenset(found.numbers))
 
     def take(self, found: Diagnosed) -> None:
@@ -107,7 +107,7 @@ class NextShots:
         if self._job is not None and self._job[0].done.is_set():
             job, numbers = self._job
             self._job = None
-            if not job.cancelled and isinstance(job.result, Standing):
+            if not job.cancelled and isinstance(job.result, PlanningState):
                 self._standings[numbers] = job.result
         under = self._under
         if under is None or not under.arrived:

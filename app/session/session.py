@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.recording import NAMES
 from analysis.shot.shot import AnalysisSettings, Shot
 from app.session.verdict_of import ModelEffects, VerdictOf, known_effects

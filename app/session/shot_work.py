@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.fitted.fit_time import SECONDS
+from analysis.fitted.fit_time import SECONDS, run_in_time
 from analysis.fitted.fitted_shot import fit_again
-from analysis.fitted.given_up import waited_for
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
 from app.session.jobs import Asked
 from app.session.load import load_and_analyse
@@ -124,7 +123,7 @@ def put_to_test(path: Path, shots: Sequence[Shot], progress: Progress, cancelled
     if not seen:
         raise AnalysisError(f"none of these shots is of the file's base model, {model.base}")
     motions, names = [motion for motion, _ in seen], [shot.path or shot.name for _, shot in seen]
-    told = waited_for(lambda: foretell(motions, names, model, cancelled), SECONDS * (1 + len(seen)), cancelled)
+    told = run_in_time(lambda: foretell(motions, names, model, cancelled), SECONDS * (1 + len(seen)), cancelled)
     partook = sum(shot.took_part for shot in told.shots)
     warned = f" ({partook} of them took part in the model's fit: no test)" if partook else ""
     return f"{model_words(model)}: {told.sentence}{warned}"

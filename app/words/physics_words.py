@@ -6,7 +6,7 @@ from collections.abc import Collection
 from analysis.collision.effects import CATALOGUE, WIDER
 from analysis.collision.laws.own import from_key
 from analysis.drive.catalogue import LAWS
-from analysis.shot.units import parts
+from analysis.shot.quantity import words_and_unit
 
 _OTHER_WORDS = {"gain_error": "an error of the force's scale"}  # of no row of a catalogue
 BASE_WORDS = {
@@ -63,4 +63,4 @@ def correlation_words(correlation: float) -> str:
 
 def parameter_parts(name: str) -> tuple[str, str]:
     """Return ("coefficient", "N s²/m²") for "coefficient_n_s2_per_m2"; a name without a unit has the unit ""."""
-    return parts(name)
+    return words_and_unit(name)

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from functools import partial
 
-from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, Cancelled, Progress, Shot
 from instrument.files.recording_error import one_line

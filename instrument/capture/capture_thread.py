@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.recording import Gap
 from instrument.capture.acquisition import Acquisition, Action, Deadlines, Event, State, Transition
 from instrument.capture.capture_options import CaptureOptions, usual_settings

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.shot import Shot
 from instrument.capture.analyst import Analyse, Analyst, Fit
 from instrument.capture.recorder import Recorded, save_elsewhere

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.shot.rate_error import DELIVERED
+from analysis.shot.rate_error import FLAG as RATE_CONTRADICTED
 from analysis.shot.recording import Channel, Gap, Recording, Role, Setup
-from analysis.signal.stated_rate import DELIVERED
-from analysis.signal.stated_rate import FLAG as RATE_CONTRADICTED
 from instrument.capture.trigger import middle_of_step
 from instrument.devices.digitizer import CaptureSettings
 from instrument.files.recording_file import ENDED_EARLY

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict
-from analysis.drive.fit import fit_driven
+from analysis.drive.driven_fit import fit_driven
 from analysis.shot.fit import Fit, Overlay, ShotFit
 from analysis.shot.impact import Impact, KineticCor
 from analysis.shot.motion import BeatQuality, Motion

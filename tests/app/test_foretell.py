@@ -11,7 +11,7 @@ from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.foretold import foretell, sentence
-from analysis.drive.fit import fit_driven
+from analysis.drive.driven_fit import fit_driven
 from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main
 from app.session.load import load_and_analyse

@@ -10,7 +10,7 @@ import pytest
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import Plan
-from analysis.planning.steps import Standing, Step
+from analysis.planning.shot_log import PlannedStep, PlanningState
 from analysis.shot.recording import Setup
 from app.command_line.cli import main
 from app.command_line.plan_ahead import plan_ahead
@@ -29,7 +29,7 @@ FAST = NextShot(0.6, 0.05, 0.012, 0.02)
 BETWEEN = ("quadratic_drag", "viscous_drag")
 PLAN = Plan((FAST,), BETWEEN, 2.0, {"quadratic_drag": 9.0}, {"quadratic_drag": 9.0}, 9.0, ())
 HOPELESS = replace(PLAN, shots=(), best=1.5, inseparable=BETWEEN)
-STEP = Step(FAST, BETWEEN, PLAN.after_first)
+STEP = PlannedStep(FAST, BETWEEN, PLAN.after_first)
 
 
 @pytest.fixture
@@ -55,22 +55,22 @@ def test_the_card_offers_a_plan_only_where_a_choice_is_open(card, said):
 
 
 def test_the_card_says_what_to_set_what_it_will_show_and_what_it_showed(card, said, qtbot):
-    card.show_standing(said, Standing(PLAN), None, False)
+    card.show_standing(said, PlanningState(PLAN), None, False)
     assert "0.6 m/s with 50 g added" in card.words and "9 noise norms" in card.words
     assert card.take.text() == "ARM for it" and card.plan.isHidden()
-    card.show_standing(said, Standing(PLAN), None, True)
+    card.show_standing(said, PlanningState(PLAN), None, True)
     assert card.take.text() == "Set and take it"
     with qtbot.waitSignal(card.take_wanted):
         card.take.click()
-    card.show_standing(said, Standing(PLAN), FAST, False)
+    card.show_standing(said, PlanningState(PLAN), FAST, False)
     assert card.take.isHidden() and not card.give_up.isHidden() and "Set, then push" in card.words
     done = replace(STEP, reached=8.4, leader="quadratic_drag")
-    card.show_standing(said, Standing(None, (done,)), None, False)
+    card.show_standing(said, PlanningState(None, (done,)), None, False)
     assert "9 noise norms expected, 8.4 reached" in card.log_words and "Resolved" in card.words
 
 
 def test_the_card_says_that_no_shot_can(card, said):
-    card.show_standing(said, Standing(HOPELESS), None, True)
+    card.show_standing(said, PlanningState(HOPELESS), None, True)
     assert "No shot of this rig" in card.words and card.take.isHidden()
 
 
@@ -111,14 +111,14 @@ def planned(said):
     choices = SimpleNamespace(settings=Settings(weights_kg="0.02 0.1", speeds_m_per_s="0.3"))
     plans, found = NextShots(workbench, rig, choices), Diagnosed(said, (1, 2))
     plans.plan(found)
-    workbench.jobs[-1].result = Standing(PLAN)
+    workbench.jobs[-1].result = PlanningState(PLAN)
     assert plans.poll() is None
     return plans, workbench, rig, found
 
 
 def test_a_planned_shot_is_set_taken_joined_and_told(planned, said, tmp_path):
     plans, workbench, rig, found = planned
-    assert plans.standing(found) == Standing(PLAN)
+    assert plans.standing(found) == PlanningState(PLAN)
     plans.take(found)
     ((source, change),) = rig.taken
     assert source == "bench?seed=4&speed=0.6000&added=0.05000&first=2" and plans.taking == FAST
@@ -190,10 +190,10 @@ def test_resolve_without_a_source_that_is_there_is_one_line(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_the_bench_is_asked_until_one_name_is_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source, told = "bench?effect=coulomb_friction:force_n=2e-7&seed=4", tmp_path / "out.json"
-    where = ["--out", str(tmp_path / "shots"), "--rate", "10e6", "--json", str(told)]
+    source, plan_sentence = "bench?effect=coulomb_friction:force_n=2e-7&seed=4", tmp_path / "out.json"
+    where = ["--out", str(tmp_path / "shots"), "--rate", "10e6", "--json", str(plan_sentence)]
     assert main(["--acquire", "2", "--source", source, "--resolve", "2", *where]) == 0
-    result = json.loads(told.read_text())
+    result = json.loads(plan_sentence.read_text())
     assert [effect["name"] for effect in result["diagnosis"]["effects"]] == ["coulomb_friction"]
     assert result["next_shots"] is None and 1 <= len(result["plan"]) <= 2
     for step in result["plan"]:

@@ -12,7 +12,7 @@ from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QApplication, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import awaits_fit
 from analysis.pipeline import fitted, read
 from analysis.shot.motion import ARRAYS
 from analysis.shot.recording import Channel, Recording, Role, Setup

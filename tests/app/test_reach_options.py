@@ -29,26 +29,26 @@ class Told(BaseException):  # which nobody on the way takes for a fault
 
 
 @pytest.fixture
-def told(monkeypatch):
-    def stand(*_, reach, **__):
+def plan_sentence(monkeypatch):
+    def plan_next(*_, reach, **__):
         raise Told(reach)
 
     for module in (plan_ahead, resolve):
-        monkeypatch.setattr(module, "stand", stand)
+        monkeypatch.setattr(module, "stand", plan_next)
     monkeypatch.setattr(plan_ahead, "again", lambda *_: None)
-    monkeypatch.setattr(plan_ahead, "sharpen", lambda *_, reach: stand(reach=reach))
+    monkeypatch.setattr(plan_ahead, "sharpen", lambda *_, reach: plan_next(reach=reach))
     monkeypatch.setattr(resolve, "diagnose", lambda *_, **__: synthetic.diagnosis(synthetic.shot()))
 
 
 @pytest.mark.parametrize("parameter", ["", "plate_stiffness_n_per_m"])
-def test_a_plan_reaches_as_far_as_the_rig_does(told, parameter):
+def test_a_plan_reaches_as_far_as_the_rig_does(plan_sentence, parameter):
     shot, reach = synthetic.shot(), Reach((0.1,), (0.0,), 0.02)
     with pytest.raises(Told) as found:
         plan_ahead.plan_ahead([shot], synthetic.diagnosis(shot), parameter, reach)
     assert found.value.args == (reach,)
 
 
-def test_shots_that_decide_are_planned_within_the_same_reach(told):
+def test_shots_that_decide_are_planned_within_the_same_reach(plan_sentence):
     reach = Reach((0.1,), (0.0,), 0.02)
     with pytest.raises(Told) as found:
         resolve._standing([synthetic.shot()], (), 2, reach)

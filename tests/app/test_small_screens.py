@@ -26,7 +26,7 @@ from analysis.collision.effects import CATALOGUE, WIDER
 from analysis.diagnosis.result import Candidate, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
-from analysis.signal.quality import MEANINGS
+from analysis.signal.flag_meanings import MEANINGS
 from app.session.jobs import Jobs
 from app.session.prepare import PIECES
 from app.session.session import Session

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from PySide6.QtGui import QImage
 
-from tests.app.virtual_screen import SIZE, play, why_none
+from tests.app.virtual_screen import SIZE, play, why_reversed
 
 
-@pytest.mark.skipif(why_none() is not None, reason=str(why_none()))
+@pytest.mark.skipif(why_reversed() is not None, reason=str(why_reversed()))
 def test_first_start_tour_settings_and_set_up(tmp_path: Path, warm_kernels: None) -> None:
     ended = play(tmp_path, "dark", "brief", timeout_s=300.0)
     if "could not connect to display" in ended.stdout or "xcb" in ended.stdout:

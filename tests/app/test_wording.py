@@ -9,7 +9,7 @@ from PySide6.QtCore import QLocale
 from analysis.diagnosis import words
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot.quantity import NotSeen, Quantity
-from analysis.signal.quality import MEANINGS
+from analysis.signal.flag_meanings import MEANINGS
 from app.session.verdict_of import verdict_of
 from app.words import verdict, wording
 from app.words.flag_words import FLAG_WORDS

@@ -17,7 +17,7 @@ SIZE = (1480, 920)
 HOUSE = Path(__file__).resolve().parents[2]
 
 
-def why_none() -> str | None:
+def why_reversed() -> str | None:
     """Return why there can be no virtual screen here, or None."""
     return None if shutil.which("Xvfb") else "Xvfb is not installed (Debian: apt install xvfb)"
 
@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> int:
     if not arguments:
         print(__doc__, file=sys.stderr)
         return 2
-    problem = why_none()
+    problem = why_reversed()
     if problem is not None:
         print(f"virtual_screen: {problem}", file=sys.stderr)
         return 1

@@ -13,7 +13,7 @@ from analysis.collision.laws.own import LawError, from_mapping, is_law
 from analysis.collision.parameters import PAPER
 from analysis.diagnosis.model_file import from_text
 from analysis.diagnosis.verdict.foretold import foretell
-from analysis.fitted.given_up import waited_for
+from analysis.fitted.fit_time import run_in_time
 from analysis.shot.shot import AnalysisError, AnalysisSettings
 from app.session.load import load_and_analyse
 from tests.analysis.synthetic_collision import Synthetic, motion_of, position_m
@@ -89,7 +89,7 @@ def models(folder: Path, random_: random.Random) -> Iterator[Attempt]:
             base = text.replace("nan", "1.0").replace("inf", "1.0")
             try:
                 known = from_text(f"{head}[parameters]\n{text}")
-                told = waited_for(lambda: foretell([motion], ["s"], known), 3.0)
+                told = run_in_time(lambda: foretell([motion], ["s"], known), 3.0)
             except AnalysisError as error:
                 return refused_in_a_line(str(error))
             assert "inf%" not in told.sentence and "-0%" not in told.sentence and base

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import hilbert
 
 from analysis.pipeline import analyse
-from analysis.shot.doubts import concerning
+from analysis.shot.consistency import concerning
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings

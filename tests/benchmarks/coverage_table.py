@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.shot.doubts import concerning
+from analysis.shot.consistency import concerning
 from tests.benchmarks.coverage_shots import CONDITIONS, SITES
 
 BEGIN, END = "<!-- coverage: begin -->", "<!-- coverage: end -->"

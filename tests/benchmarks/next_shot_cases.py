@@ -11,10 +11,10 @@ import numpy as np
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.samples import Samples, together
-from analysis.planning.contest import contest
-from analysis.planning.distances import screened
+from analysis.planning.distances import screen_shots
+from analysis.planning.model_comparison import compare_models
 from analysis.planning.next_shot import NextShot, Reach, contact_s, undecided
-from analysis.planning.steps import Step, next_step, stand
+from analysis.planning.shot_log import PlannedStep, next_step, plan_next
 from analysis.shot.motion import Motion
 from tests.bench.blind import Take, Truth, records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
@@ -62,8 +62,8 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     rig = draw(case, bounded=False)
     truth = rig.truth
     began = time.process_time()
-    at_hand = _motions(truth)
-    first, like = diagnose(at_hand), together(at_hand)
+    present_information = _motions(truth)
+    first, like = diagnose(present_information), together(present_information)
     diagnosed = time.process_time()
     spent = (diagnosed - began, 0.0, 0.0)
     outcome = NextOutcome(case, rig.snr, _names(first), undecided(first), truth=dict(truth.effects), cpu_s=spent)
@@ -72,17 +72,17 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     random = np.random.default_rng((case.seed, 0x19))
     said, steps, now = first, (), truth
     try:
-        standing = stand(_motions(now), said, steps)
+        standing = plan_next(_motions(now), said, steps)
         if standing.plan is not None and standing.plan.settles:
             levels = (CRITERIA.separation, standing.plan.separation)
             enough, as_much = _needed_at_random(first, _motions(truth), levels, case.seed)
             outcome = replace(outcome, needs=(len(standing.plan.shots), enough, as_much))
         while not standing.settled and len(standing.steps) < MOST:
-            step: Step = next_step(standing)
+            step: PlannedStep = next_step(standing)
             now = taken(now, step.shot, like, random)
             shown = _motions(now)
             said = diagnose(shown)
-            standing = stand(shown, said, (*standing.steps, step), left=MOST - len(standing.steps) - 1)
+            standing = plan_next(shown, said, (*standing.steps, step), left=MOST - len(standing.steps) - 1)
     except Exception as error:
         return replace(outcome, problem=f"{type(error).__name__}: {error}"[:200])
     settled = time.process_time()
@@ -91,7 +91,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
         cpu_s=(spent[0], settled - diagnosed, 0.0),
         named=_names(said),
         open_last=undecided(said),
-        steps=tuple((step.expected_separation if step.foreseen else 0.0, step.reached) for step in standing.steps),
+        steps=tuple((s.expected_separation if s.has_expectation else 0.0, s.reached) for s in standing.steps),
         proven=standing.plan is not None and not standing.plan.settles,
         best=0.0 if standing.plan is None else standing.plan.best,
     )
@@ -147,12 +147,12 @@ def _needed_at_random(
     To first order; ``MOST_AT_RANDOM`` where so many do not.
     """
     open_class, random = (
-        contest(diagnosis.fit_after, undecided(diagnosis), motions),
+        compare_models(diagnosis.fit_after, undecided(diagnosis), motions),
         np.random.default_rng((seed, 0x20)),
     )
     assert open_class is not None
     shots = [_any_shot(random) for _ in range(3 * MOST_AT_RANDOM)]
-    distances = screened(open_class, shots, lambda _: None, lambda: False)
+    distances = screen_shots(open_class, shots, lambda _: None, lambda: False)
     parted = distances.without(distances.never(MOST))
     counts = []
     for _ in range(20):

@@ -20,9 +20,16 @@ from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
-from analysis.planning.contest import Contest, Member, again, contest, rivals
-from analysis.planning.foreseen import Informs, at_hand, blank, eliminated, foretold, informs
+from analysis.planning.model_comparison import ComparedModel, ModelComparison, compare_models, refit_diagnosed, rivals
 from analysis.planning.next_shot import NextShot, Reach, next_shots
+from analysis.planning.predictions import (
+    Information,
+    blank_shot,
+    information_of,
+    information_without,
+    predict,
+    present_information,
+)
 from tests.bench.blind import records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
 
@@ -63,22 +70,22 @@ def row(true: str, rival: str, seed: int) -> Row | None:
     truth = draw(Case("single", (true,), 13.0, "white", seed), bounded=False).truth
     motions = [as_motion(record) for record in records(truth)]
     given = fit_shots(motions, effects=(true,))
-    open_class = contest(given, (true, rival), motions)
-    fine = again(given, motions, _calm, ("cyclic_error",))
+    open_class = compare_models(given, (true, rival), motions)
+    fine = refit_diagnosed(given, motions, _calm, ("cyclic_error",))
     finely = rivals(fine, true, [rival], _calm)
     if open_class is None or not finely:
         return None
     a, b = (next(m for m in open_class.members if m.effect == name) for name in (true, rival))
     shots = a.fitted.hypothesis.data.shots
-    known, floor = at_hand(b.fitted, open_class.floor), open_class.floor
+    known, floor = present_information(b.fitted, open_class.floor), open_class.floor
     unshared = _of_the_plate(b.fitted)
-    every = [blank(shot, a.fitted) for shot in next_shots(shots, Reach())]
-    flight = blank(NextShot(_FLIGHT_M_PER_S, 0.0, 0.25, 0.01), a.fitted)
+    every = [blank_shot(shot, a.fitted) for shot in next_shots(shots, Reach())]
+    flight = blank_shot(NextShot(_FLIGHT_M_PER_S, 0.0, 0.25, 0.01), a.fitted)
     flight = replace(flight, valid=flight.centre_s < 0.249)
 
     def after(shot: Samples, own: list[int] | None = None) -> float:
         try:
-            return _distance(known + informs(b.fitted, foretold(a.fitted, shot), floor, own or []), a)
+            return _distance(known + information_of(b.fitted, predict(a.fitted, shot), floor, own or []), a)
         except Infeasible:
             return 0.0
 
@@ -95,7 +102,7 @@ def row(true: str, rival: str, seed: int) -> Row | None:
     )
 
 
-def _distance(said: Informs, true: Member) -> float:
+def _distance(said: Information, true: ComparedModel) -> float:
     return sqrt(max(0.0, said.least - true.chi2))
 
 
@@ -110,9 +117,9 @@ def _of_the_plate(fitted: Fitted) -> list[int]:
     return out
 
 
-def _at_rest(open_class: Contest, true: Member, rival: Member, floor: Floor) -> Informs:
+def _at_rest(open_class: ModelComparison, true: ComparedModel, rival: ComparedModel, floor: Floor) -> Information:
     """Return what a record of a block at rest says: only a sensor moves there, and the optics' offset is its own."""
-    like = blank(NextShot(0.1, 0.0, _REST_S / 2, _REST_S / 2), true.fitted)
+    like = blank_shot(NextShot(0.1, 0.0, _REST_S / 2, _REST_S / 2), true.fitted)
     shown, _, _ = _sensed(true.fitted, like)
     made, columns, own = _sensed(rival.fitted, like)
     shared = rival.fitted.hypothesis.shared
@@ -121,7 +128,7 @@ def _at_rest(open_class: Contest, true: Member, rival: Member, floor: Floor) -> 
     jacobian[:, -1] = 1.0
     jacobian = np.column_stack([jacobian, own])
     rows = like.whitened(floor, np.column_stack([made - shown, jacobian]))
-    return eliminated(rows[:, 1:], rows[:, 0], shared)
+    return information_without(rows[:, 1:], rows[:, 0], shared)
 
 
 def _sensed(fitted: Fitted, like: Samples) -> tuple[Floats, Floats, Floats]:

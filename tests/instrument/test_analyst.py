@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import awaits_fit
 from analysis.pipeline import analyse, fitted, read
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled
 from instrument.capture.analyst import Analyst, fit_here

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.signal.quality import MEANINGS
+from analysis.signal.flag_meanings import MEANINGS
 from instrument.capture.acquisition import State
 from instrument.capture.source_run import DeliveredRate
 from instrument.devices.digitizer import Block

@@ -14,10 +14,10 @@ from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.residual import errors
 from analysis.drive.bandwidth import force_noise
-from analysis.drive.fit import chi2, foretold_force
+from analysis.drive.driven_fit import chi2, prediction_residual_n
 from analysis.drive.regress import rms
-from analysis.drive.repeat import Floor as DriveFloor
-from analysis.drive.run import prepare as prepare_drive
+from analysis.drive.repeatability import Repeatability
+from analysis.drive.stretch import prepare as prepare_drive
 from analysis.drive.table import Table
 from analysis.fitted.fitted_shot import fit_jointly, in_words
 from analysis.inference.fit.base import PLATE_NAMES, base_named
@@ -141,8 +141,8 @@ def _all(shots: Sequence[ForetoldShot], which: str) -> Errors:
 def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
     table = Table.of(prepare_drive([motion]))
     trials: tuple[tuple[tuple[str, ...], Parameters], ...] = (((), base), (model.effects, model.parameters))
-    left = [rms(foretold_force(table, of, known)) for of, known in trials]
-    noise = DriveFloor(force_noise(motion), False, "")
+    left = [rms(prediction_residual_n(table, of, known)) for of, known in trials]
+    noise = Repeatability(force_noise(motion), False, "")
     bare, whole = (Errors(float("nan"), float("nan"), force, chi2(force, noise)) for force in left)
     return bare, whole
 

@@ -32,8 +32,8 @@ from analysis.inference.noise.joint_data import can_tell, joint_data, site_under
 from analysis.inference.noise.site import Site, on_site
 from analysis.inference.screen.projector import projector
 from analysis.inference.screen.screening import scores
+from analysis.shot.consistency import PLATE_RINGS
 from analysis.shot.disturbance import Shaking
-from analysis.shot.doubts import PLATE_RINGS
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
+from analysis.shot.quantity import shown_in
 from analysis.shot.shot import Shot
-from analysis.shot.units import shown_in
 from analysis.uncertainty.budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.window.panels.tree_table import Line, TreeTable

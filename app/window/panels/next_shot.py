@@ -5,8 +5,8 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLay
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.planning.next_shot import NextShot, undecided
-from analysis.planning.steps import Standing, Step
-from analysis.planning.words import told
+from analysis.planning.plan_words import plan_sentence
+from analysis.planning.shot_log import PlannedStep, PlanningState
 from app.words.wording import local_words
 
 UNPLANNED = (
@@ -73,25 +73,25 @@ class NextShotCard(QFrame):
         return self._log.text()
 
     def show_standing(
-        self, diagnosis: Diagnosis | None, standing: Standing | None, waited_for: NextShot | None, sets_itself: bool
+        self, diagnosis: Diagnosis | None, state: PlanningState | None, waited_for: NextShot | None, sets_itself: bool
     ) -> None:
         """Show where a diagnosed set stands; ``sets_itself``: the program sets speed and weights at this source."""
         left_open = diagnosis is not None and bool(undecided(diagnosis))
-        self.setVisible(left_open or (standing is not None and bool(standing.steps)))
-        planned = standing.plan if standing is not None else None
+        self.setVisible(left_open or (state is not None and bool(state.steps)))
+        planned = state.plan if state is not None else None
         can_take = planned is not None and planned.settles and waited_for is None
         if waited_for is not None:
             said = "Being taken" if sets_itself else "Armed. Set, then push"
             self._sentence.setText(local_words(f"{said}: {waited_for.words}"))
-        elif standing is None:
+        elif state is None:
             self._sentence.setText(UNPLANNED)
         else:
-            words = told(planned) if planned is not None else "Resolved: one candidate remains."
+            words = plan_sentence(planned) if planned is not None else "Resolved: one candidate remains."
             self._sentence.setText(local_words(words))
-        steps = standing.steps if standing is not None else ()
+        steps = state.steps if state is not None else ()
         self._log.setText(local_words("\n".join(_line(n, step) for n, step in enumerate(steps, 1))))
         self._log.setVisible(bool(self._log.text()))
-        self.plan.setVisible(left_open and standing is None and waited_for is None)
+        self.plan.setVisible(left_open and state is None and waited_for is None)
         self.take.setVisible(can_take)
         self.take.setText(SET if sets_itself else ARM)
         self.take.setToolTip(SET_TIP if sets_itself else ARM_TIP)
@@ -114,6 +114,6 @@ class NextShotCard(QFrame):
         self.give_up_wanted.emit()
 
 
-def _line(number: int, step: Step) -> str:
+def _line(number: int, step: PlannedStep) -> str:
     reached = "not told" if step.reached is None else f"{step.reached:.2g}"
     return f"{number}. {step.shot.words}: {step.expected_separation:.2g} noise norms expected, {reached} reached"

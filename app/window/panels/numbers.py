@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.shot.doubts import concerning
+from analysis.shot.consistency import concerning
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import combined_of, stated

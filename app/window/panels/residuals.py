@@ -86,7 +86,7 @@ class Residuals(QWidget):
 
     def show_forces(self, shot: Shot, before: DriveCurves, after: DriveCurves) -> None:
         """Show what a driven shot's force leaves over under the fits before and after the diagnosis on the screen."""
-        against = repeatability_words(after.below.repeats, after.below.what)
+        against = repeatability_words(after.repeatability.repeats, after.repeatability.what)
         self._heading.setText(f"RESIDUAL OF FORCE, {short_name(shot.name)} (band: ±2 × {against})")
         self.forces.show_curves(shot, before, after)
 
@@ -162,7 +162,7 @@ class ForceResiduals(QObject):
             factor, unit = prefix_for(float(np.nanmax(np.abs(found.residual_n), initial=0.0)), "N")
             plot.count_in(unit)
             curve.show_points(found.time_s, factor * found.residual_n)
-            half = np.full(2, 2.0 * factor * found.below.force_n)
+            half = np.full(2, 2.0 * factor * found.repeatability.force_n)
             band.show_band(self._span[0], self._span[1] - self._span[0], half)
         self.reset()
 

@@ -64,7 +64,7 @@ class DriveView(QObject):
         """Return what the lines are."""
         below = "band"
         if self._curves is not None:
-            below = f"±2 × {repeatability_words(self._curves.below.repeats, self._curves.below.what)}"
+            below = f"±2 × {repeatability_words(self._curves.repeatability.repeats, self._curves.repeatability.what)}"
         return [
             ("measured", thin(colours.measured)),
             ("modelled (fitted to this record)", under(colours.simulated)),
@@ -92,7 +92,7 @@ class DriveView(QObject):
             for page in (self.speed, self.place):
                 page.show_force(NOTHING, NOTHING, NOTHING, 0.0)
             return
-        time, half = curves.time_s, 2.0 * curves.below.force_n
+        time, half = curves.time_s, 2.0 * curves.repeatability.force_n
         self._velocity.show_points(time, curves.velocity_m_per_s)
         self._measured.show_points(time, curves.measured_n)
         self._modelled.show_points(time, curves.modelled_n)
@@ -101,11 +101,11 @@ class DriveView(QObject):
         self.speed.show_force(curves.velocity_m_per_s, curves.measured_n, curves.modelled_n, half)
         self.place.show_force(1e3 * curves.displacement_m, curves.measured_n, curves.modelled_n, half)
         rms = float(np.sqrt(np.nanmean(curves.residual_n**2)))
-        times = number(rms / curves.below.force_n, 2) if curves.below.force_n > 0.0 else "–"
-        against = repeatability_words(curves.below.repeats, curves.below.what)
+        times = number(rms / curves.repeatability.force_n, 2) if curves.repeatability.force_n > 0.0 else "–"
+        against = repeatability_words(curves.repeatability.repeats, curves.repeatability.what)
         self.say.setText(
             f"residual {number(rms, 3)} N rms, {times} times {against} "
-            f"({number(curves.below.force_n, 2)} N under this shot's own fit); "
+            f"({number(curves.repeatability.force_n, 2)} N under this shot's own fit); "
             f"compared up to {number(curves.bandwidth_hz, 3)} Hz"
         )
 

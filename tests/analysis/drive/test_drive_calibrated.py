@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.drive.regress import Regression, regress
-from analysis.drive.run import prepare
+from analysis.drive.stretch import prepare
 from analysis.drive.table import Table
 from tests.analysis.drive.slider import MASS, OFFSET, VISCOUS, Drive, Floats
 

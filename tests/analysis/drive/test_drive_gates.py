@@ -6,12 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from analysis.drive import search
-from analysis.drive.alike import look_alikes
+from analysis.drive import law_search
 from analysis.drive.catalogue import LAWS
+from analysis.drive.law_search import Split, Trial, cross_validated_n, look_alikes, same_in_both_halves
 from analysis.drive.regress import Regression, regress
-from analysis.drive.run import prepare
-from analysis.drive.search import Ground, Trial, crossed, stable
+from analysis.drive.stretch import prepare
 from analysis.drive.table import Table
 from tests.analysis.drive.slider import Drive, Floats
 
@@ -22,7 +21,7 @@ def table_of(*drives: Drive) -> Table:
 
 def with_force(table: Table, added: Floats) -> Table:
     """Return a table whose measured force has ``added``, shape (m,), more than it had."""
-    other = Table.of(table.runs)
+    other = Table.of(table.stretches)
     other._seen["", (0.0,)] = (table.force() + added)[:, None]
     return other
 
@@ -34,20 +33,20 @@ def drag() -> Table:
 
 @pytest.mark.parametrize(("later", "same"), [(1.0, True), (1.3, True), (1.45, False), (-1.0, False), (0.0, False)])
 def test_a_law_is_the_same_in_both_halves_or_is_none(drag: Table, later: float, same: bool) -> None:
-    ground = Ground.of(drag)
+    split = Split.of(drag)
     friction = drag.columns(LAWS["coulomb_friction"], ())[:, 0]
-    changed = with_force(drag, np.where(ground.held, (later - 1.0) * 20.0 * friction, 0.0))
-    ground = Ground.of(changed)
-    found = regress(changed, ("coulomb_friction",), ground.kept)
-    assert stable(ground, found, "coulomb_friction") is same
+    changed = with_force(drag, np.where(split.held, (later - 1.0) * 20.0 * friction, 0.0))
+    split = Split.of(changed)
+    found = regress(changed, ("coulomb_friction",), split.kept)
+    assert same_in_both_halves(split, found, "coulomb_friction") is same
 
 
-def trial(ground: Ground, delta_bic: float, held: float, across: float) -> Trial:
+def trial(split: Split, delta_bic: float, held: float, across: float) -> Trial:
     """Return a trial that foretells ``held`` and ``across`` times as badly as the model before."""
-    before = regress(ground.table, (), ground.kept)
-    found = regress(ground.table, ("coulomb_friction",), ground.kept)
-    error = crossed(ground, before.laws, before.bent)
-    return Trial(("coulomb_friction",), found, delta_bic, held * before.foretold_n(ground.held), across * error)
+    before = regress(split.table, (), split.kept)
+    found = regress(split.table, ("coulomb_friction",), split.kept)
+    error = cross_validated_n(split, before.laws, before.nonlinear)
+    return Trial(("coulomb_friction",), found, delta_bic, held * before.rms_of(split.held), across * error)
 
 
 @pytest.mark.parametrize(
@@ -64,31 +63,31 @@ def trial(ground: Ground, delta_bic: float, held: float, across: float) -> Trial
 def test_a_law_pays_in_the_criterion_and_in_both_ways_of_foretelling(
     drag: Table, delta_bic: float, held: float, across: float, joins: bool
 ) -> None:
-    ground = Ground.of(drag)
-    before = regress(drag, (), ground.kept)
-    assert (search._best(ground, before, [trial(ground, delta_bic, held, across)]) is not None) is joins
+    split = Split.of(drag)
+    before = regress(drag, (), split.kept)
+    assert (law_search._best(split, before, [trial(split, delta_bic, held, across)]) is not None) is joins
 
 
 def test_a_law_that_changes_between_the_halves_does_not_join(drag: Table, monkeypatch: pytest.MonkeyPatch) -> None:
-    ground = Ground.of(drag)
-    before, one = regress(drag, (), ground.kept), trial(ground, -100.0, 0.5, 0.5)
-    assert search._best(ground, before, [one]) is one
-    monkeypatch.setattr(search, "stable", lambda *_: False)
-    assert search._best(ground, before, [one]) is None
+    split = Split.of(drag)
+    before, one = regress(drag, (), split.kept), trial(split, -100.0, 0.5, 0.5)
+    assert law_search._best(split, before, [one]) is one
+    monkeypatch.setattr(law_search, "same_in_both_halves", lambda *_: False)
+    assert law_search._best(split, before, [one]) is None
 
 
 def test_a_part_of_the_cycle_is_foretold_without_itself(drag: Table) -> None:
-    ground = Ground.of(drag)
-    spoilt = ground.fold == ground.fold[0]
+    split = Split.of(drag)
+    spoilt = split.fold == split.fold[0]
     force = drag.force() + np.where(spoilt, 300.0 * np.sin(drag.time_s), 0.0)
     columns = drag.base()
     left = np.empty(force.size)
-    for fold in np.unique(ground.fold):
-        out = ground.fold == fold
+    for fold in np.unique(split.fold):
+        out = split.fold == fold
         left[out] = force[out] - columns[out] @ np.linalg.lstsq(columns[~out], force[~out], rcond=None)[0]
     other = with_force(drag, force - drag.force())
-    of_others = crossed(Ground.of(other), (), {})
-    assert len(np.unique(ground.fold)) > 2
+    of_others = cross_validated_n(Split.of(other), (), {})
+    assert len(np.unique(split.fold)) > 2
     assert of_others == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-6)
     assert of_others > 1.002 * regress(other).rms_n
 

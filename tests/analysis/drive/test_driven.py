@@ -9,11 +9,11 @@ import pytest
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.drive.curves import drive_curves
-from analysis.drive.fit import fit_driven
-from analysis.drive.regress import independent, regress
-from analysis.drive.repeat import Floor, floor
-from analysis.drive.run import low_pass, prepare
-from analysis.drive.screen import screen
+from analysis.drive.driven_fit import fit_driven
+from analysis.drive.law_screening import screen_laws
+from analysis.drive.regress import independent_count, regress
+from analysis.drive.repeatability import Repeatability, repeatability_of
+from analysis.drive.stretch import low_pass, prepare
 from analysis.drive.table import Table
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError
@@ -34,13 +34,13 @@ def friction(x: Floats, v: Floats) -> Floats:
 
 def lagging(x: Floats, v: Floats) -> Floats:
     """Bristles integrated step by step; friction builds up over 2 mm."""
-    bent = np.empty(x.size)
+    nonlinear = np.empty(x.size)
     now = float(np.sign(v[0]))
     for i in range(x.size):
         for _ in range(20):
             now += (x[i] - x[max(0, i - 1)]) / 20.0 / 2e-3 * (1.0 - now * np.sign(v[i]))
-        bent[i] = now
-    return 20.0 * bent
+        nonlinear[i] = now
+    return 20.0 * nonlinear
 
 
 def test_clean_is_adequate() -> None:
@@ -148,13 +148,13 @@ def test_records_of_one_input_are_the_floor() -> None:
     one, two = (Drive(odd, seconds=10.0, noise_n=1.0, seed=seed).motion() for seed in (1, 2))
     other = Drive(odd, seconds=10.0, noise_n=1.0, seed=3, waves=((0.07, 0.37), (0.03, 0.83))).motion()
 
-    def below(motions: list[Motion]) -> Floor:
+    def repeatability(motions: list[Motion]) -> Repeatability:
         table = Table.of(prepare(motions))
         found = regress(table, ())
-        return floor(table, found, 0.01)
+        return repeatability_of(table, found, 0.01)
 
-    assert not below([one, other]).repeats
-    seen = below([one, other, replace(two, time_s=two.time_s + 100.0)])
+    assert not repeatability([one, other]).repeats
+    seen = repeatability([one, other, replace(two, time_s=two.time_s + 100.0)])
     assert seen.what == "what records of one input repeat to"
     passed = float(np.linalg.norm(low_pass(RATE_HZ, prepare([one, other])[0].bandwidth_hz)))
     assert 0.8 * passed < seen.force_n < 1.2 * passed  # the noise of 1 N through the filter, not the 4 N of the odd law
@@ -174,7 +174,7 @@ def test_quiet_records_count_for_little_beside_a_noisy_one() -> None:
 
     def worth(noise: tuple[float, float, float]) -> float:
         draws = random.normal(0.0, np.repeat(noise, 1000), (40, 3000))
-        return float(np.median([independent(left, record) for left in draws]))
+        return float(np.median([independent_count(left, record) for left in draws]))
 
     assert worth((1.0, 1.0, 1.0)) == pytest.approx(3000, rel=0.15)
     assert worth((0.1, 0.1, 3.0)) == pytest.approx(1000, rel=0.15)
@@ -183,8 +183,8 @@ def test_quiet_records_count_for_little_beside_a_noisy_one() -> None:
 def test_one_way_the_load_is_the_force_itself_and_no_candidate() -> None:
     motion = Drive(seconds=12.0, steady_m_per_s=2.0, seed=3).motion()
     assert (motion.force_n > 0.0).all() and (np.diff(motion.displacement_m) > 0.0).all()
-    screening = screen((table := Table.of(prepare([motion]))), regress(table))
-    assert "load_dependent_friction" in screening.coinciding
+    screened = screen_laws((table := Table.of(prepare([motion]))), regress(table))
+    assert "load_dependent_friction" in screened.unidentifiable
     assert diagnose_driven([motion]).verdict is Verdict.ADEQUATE
 
 
@@ -243,7 +243,7 @@ def test_the_curves_are_the_fits_own_force_and_break_where_nothing_was_compared(
     fit = fit_driven([motion], ("coulomb_friction",))
     told = drive_curves(motion, fit)
     left = float(np.sqrt(np.nanmean(told.residual_n**2)))
-    assert left == pytest.approx(told.below.force_n * np.sqrt(fit.reduced_chi2), rel=1e-6)
+    assert left == pytest.approx(told.repeatability.force_n * np.sqrt(fit.reduced_chi2), rel=1e-6)
     away = np.abs(told.velocity_m_per_s) > 0.05  # where the filter does not round the reversal
     true = drive._force(told.time_s)
     for force in (told.measured_n, told.modelled_n):

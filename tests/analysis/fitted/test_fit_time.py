@@ -11,9 +11,8 @@ import pytest
 from analysis.drive.regress import Regression, regress
 from analysis.drive.table import Table
 from analysis.fitted import fit_time
-from analysis.fitted.fit_time import FitTime
+from analysis.fitted.fit_time import FitTime, run_in_time
 from analysis.fitted.fitted_shot import fit_again, fit_jointly
-from analysis.fitted.given_up import waited_for
 from analysis.pipeline import analyse_motion
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
 from analysis.signal.record import motion_from_displacement
@@ -40,7 +39,7 @@ def test_a_span_that_no_collision_has_is_questioned_before_anything_is_fitted() 
 
 def test_a_fit_that_finds_no_end_is_refused_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert shot_of(2e3, 1.0, AnalysisSettings()).fit is not None  # compiled from here on
-    monkeypatch.setattr("analysis.reading.sense.LONGEST_S", 1e9)
+    monkeypatch.setattr("analysis.reading.record_checks.LONGEST_S", 1e9)
     began = time.process_time()
     shot = shot_of(2e3, 1e-6, AnalysisSettings(fit_seconds=2.0))
     assert time.process_time() - began < 12.0
@@ -57,7 +56,7 @@ def test_a_drive_s_fit_has_its_seconds_too(monkeypatch: pytest.MonkeyPatch) -> N
             fits.append(regress(table))
         return fits[-1]
 
-    monkeypatch.setattr("analysis.drive.fit.accept", endless)
+    monkeypatch.setattr("analysis.drive.driven_fit.fit_accepted", endless)
     with pytest.raises(AnalysisError, match="no end of the fit after 1 s"):
         fit_jointly([Drive().motion()], "driven", (), seconds=1.0)
     time.sleep(0.2)
@@ -118,16 +117,16 @@ def test_a_step_that_does_not_end_is_left_alone() -> None:
             time.monotonic()
 
     with pytest.raises(AnalysisError, match="no end of the fit after 1 s"):
-        waited_for(endless, 1.0)
+        run_in_time(endless, 1.0)
     ended.set()
     assert time.process_time() - began < 8.0
-    assert waited_for(lambda: 7, 1.0) == 7
+    assert run_in_time(lambda: 7, 1.0) == 7
     with pytest.raises(ZeroDivisionError):
-        waited_for(lambda: 1 // 0, 1.0)
+        run_in_time(lambda: 1 // 0, 1.0)
     with pytest.raises(Cancelled):
-        waited_for(lambda: time.sleep(5.0), 1.0, lambda: True)
+        run_in_time(lambda: time.sleep(5.0), 1.0, lambda: True)
 
 
 def test_numpy_s_way_with_overflows_goes_along() -> None:
     with np.errstate(over="raise"):
-        assert waited_for(lambda: np.geterr()["over"], 1.0) == "raise"
+        assert run_in_time(lambda: np.geterr()["over"], 1.0) == "raise"

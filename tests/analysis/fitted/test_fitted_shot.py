@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from analysis.fitted.fitted_shot import fit_again, with_fit
-from analysis.shot.doubts import concerning
+from analysis.shot.consistency import concerning
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.shot import Shot

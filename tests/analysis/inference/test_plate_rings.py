@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.shot.doubts import concerning
+from analysis.shot.consistency import concerning
 from tests.building_rig import Path, Rig
 
 QUIET = Rig(site="", path=Path(white_m=0.1e-9, wander_m=0.05e-9))

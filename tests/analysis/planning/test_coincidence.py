@@ -7,8 +7,8 @@ import pytest
 
 from analysis.diagnosis.verdict.coincidence import by_chance, unforetold
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.planning.contest import Contest, contest
-from analysis.planning.distances import nearest, refitted, screened
+from analysis.planning.distances import nearest, refitted, screen_shots
+from analysis.planning.model_comparison import ModelComparison, compare_models
 from analysis.planning.next_shot import NextShot, contact_s
 from tests.analysis.diagnosis.shots import calm, motions_of
 from tests.analysis.planning.rig import rig, with_shots
@@ -49,14 +49,14 @@ def test_a_number_far_from_zero_costs_the_logarithm_of_how_far():
 
 
 @pytest.fixture(scope="module")
-def damped() -> tuple[Truth, Contest]:
+def damped() -> tuple[Truth, ModelComparison]:
     truth = rig({"nonlinear_contact_damping": {"coefficient_n_s_per_m2": 2.0}})
     return truth, _contest(truth, NAMES[0])
 
 
-def _contest(truth: Truth, given: str) -> Contest:
+def _contest(truth: Truth, given: str) -> ModelComparison:
     motions = motions_of(truth)
-    found = contest(fit_shots(motions, effects=(given,)), NAMES, motions)
+    found = compare_models(fit_shots(motions, effects=(given,)), NAMES, motions)
     assert found is not None
     return found
 
@@ -65,11 +65,11 @@ def test_what_the_next_shot_brings_against_coincidence_is_foreseen(damped):
     truth, now = damped
     shot = NextShot(0.6, 0.0, 0.012, 0.02)
     samples = now.members[0].fitted.hypothesis.data.shots
-    foreseen = nearest(refitted(now, (shot,), screened(now, [shot], lambda _: None, calm), calm))
+    foreseen = nearest(refitted(now, (shot,), screen_shots(now, [shot], lambda _: None, calm), calm))
     then = _contest(with_shots(truth, [shot], contact_s(shot, samples)), NAMES[0])
     leader = [member.effect for member in now.members].index("nonlinear_contact_damping")
     assert then.members[0].effect == "nonlinear_contact_damping"
-    assert then.members[1].coincidence > now.members[1 - leader].coincidence + 3.0
+    assert then.members[1].penalty > now.members[1 - leader].penalty + 3.0
     # Two shots know the coefficient to a tenth or so, and what is reached scatters by one noise norm.
     assert then.reached == pytest.approx(foreseen[leader], rel=0.25, abs=3.0)
 

@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.planning.foreseen import at_hand, blank, foretold, informs
 from analysis.planning.next_shot import NextShot, contact_s, effort
 from analysis.planning.precision import _spread
+from analysis.planning.predictions import blank_shot, information_of, predict, present_information
 from tests.analysis.diagnosis.shots import base_fit, shots
 
 FEW = settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
@@ -29,11 +29,11 @@ def shot_of(speed: float, added: float) -> NextShot:
 @FEW
 @given(speed=SPEED, added=ADDED)
 def test_two_equal_shots_add_twice_the_information(fitted: Fitted, speed: float, added: float) -> None:
-    one = informs(fitted, foretold(fitted, blank(shot_of(speed, added), fitted)), fitted.floor)
+    one = information_of(fitted, predict(fitted, blank_shot(shot_of(speed, added), fitted)), fitted.floor)
     two = one + one
-    for name in ("curvature", "gradient", "chi2", "coincidence"):
+    for name in ("curvature", "gradient", "chi2", "penalty"):
         np.testing.assert_allclose(getattr(two, name), 2.0 * np.asarray(getattr(one, name)), rtol=1e-12)
-    known = at_hand(fitted, fitted.floor).curvature
+    known = present_information(fitted, fitted.floor).curvature
     for count in (1, 2, 3):
         assert _spread(known * (1 + count), None) == pytest.approx(_spread(known, None) / np.sqrt(1 + count))
     rows = np.eye(len(known))
@@ -43,8 +43,9 @@ def test_two_equal_shots_add_twice_the_information(fitted: Fitted, speed: float,
 @FEW
 @given(speed=SPEED)
 def test_shots_at_hand_twice_over_know_each_number_by_the_root_of_two_better(fitted: Fitted, speed: float) -> None:
-    information = informs(fitted, foretold(fitted, blank(shot_of(speed, 0.0), fitted)), fitted.floor).curvature
-    known = at_hand(fitted, fitted.floor).curvature + information
+    shown = predict(fitted, blank_shot(shot_of(speed, 0.0), fitted))
+    information = information_of(fitted, shown, fitted.floor).curvature
+    known = present_information(fitted, fitted.floor).curvature + information
     for row in np.eye(len(known)):
         assert _spread(2.0 * known, row) == pytest.approx(_spread(known, row) / np.sqrt(2.0), rel=1e-6)
 
@@ -55,10 +56,10 @@ def test_added_mass_counts(fitted: Fitted, speed: float, added: float) -> None:
     samples = fitted.hypothesis.data.shots
     bare, laden = shot_of(speed, 0.0), shot_of(speed, added)
     mass = samples[0].moving_mass_kg
-    assert blank(laden, fitted).moving_mass_kg == pytest.approx(mass + added, rel=1e-12)
+    assert blank_shot(laden, fitted).moving_mass_kg == pytest.approx(mass + added, rel=1e-12)
     ratio = contact_s(laden, samples) / contact_s(bare, samples)
     assert ratio == pytest.approx(np.sqrt((mass + added) / mass), rel=1e-12)
     assert effort((laden,), 0.0) == effort((bare,), 0.0) + 0.5 == effort((laden, laden), 0.0) - 1.0
-    heavy = foretold(fitted, blank(laden, fitted)).displacement_m
-    light = foretold(fitted, replace(blank(laden, fitted), moving_mass_kg=mass)).displacement_m
+    heavy = predict(fitted, blank_shot(laden, fitted)).displacement_m
+    light = predict(fitted, replace(blank_shot(laden, fitted), moving_mass_kg=mass)).displacement_m
     assert np.max(np.abs(heavy - light)) > 1e-6, "a heavier block goes deeper"

@@ -9,14 +9,14 @@ import pytest
 
 from analysis.diagnosis.result import FoundEffect
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.planning import foreseen
-from analysis.planning.contest import Contest, again, contest
-from analysis.planning.distances import Distances, nearest, refitted, screened
-from analysis.planning.foreseen import Informs, blank
+from analysis.planning import predictions
+from analysis.planning.distances import Distances, nearest, refitted, screen_shots
+from analysis.planning.model_comparison import ModelComparison, compare_models, refit_diagnosed
 from analysis.planning.next_shot import NextShot, Reach, contact_s, effort, next_shots
 from analysis.planning.plan import Plan, plan
-from analysis.planning.steps import Step, stand
-from analysis.planning.words import told
+from analysis.planning.plan_words import plan_sentence
+from analysis.planning.predictions import Information, blank_shot
+from analysis.planning.shot_log import PlannedStep, plan_next
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Cancelled
@@ -28,16 +28,16 @@ NAMES = ("coulomb_friction", "sensor_drift")
 REACH = Reach(speeds_m_per_s=(0.1, 0.3), added_kg=(0.0, 0.05))
 
 
-def _stood(truth: Truth, names: tuple[str, ...]) -> tuple[Contest, Fit, tuple[Motion, ...]]:
+def _stood(truth: Truth, names: tuple[str, ...]) -> tuple[ModelComparison, Fit, tuple[Motion, ...]]:
     motions = motions_of(truth)
     fit = fit_shots(motions, effects=names[:1])
-    open_class = contest(fit, names, motions)
+    open_class = compare_models(fit, names, motions)
     assert open_class is not None
     return open_class, fit, motions
 
 
 @pytest.fixture(scope="module")
-def friction() -> tuple[Truth, Contest, Plan]:
+def friction() -> tuple[Truth, ModelComparison, Plan]:
     truth = rig({"coulomb_friction": {"force_n": 7e-9}})
     open_class, _, _ = _stood(truth, NAMES)
     return truth, open_class, plan(open_class, REACH)
@@ -51,7 +51,7 @@ def test_friction_and_drift_are_told_apart_as_foreseen(friction):
     motions = motions_of(with_shots(truth, wanted.shots, contact_s(shot, samples)))
     found = FoundEffect("coulomb_friction", {}, {})
     said = SimpleNamespace(effects=(found,), fit_after=fit_shots(motions, effects=NAMES[:1]))
-    standing = stand(motions, said, (Step(shot, wanted.members, wanted.after_first),))
+    standing = plan_next(motions, said, (PlannedStep(shot, wanted.members, wanted.after_first),))
     (step,) = standing.steps
     assert standing.plan is None and standing.settled and step.leader == "coulomb_friction"
     # The force itself is known to a tenth or so beforehand, and what is reached scatters by one.
@@ -64,7 +64,7 @@ def test_the_first_order_agrees_with_a_refit_where_the_models_are_nearly_linear(
     _, open_class, _ = friction
     shots = open_class.members[0].fitted.hypothesis.data.shots
     some = next_shots(shots, REACH)[:2]
-    distances = screened(open_class, some, lambda _: None, calm)
+    distances = screen_shots(open_class, some, lambda _: None, calm)
     for shot in some:
         fitted = nearest(refitted(open_class, (shot,), distances, calm))
         for member, value in distances.nearest((shot,)).items():
@@ -75,7 +75,7 @@ def test_several_like_shots_add_up_and_cost_more(friction):
     _, open_class, _ = friction
     shots = open_class.members[0].fitted.hypothesis.data.shots
     shot = next_shots(shots, REACH)[0]
-    distances = screened(open_class, [shot], lambda _: None, calm)
+    distances = screen_shots(open_class, [shot], lambda _: None, calm)
     one, two = distances.nearest((shot,))[0], distances.nearest((shot, shot))[0]
     now = distances.nearest(())[0]
     assert now < one < two
@@ -87,14 +87,14 @@ def test_several_like_shots_add_up_and_cost_more(friction):
 def test_a_dashpot_is_an_arm_that_relaxes_at_once_and_no_shot_tells_them_apart():
     truth = rig({"plate_damping": {"coefficient_n_s_per_m": 4e-7}})
     open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm"))
-    never = plan(open_class, REACH)
-    assert not never.settles and never.best < 5.0
-    assert never.inseparable == tuple(never.expected) and "two readings" in told(never)
+    hopeless = plan(open_class, REACH)
+    assert not hopeless.settles and hopeless.best < 5.0
+    assert hopeless.inseparable == tuple(hopeless.expected) and "two readings" in plan_sentence(hopeless)
 
 
 def test_a_plan_says_what_to_set_and_can_be_stopped(friction):
     _, open_class, wanted = friction
-    assert "m/s" in told(wanted) and "coulomb friction and sensor drift" in told(wanted)
+    assert "m/s" in plan_sentence(wanted) and "coulomb friction and sensor drift" in plan_sentence(wanted)
     fractions: list[float] = []
     with pytest.raises(Cancelled):
         plan(open_class, REACH, progress=lambda _, f: fractions.append(f), stop=lambda: len(fractions) > 2)
@@ -104,27 +104,27 @@ def test_a_plan_says_what_to_set_and_can_be_stopped(friction):
 def test_there_is_no_contest_without_one_of_its_members(friction):
     truth, _, _ = friction
     motions = motions_of(truth)
-    assert contest(fit_shots(motions), NAMES, motions) is None
+    assert compare_models(fit_shots(motions), NAMES, motions) is None
 
 
 def test_a_plate_that_swings_is_foretold_to_swing_as_in_one_of_the_shots():
     truth = rig({"plate_motion": {"velocity_m_per_s": 4e-7, "displacement_m": 5e-11}})
-    fitted = again(fit_shots(motions_of(truth), effects=("plate_motion",)), motions_of(truth), calm)
+    fitted = refit_diagnosed(fit_shots(motions_of(truth), effects=("plate_motion",)), motions_of(truth), calm)
     shot = next_shots(fitted.hypothesis.data.shots, REACH)[0]
-    hypothesis, z = foreseen.with_shots(fitted, [blank(shot, fitted)])
-    *at_hand, added = [values["plate_motion"] for values in hypothesis.unpack(z).values]
-    assert any(added == pytest.approx(one) for one in at_hand)
+    hypothesis, z = predictions.with_shots(fitted, [blank_shot(shot, fitted)])
+    *starts, added = [values["plate_motion"] for values in hypothesis.unpack(z).values]
+    assert any(added == pytest.approx(one) for one in starts)
 
 
 def test_a_pair_that_no_shots_part_does_not_keep_its_members_from_a_third():
     shot = NextShot(0.3, 0.0, 0.012, 0.03)
-    says_nothing = Informs(np.eye(1), np.zeros(1), 0.0)
-    tells = Informs(np.eye(1), np.zeros(1), 16.0)
+    says_nothing = Information(np.eye(1), np.zeros(1), 0.0)
+    tells = Information(np.eye(1), np.zeros(1), 16.0)
     pairs = {(0, 1): says_nothing, (0, 2): tells, (1, 0): says_nothing, (1, 2): tells}
     distances = Distances(dict.fromkeys(pairs, says_nothing), {shot: pairs}, {0: 0.0, 1: 0.0})
-    assert distances.never(3) == {(0, 1), (1, 0)}
+    assert distances.inseparable_pairs(3) == {(0, 1), (1, 0)}
     assert distances.nearest((shot, shot)) == {0: 0.0, 1: 0.0}
-    left = distances.without(distances.never(3))
+    left = distances.without(distances.inseparable_pairs(3))
     assert left.nearest((shot, shot)) == pytest.approx({0: 32**0.5, 1: 32**0.5}) and left.members == (0, 1)
 
 
@@ -133,15 +133,15 @@ def test_two_that_no_shot_parts_are_parted_from_a_third_as_one():
     truth = rig({"plate_damping": {"coefficient_n_s_per_m": 2e-5}})
     open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm", "second_plate_mode"))
     wanted = plan(open_class, Reach(speeds_m_per_s=(0.6,), added_kg=(0.0,)), most=1)
-    assert wanted.settles and wanted.one_with["plate_damping"] == ("viscoelastic_arm",)
-    assert "plate damping and viscoelastic arm stay one" in told(wanted)
+    assert wanted.settles and wanted.inseparable_from["plate_damping"] == ("viscoelastic_arm",)
+    assert "plate damping and viscoelastic arm stay one" in plan_sentence(wanted)
     assert json.loads(json.dumps(wanted.to_json()))["one_with"]["viscoelastic_arm"] == ["plate_damping"]
 
 
 def test_of_a_member_that_nothing_was_foreseen_for_those_count_that_the_plan_could_tell():
     shot = NextShot(0.3, 0.0, 0.02, 0.02)
     members = ("second_plate_mode", "plate_damping", "viscoelastic_arm")
-    one_with = {"plate_damping": members[::2], "viscoelastic_arm": members[:2]}
-    step = Step(shot, members, {"second_plate_mode": 4.0}, 10.0, "plate_damping", one_with)
-    assert not step.foreseen and set(step.beside("plate_damping")) == {"plate_damping", "viscoelastic_arm"}
-    assert not step.beside("second_plate_mode") and replace(step, leader="second_plate_mode").foreseen
+    inseparable_from = {"plate_damping": members[::2], "viscoelastic_arm": members[:2]}
+    step = PlannedStep(shot, members, {"second_plate_mode": 4.0}, 10.0, "plate_damping", inseparable_from)
+    assert not step.has_expectation and set(step.excluded("plate_damping")) == {"plate_damping", "viscoelastic_arm"}
+    assert not step.excluded("second_plate_mode") and replace(step, leader="second_plate_mode").has_expectation

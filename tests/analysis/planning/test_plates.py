@@ -9,7 +9,7 @@ from analysis.collision.parameters import Collision
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.model_file import saved
 from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.verdict.foretold import foretell
+from analysis.diagnosis.verdict.predict import foretell
 from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
 from analysis.inference.fit.base import base_of
 from analysis.inference.fit.effective_parameters import Point
@@ -18,10 +18,10 @@ from analysis.inference.fit.hypothesis_fit import square_of, whitened_residual
 from analysis.inference.fit.samples import together
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.flights import noise_of_flights
-from analysis.planning.contest import again
-from analysis.planning.foreseen import blank, foretold
+from analysis.planning.model_comparison import refit_diagnosed
 from analysis.planning.next_shot import Reach, contact_s, next_shots
-from analysis.planning.precision import sharpen
+from analysis.planning.precision import plan_precision
+from analysis.planning.predictions import blank_shot, predict
 from analysis.shot.plates_of_set import plate_numbers, plates_words
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
@@ -100,11 +100,11 @@ def test_each_shot_reads_the_contact_on_its_own_plate(five):
         assert abs(fit.parameters["plate_mass_kg"].value - on.plate_mass_kg) < 4 * fit.parameters["plate_mass_kg"].std
         mine = list(fit.parameters).index("plate_mass_kg")
         assert np.sqrt(fit.covariance[mine, mine]) == pytest.approx(fit.parameters["plate_mass_kg"].std)
-        told = fitted_contact_cor(fit, on.block_mass_kg)
+        plan_sentence = fitted_contact_cor(fit, on.block_mass_kg)
         true = contact_cor(Collision(velocity_in_m_per_s=-1.0, **asdict(on)))
-        assert isinstance(told, Quantity) and abs(told.value - true) < 4 * told.std
+        assert isinstance(plan_sentence, Quantity) and abs(plan_sentence.value - true) < 4 * plan_sentence.std
         read.append(true)
-    assert abs(read[0] - read[1]) > 10 * told.std  # the plate's mass has a part in it
+    assert abs(read[0] - read[1]) > 10 * plan_sentence.std  # the plate's mass has a part in it
 
 
 def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
@@ -125,17 +125,17 @@ def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
 
 def test_the_next_shot_is_planned_on_the_plate_that_is_on_the_rig(five):
     motions, bodies, found = five
-    at_hand = again(found.fit_after, motions, calm)
-    shots = at_hand.hypothesis.data.shots
+    fitted = refit_diagnosed(found.fit_after, motions, calm)
+    shots = fitted.hypothesis.data.shots
     planned = next_shots(shots, Reach(speeds_m_per_s=(0.3,), added_kg=(0.0,)))[0]
-    shown = foretold(at_hand, blank(planned, at_hand))
+    shown = predict(fitted, blank_shot(planned, fitted))
     assert shown.plate_number == 1
     assert contact_s(planned, shots) == pytest.approx(shots[3].course.contact_time_s)
     deepest_m = -float(shown.displacement_m.min())
     assert deepest_m == pytest.approx(
         0.3 * np.sqrt(bodies[1].block_mass_kg / bodies[1].plate_stiffness_n_per_m), rel=0.1
     )
-    assert sharpen(at_hand, "plate_2_stiffness_n_per_m").ratio < 0.7
+    assert plan_precision(fitted, "plate_2_stiffness_n_per_m").ratio < 0.7
 
 
 def test_records_say_which_shots_share_a_plate():
@@ -154,8 +154,8 @@ def test_a_model_of_two_plates_foretells_each_shot_on_its_own(five):
     motions, _, found = five
     model = saved(found.fit_after, ("1", "2", "3", "4", "5"), found)
     for motion in (motions[0], motions[4]):
-        told = foretell([motion], ["another"], model)
-        assert told.error_model.displacement_rms_m < 1.2 * WHITE_M
-        assert told.error_base.displacement_rms_m > 2 * WHITE_M
+        plan_sentence = foretell([motion], ["another"], model)
+        assert plan_sentence.error_model.displacement_rms_m < 1.2 * WHITE_M
+        assert plan_sentence.error_base.displacement_rms_m > 2 * WHITE_M
     elsewhere = foretell([replace(motions[4], plate=None)], ["not stated"], model)
     assert elsewhere.error_model.displacement_rms_m > 1e3 * WHITE_M

@@ -3,9 +3,9 @@
 import pytest
 
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.planning.contest import again
+from analysis.planning.model_comparison import refit_diagnosed
 from analysis.planning.next_shot import Reach, contact_s
-from analysis.planning.precision import ALL, sharpen
+from analysis.planning.precision import ALL, plan_precision
 from analysis.shot.shot import AnalysisError
 from tests.analysis.diagnosis.shots import calm, motions_of
 from tests.analysis.planning.rig import rig, with_shots
@@ -18,31 +18,31 @@ STIFFNESS = "contact_stiffness_n_per_m"
 def fitted():
     truth = rig({})
     motions = motions_of(truth)
-    return truth, again(fit_shots(motions), motions, calm)
+    return truth, refit_diagnosed(fit_shots(motions), motions, calm)
 
 
 def test_the_uncertainty_after_the_shot_is_the_one_foretold(fitted):
     truth, before = fitted
-    plan = sharpen(before, STIFFNESS, REACH)
+    plan = plan_precision(before, STIFFNESS, REACH)
     assert plan.std_after == pytest.approx(plan.ratio * plan.std_before)
     place = before.hypothesis.names.index((STIFFNESS, -1))
     assert plan.std_before == pytest.approx(before.std[place], rel=0.02)
     contact = contact_s(plan.shots[0], before.hypothesis.data.shots)
     motions = motions_of(with_shots(truth, plan.shots, contact))
-    after = again(fit_shots(motions), motions, calm)
+    after = refit_diagnosed(fit_shots(motions), motions, calm)
     assert after.std[place] == pytest.approx(plan.std_after, rel=0.05)
 
 
 def test_what_is_wanted_is_reached_by_the_cheapest_or_the_best_is_given(fitted):
     _, before = fitted
-    little = sharpen(before, STIFFNESS, REACH, wanted=0.9)
-    never = sharpen(before, STIFFNESS, REACH, wanted=1e-6)
+    little = plan_precision(before, STIFFNESS, REACH, wanted=0.9)
+    too_much = plan_precision(before, STIFFNESS, REACH, wanted=1e-6)
     assert little.ratio <= 0.9 and len(little.shots) == 1
-    assert len(never.shots) == 3 and never.ratio < little.ratio
-    every = sharpen(before, ALL, REACH, wanted=0.9)
+    assert len(too_much.shots) == 3 and too_much.ratio < little.ratio
+    every = plan_precision(before, ALL, REACH, wanted=0.9)
     assert every.ratio <= 0.9 and every.std_after is None and "all parameters" in every.words
 
 
 def test_a_name_that_is_not_there_is_refused_with_those_that_are(fitted):
     with pytest.raises(AnalysisError, match=r"no shared parameter is called 'k_N'; there are plate_stiffness"):
-        sharpen(fitted[1], "k_N", REACH)
+        plan_precision(fitted[1], "k_N", REACH)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.reading.edges import Edge
-from analysis.reading.flights import fit_flight
-from analysis.reading.floor import Floor
+from analysis.reading.flight import fit_flight
+from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.reading.locate import find_collision
 from analysis.reading.octaves import Octaves
 from analysis.reading.pulse import read_slope
@@ -152,7 +152,7 @@ def test_the_slope_says_what_a_badly_known_end_of_the_contact_costs() -> None:
     flight = fit_flight(motion, span.flight_first, span.first - 4, nearest=span.first)
     assert flight is not None
     octaves = Octaves.of(motion.time_s[::50], 50 / RIG.rate_hz)
-    noise = Floor(octaves, ((1.0, np.zeros(octaves.centre_hz.size)),), RIG.noise_m, RIG.rate_hz)
+    noise = FloorSpectrum(octaves, ((1.0, np.zeros(octaves.centre_hz.size)),), RIG.noise_m, RIG.rate_hz)
     touch, end_s = Edge(RIG.touch_s, 1e-6), RIG.touch_s + 28.7e-3
     sure = seen(read_slope(motion, touch, Edge(end_s, 1e-6), flight, noise))
     late = seen(read_slope(motion, touch, Edge(end_s + 2e-3, 2e-3), flight, noise))

@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.collision.effects import CATALOGUE
-from analysis.shot.units import parts
+from analysis.shot.quantity import words_and_unit
 
 
 @pytest.mark.parametrize(
@@ -19,10 +19,10 @@ from analysis.shot.units import parts
     ],
 )
 def test_a_name_is_read(name: str, words: str, unit: str) -> None:
-    assert parts(name) == (words, unit)
+    assert words_and_unit(name) == (words, unit)
 
 
 def test_rows_and_names_agree() -> None:
     for effect in CATALOGUE.values():
         for parameter in effect.parameters:
-            assert parts(parameter.name)[1] == parameter.unit, f"{effect.name}.{parameter.name}"
+            assert words_and_unit(parameter.name)[1] == parameter.unit, f"{effect.name}.{parameter.name}"

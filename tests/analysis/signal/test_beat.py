@@ -11,8 +11,7 @@ from analysis.shot.shot import AnalysisError, AnalysisSettings
 from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator
 from analysis.signal.demodulate import demodulate
-from analysis.signal.guide import BATCH, fixed_guide, following_guide
-from analysis.signal.tuning import tune
+from analysis.signal.tuning import BATCH, fixed_schedule, following_schedule, tune
 from tests.analysis.signal.beats import Floats, collision, free_flight, make_recording
 
 RATE = 10e6
@@ -25,8 +24,8 @@ TUNINGS = [
 
 
 def _read(tuning, counts: np.ndarray, cuts: list[int], start: int = 0) -> Floats:
-    guide = following_guide(tuning, np.array([0, 60_000]), np.array([3.45e6, 3.55e6]), 60_000, 20e3)
-    reader = BeatReader(tuning, guide, 1, 100.0, start)
+    schedule = following_schedule(tuning, np.array([0, 60_000]), np.array([3.45e6, 3.55e6]), 60_000, 20e3)
+    reader = BeatReader(tuning, schedule, 1, 100.0, start)
     decimator = PhaseDecimator(5, reader.index)
     edges = [0, *sorted(cuts), counts.shape[0]]
     parts = [decimator.feed(*reader.feed(counts[a:b])[1:])[1] for a, b in pairwise(edges)]
@@ -48,10 +47,10 @@ def test_one_sample_at_a_time_too() -> None:
 @pytest.mark.parametrize("start", [1, 777, 20_011])
 def test_a_reader_started_later_stays_on_the_grid(start: int) -> None:
     tuning = TUNINGS[0]
-    guide = fixed_guide(tuning, 3.5e6)
-    first, phase, _ = BeatReader(tuning, guide, 1).feed(COUNTS)
+    schedule = fixed_schedule(tuning, 3.5e6)
+    first, phase, _ = BeatReader(tuning, schedule, 1).feed(COUNTS)
     whole = phase.copy()
-    late, phase, _ = BeatReader(tuning, guide, 1, 0.0, start).feed(COUNTS[start:])
+    late, phase, _ = BeatReader(tuning, schedule, 1, 0.0, start).feed(COUNTS[start:])
     count = min(phase.size, whole.size - late)
     apart = phase[:count] - whole[late : late + count]
     assert first == 0 and late == -(-start // tuning.decimation)
@@ -71,7 +70,7 @@ def test_the_angle_is_that_of_the_beat_at_the_window_centre(frequency, phase, am
     signal = amplitude * np.cos(2 * np.pi * (frequency / tuning.sample_rate_hz * n + phase))
     signal += np.random.default_rng(1).normal(0, noise * amplitude, n.size)
     counts = np.clip(np.rint(signal), -32768, 32767).astype(np.int16)
-    reader = BeatReader(tuning, fixed_guide(tuning, 3.45e6), 0)
+    reader = BeatReader(tuning, fixed_schedule(tuning, 3.45e6), 0)
     _, read, power = reader.feed(counts[:, None])
     first = np.arange(read.size) * tuning.decimation
     turn = reader.oscillator_hz / tuning.sample_rate_hz
@@ -88,7 +87,7 @@ def test_the_angle_at_the_centre_of_the_window_moves_with_the_beat() -> None:
     tuning = TUNINGS[0]
     n = np.arange((BATCH + 8) * tuning.decimation + tuning.length)
     counts = np.rint(30_000 * np.cos(2 * np.pi * (3.41e6 / RATE * n + 0.3))).astype(np.int16)
-    reader = BeatReader(tuning, fixed_guide(tuning, 3.45e6), 0)
+    reader = BeatReader(tuning, fixed_schedule(tuning, 3.45e6), 0)
     _, read, _ = reader.feed(counts[:, None])
     first = np.arange(read.size) * tuning.decimation
     exact = 3.41e6 / RATE * (first + tuning.delay_samples) + 0.3 - reader.oscillator_hz / RATE * first

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from analysis.signal.dot import TOGETHER, WIDTH, has_multiply_add, make_four_dots
+from analysis.signal.intrinsics import TOGETHER, WIDTH, has_multiply_add, make_four_dots
 
 
 def _compiled(native: bool):

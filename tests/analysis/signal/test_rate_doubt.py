@@ -6,11 +6,10 @@ import pytest
 
 from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
-from analysis.shot.rate_error import fit_with_rate_error
+from analysis.shot.rate_error import DELIVERED, FLAG, fit_with_rate_error
 from analysis.shot.recording import Recording, Role
 from analysis.shot.shot import AnalysisSettings, Shot
 from analysis.signal.demodulate import demodulate
-from analysis.signal.stated_rate import DELIVERED, FLAG
 from analysis.uncertainty.budget import budget
 from tests.analysis.synthetic_collision import CONTACT_N_PER_M, DASHPOT, MASS_KG, PLATE_KG, PLATE_N_PER_M, Synthetic
 from tests.beats import REST_HZ, recording_of

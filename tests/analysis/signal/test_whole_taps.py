@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from analysis.signal.integer_taps import IntegerTaps, integer_taps
 from analysis.signal.tuning import PHASE_STEPS, Tuning, tune
-from analysis.signal.whole_taps import WholeTaps, whole_taps
 
 TUNINGS = [
     tune(30e6, 1.9e6, 3.6e6, 180e3, 450e3),
@@ -16,13 +16,13 @@ TUNINGS = [
 ]
 
 
-def _whole(tuning: Tuning, offset_counts: float = 0.0) -> tuple[WholeTaps, np.ndarray]:
+def _whole(tuning: Tuning, offset_counts: float = 0.0) -> tuple[IntegerTaps, np.ndarray]:
     steps = np.array([tuning.steps(f) for f in np.linspace(tuning.low_hz, tuning.high_hz, 20)])
     turns = steps / (PHASE_STEPS * tuning.decimation)
-    return whole_taps(tuning.window, turns, offset_counts), turns
+    return integer_taps(tuning.window, turns, offset_counts), turns
 
 
-def _restored(whole: WholeTaps, length: int) -> np.ndarray:
+def _restored(whole: IntegerTaps, length: int) -> np.ndarray:
     gains = whole.restore.astype(np.float64)
     return gains[:, :1] * whole.taps[:, 0, :length] + 1j * gains[:, 1:2] * whole.taps[:, 1, :length]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.fitted.awaited_fit import awaits_fit
+from analysis.fitted.fitted_shot import awaits_fit
 from analysis.pipeline import analyse, read
 from analysis.shot.motion import ARRAYS
 from analysis.shot.recording import Recording

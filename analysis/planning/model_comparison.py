@@ -1,4 +1,4 @@
-"""The models that a diagnosis could not tell apart, each fitted to the shots at hand."""
+"""Compare the models that a diagnosis could not distinguish, each fitted to the same shots."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,85 +29,90 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Stop
 
 _ARRIVED = 1e-2
-_UNLIKELY = 9.0  # of chi^2 behind the best: three sigma, and a member need no longer be reckoned with as the true one
+_UNLIKELY = 9.0  # of chi^2 above the best: three sigma, beyond which a member is not considered as the true model
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
-    """One of the models that compete: the effect in which it differs from the others, its fit, what it leaves over."""
+class ComparedModel:
+    """One of the compared models: the effect in which it differs from the others, and its fit."""
 
     effect: str
     fitted: Fitted
-    chi2: float  # under the floor that all are compared under
-    coincidence: float = 0.0  # what it costs beside that, as chi^2, that nothing foretells its numbers in every shot
+    chi2: float  # with the noise that all members are compared with
+    penalty: float = 0.0  # in addition, as chi^2: for parameters with a value of their own in every shot
 
     @property
     def misfit(self) -> float:
-        """Get what members are compared by: chi^2, and the cost of numbers that nothing foretells."""
-        return self.chi2 + self.coincidence
+        """Get chi^2 with the penalty, by which members are compared."""
+        return self.chi2 + self.penalty
 
 
 @dataclass(frozen=True, slots=True)
-class Contest:
-    """Models that the shots at hand do not tell apart, the likeliest first."""
+class ModelComparison:
+    """Models that the present shots do not distinguish, the likeliest first; ``floor`` is the noise of all of them.
 
-    members: tuple[Member, ...]
+    ``shared_nats`` is the ln L that the parameters of the best member cost whose parameters all shots share; members
+    with values in every shot pay what theirs cost more.
+    """
+
+    members: tuple[ComparedModel, ...]
     floor: Floor
-    foretold_nats: float = inf  # what numbers cost that all shots share: those of every shot are charged what is more
+    shared_nats: float = inf
 
-    def charges(self, effect: str) -> bool:
-        """Return whether an effect pays for numbers that nothing foretells: all a shot's own, where others' are not."""
-        return named(effect).own and isfinite(self.foretold_nats)
+    def has_penalty(self, effect: str) -> bool:
+        """Return whether an effect pays for having values in every shot while others' are shared."""
+        return named(effect).own and isfinite(self.shared_nats)
 
     @property
-    def likely(self) -> tuple[Member, ...]:
-        """Get the members that may well be the true one."""
+    def likely(self) -> tuple[ComparedModel, ...]:
+        """Get the members that may be the true model."""
         return tuple(m for m in self.members if m.misfit < self.members[0].misfit + _UNLIKELY)
 
     @property
     def reached(self) -> float:
-        """Get how far the likeliest member stands from the next, in noise norms: the root of what that leaves more."""
-        return self.reached_from(())
+        """Get the separation of the two likeliest members in noise norms, the root of their misfits' difference."""
+        return self.separation_from(())
 
-    def reached_from(self, one_with: Collection[str]) -> float:
-        """Get the same from the next that is not among those that are one with the likeliest; 0 where there is none."""
+    def separation_from(self, excluded: Collection[str]) -> float:
+        """Return the separation from the next member that is not among ``excluded``; 0 where there is none."""
         best, *others = self.members
-        left = [other.misfit - best.misfit for other in others if other.effect not in one_with]
+        left = [other.misfit - best.misfit for other in others if other.effect not in excluded]
         return float(np.sqrt(max(0.0, min(left, default=0.0))))
 
 
-def contest(given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: Stop = lambda: False) -> Contest | None:
-    """Return the models in which each of the effects ``among`` stands for the one of them that is in ``given``.
+def compare_models(
+    given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: Stop = lambda: False
+) -> ModelComparison | None:
+    """Compare ``given``, a joint fit of ``motions``, with fits in which each effect ``among`` replaces the one in it.
 
-    ``given`` is a joint fit of ``motions``.  None where none of them is in it, or no other has a motion for these
-    shots.  Raises AnalysisError where the fit is not one of these shots, Cancelled.
+    None where none of these effects is in ``given``, or no other has a solution for these shots.  Raises AnalysisError
+    where the fit is not one of these shots, Cancelled.
     """
     name = next((name for name in among if name in given.effects), None)
     if name is None:
         return None
     others = [other for other in among if other != name]
-    best = again(given, motions, stop, others)
-    members = [Member(name, best, best.chi2(best.floor)), *rivals(best, name, others, stop)]
+    best = refit_diagnosed(given, motions, stop, others)
+    members = [ComparedModel(name, best, best.chi2(best.floor)), *rivals(best, name, others, stop)]
     if len(members) < 2:
         return None
-    nats = _foretold_nats(members)
-    members = [replace(member, coincidence=coincidence(member.effect, member.fitted, nats)) for member in members]
-    return Contest(tuple(sorted(members, key=lambda member: member.misfit)), best.floor, nats)
+    nats = _shared_nats(members)
+    members = [replace(member, penalty=penalty(member.effect, member.fitted, nats)) for member in members]
+    return ModelComparison(tuple(sorted(members, key=lambda member: member.misfit)), best.floor, nats)
 
 
-def coincidence(effect: str, fitted: Fitted, foretold_nats: float) -> float:
-    """Return what it costs, as chi^2, that nothing foretells the numbers of an effect that are all a shot's own."""
+def penalty(effect: str, fitted: Fitted, shared_nats: float) -> float:
+    """Return the penalty, as chi^2, of an effect whose parameters have values of their own in every shot."""
     if not named(effect).own:
         return 0.0
     theirs = unforetold(fitted, effect)
-    return 0.0 if theirs is None else 2 * max(0.0, theirs.nats - foretold_nats)
+    return 0.0 if theirs is None else 2 * max(0.0, theirs.nats - shared_nats)
 
 
-def _foretold_nats(members: Sequence[Member]) -> float:
-    """Return what the numbers cost of the best member whose numbers all shots share; no end of it where there is none.
+def _shared_nats(members: Sequence[ComparedModel]) -> float:
+    """Return what the parameters of the best member with shared ones cost; infinite where all members are of one kind.
 
-    Only members that have numbers in every shot are charged for the difference: among the others the one with fewer
-    parameters is not the true one for that alone.
+    Only members with values in every shot pay the difference: among the others, fewer parameters are no advantage.
     """
     shared = [member for member in members if not named(member.effect).own]
     best = min(shared, key=lambda member: member.chi2, default=None)
@@ -117,11 +122,13 @@ def _foretold_nats(members: Sequence[Member]) -> float:
     return inf if ours is None else ours.nats
 
 
-def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop, tolerance: float = _ARRIVED) -> list[Member]:
-    """Return the fits in which each of ``others`` takes the place of the effect ``name``, from where it imitates it.
+def rivals(
+    best: Fitted, name: str, others: Sequence[str], stop: Stop, tolerance: float = _ARRIVED
+) -> list[ComparedModel]:
+    """Return the fits in which each of ``others`` replaces the effect ``name``, begun where it imitates that best.
 
-    Compared under the floor of ``best``: their own may take for noise what they cannot do.  ``tolerance`` is what of
-    chi^2 may still be to fall.
+    All are compared with the noise of ``best``: their own noise might absorb what they cannot describe.  ``tolerance``
+    is the decrease of chi^2 at which a search may end.
     """
     kinds = trials_named(others)
     far = separation(best, projector(best), name, kinds, stop)
@@ -135,14 +142,14 @@ def rivals(best: Fitted, name: str, others: Sequence[str], stop: Stop, tolerance
         if rival is not None:
             ended = search(rival.hypothesis, rival.z, best.floor, evaluations=40, tolerance=tolerance, cancelled=stop)
             rival = finish(rival.hypothesis, ended, best.floor)
-            out.append(Member(kind.name, rival, rival.chi2(best.floor)))
+            out.append(ComparedModel(kind.name, rival, rival.chi2(best.floor)))
     return out
 
 
-def again(given: Fit, motions: Sequence[Motion], stop: Stop, beside: Sequence[str] = ()) -> Fitted:
-    """Return the fit that a diagnosis ended with as it was searched, fine enough for the effects ``beside`` it."""
+def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: Sequence[str] = ()) -> Fitted:
+    """Return the final fit of a diagnosis with its hypothesis, at a sample rate that suits the ``others`` as well."""
     kinds = trials_named(given.effects)
-    finely = any(named(name).ripples for name in (*given.effects, *beside))
+    finely = any(named(name).ripples for name in (*given.effects, *others))
     site = site_under(motions, shakings_of(motions, given.model, None), CRITERIA.site_nm)
     begin = begin_of(given, motions)
     data = joint_data(motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)

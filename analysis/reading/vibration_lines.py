@@ -1,4 +1,4 @@
-"""The lines that machines draw through both free flights: found above the floor, fitted together, taken off."""
+"""Find the steady sines of machines in both free flights, fit them together above the floor, and subtract them."""
 
 from dataclasses import dataclass, replace
 
@@ -15,9 +15,9 @@ from analysis.shot.quantity import Quantity
 
 Floats = NDArray[np.float64]
 
-LINE_WORTH = 16.0  # of log-likelihood that a line's three numbers must bring, floors weighed anew
-LOWEST_LINES = 0.5  # of a period, at least, that the flights with the contact between them must hold ... of the shorter
-STEADY = 30.0  # of chi^2 that an amplitude of its own in each flight may bring
+LINE_WORTH = 16.0  # of log-likelihood that a line's three parameters must gain, the floor estimated again
+LOWEST_LINES = 0.5  # periods of a line that the shorter flight must hold at least
+STEADY = 30.0  # of chi^2 that separate amplitudes in the two flights may gain
 REFINEMENTS = 3
 
 
@@ -29,7 +29,7 @@ class Wave:
 
 
 def without_lines(motion: Motion, lines: tuple[VibrationLine, ...]) -> Motion:
-    """Return the motion with the lines taken off displacement, velocity, acceleration and force."""
+    """Return the motion with the lines subtracted from displacement, velocity, acceleration and force."""
     if not lines:
         return motion
     x, v, a = motion.displacement_m.copy(), motion.velocity_m_per_s.copy(), motion.acceleration_m_per_s2.copy()
@@ -51,33 +51,33 @@ def _waves_of(bins: Bins, frequency_hz: Floats) -> tuple[Floats, Floats]:
 
 def _columns(bins: Bins, wave: Wave) -> Floats:
     """Return the columns of cosine, sine and, about this wave, frequency: (n, 3), each of the order of one."""
-    bend, size = bend_of(bins, wave)
+    bend, size = frequency_derivative(bins, wave)
     return np.column_stack([*_waves_of(bins, np.array([wave.frequency_hz])), bend / size])
 
 
-def bend_of(bins: Bins, wave: Wave) -> tuple[Floats, float]:
-    """Return how a wave changes with its frequency, (n, 1) in m/Hz, and how large that is."""
+def frequency_derivative(bins: Bins, wave: Wave) -> tuple[Floats, float]:
+    """Return the derivative of a wave by its frequency, (n, 1) in m/Hz, and the largest of its absolute values."""
     cosine, sine = _waves_of(bins, np.array([wave.frequency_hz]))
     bend = 2 * np.pi * (bins.time_s - bins.middle_s)[:, None] * (wave.sine_m * cosine - wave.cosine_m * sine)
     return bend, max(float(np.abs(bend).max()), 1e-300)
 
 
-def with_one_more(
+def add_line(
     bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats, weighing: Weighing
 ) -> tuple[list[Wave], Weighing] | None:
-    """Return the waves with one more, and the floors weighed anew; None where none is worth its three numbers.
+    """Return the waves with one more, and the floor estimated again; None where none is worth its three parameters.
 
-    A line is looked for above the likeliest floor, then above one that nowhere rises towards higher frequencies: a
-    strong one has been taken for floor.
+    A line is searched above the likeliest floor, then above one that does not rise towards higher frequencies, as a
+    strong line may have been taken for the floor.
     """
-    design = design_of(bins, waves, polynomials)
+    design = design_matrix(bins, waves, polynomials)
     calm = np.concatenate([np.minimum.accumulate(weighing.best[:-1]), weighing.best[-1:]])
     for at in (weighing.best, calm):
-        found = _strongest(bins, sight, at, design)
+        found = _strongest_line(bins, sight, at, design)
         if found is None:
             continue
         tried = refined(bins, sight, [*waves, found], polynomials, at)
-        weighed = sight.weigh(design_of(bins, tried, polynomials), at)
+        weighed = sight.weigh(design_matrix(bins, tried, polynomials), at)
         if weighed.worth - weighing.worth > LINE_WORTH and _is_steady(bins, sight, tried, polynomials, weighed.best):
             tried = refined(bins, sight, tried, polynomials, weighed.best)
             return tried, weighed
@@ -85,27 +85,27 @@ def with_one_more(
 
 
 def _is_steady(bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats, at: Floats) -> bool:
-    """Tell whether the last wave runs through both flights alike, and stands apart from the others.
+    """Return whether the last wave is the same in both flights, and at a frequency of its own.
 
-    What rings in one flight alone was struck by the impact: it is the block's or the plate's, and not to be taken off.
+    What vibrates in one flight alone was excited by the impact: it is the block's or the plate's, not a machine's.
     """
     *others, last = waves
     if any(abs(last.frequency_hz - wave.frequency_hz) < 0.7 * bins.resolution_hz for wave in others):
         return False
     if bins.into.all():
         return True
-    design = design_of(bins, waves, polynomials)
+    design = design_matrix(bins, waves, polynomials)
     apart = np.where(bins.into, 1.0, 0.0)[:, None] * _columns(bins, last)[:, :2]
     without, within = sight.likelihood(at, design), sight.likelihood(at, np.hstack([design, apart]))
     return 2.0 * (within - without) < STEADY
 
 
-def design_of(bins: Bins, waves: list[Wave], polynomials: Floats) -> Floats:
+def design_matrix(bins: Bins, waves: list[Wave], polynomials: Floats) -> Floats:
     return np.column_stack([polynomials, *(_columns(bins, wave) for wave in waves)])
 
 
-def _strongest(bins: Bins, sight: Sight, at: Floats, design: Floats) -> Wave | None:
-    """Return the sine that explains most beside the design above a floor, None where it is nothing."""
+def _strongest_line(bins: Bins, sight: Sight, at: Floats, design: Floats) -> Wave | None:
+    """Return the sine that explains most of the residual above a floor, None where it is not worth it."""
     shorter = min(float(np.ptp(bins.time_s[side])) for side in (bins.into, ~bins.into) if side.any())
     lowest, highest = LOWEST_LINES / max(shorter, 1e-12), 0.45 / (bins.each * bins.step_s)
     if highest <= lowest:
@@ -137,15 +137,15 @@ def _strongest(bins: Bins, sight: Sight, at: Floats, design: Floats) -> Wave | N
 
 
 def refined(bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats, at: Floats) -> list[Wave]:
-    """Return all waves fitted together with their frequencies above one floor (Gauss-Newton)."""
+    """Return all waves fitted together, frequencies included, above one floor (Gauss-Newton)."""
     known = Weighing(((1.0, at),), at, 0.0)
     most = 0.2 * bins.resolution_hz
     for _ in range(REFINEMENTS):
-        solution, _ = sight.solve(known, design_of(bins, waves, polynomials))
+        solution, _ = sight.solve(known, design_matrix(bins, waves, polynomials))
         moved = []
         for k, wave in enumerate(waves):
             cosine, sine, bend = solution[polynomials.shape[1] + 3 * k :][:3]
-            shift = float(np.clip(bend / bend_of(bins, wave)[1], -most, most))
+            shift = float(np.clip(bend / frequency_derivative(bins, wave)[1], -most, most))
             moved.append(Wave(wave.frequency_hz + shift, float(cosine), float(sine)))
         waves = moved
     return waves

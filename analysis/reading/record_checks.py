@@ -1,4 +1,4 @@
-"""Whether a motion record can be a collision at all, before its force is looked for."""
+"""Check that a motion record can be a collision: its units, its mass, its direction."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,13 +7,13 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError
 
 Floats = NDArray[np.float64]
-CLEAR_SIGMAS = 20.0  # of the displacement's noise: a turn has to stand out by that
-SHORTEST_S, LONGEST_S = 1e-6, 600.0  # a record with a collision and its two flights: a microsecond, ten minutes
-_BLOCKS = 200  # averaged over, so that a turn is one of the motion
+CLEAR_SIGMAS = 20.0  # of the displacement's noise, by which a turn must stand out
+SHORTEST_S, LONGEST_S = 1e-6, 600.0  # of a record with a collision and its two flights
+_BLOCKS = 200  # into which a record is averaged, so that noise has no turns
 
 
 def check_collision(motion: Motion) -> None:
-    """Raise AnalysisError, saying what to mend, where a record from elsewhere lacks a mass or runs the wrong way."""
+    """Raise AnalysisError, naming the cause, where a record from elsewhere lacks a mass or has a wrong sign or unit."""
     if motion.wavelength_m is not None:
         return
     span = float(motion.time_s[-1] - motion.time_s[0])
@@ -42,10 +42,10 @@ def _reversed(displacement_m: Floats, noise_m: float) -> bool:
     return bool(inside and far)
 
 
-def why_none(motion: Motion) -> str | None:
-    """Return why the optics' motion holds no collision where it runs backwards, in time or in sense; else None.
+def why_reversed(motion: Motion) -> str | None:
+    """Return, of a motion from the optics, whether time or direction is reversed, in words; None where neither is.
 
-    A plate gives back less than it took: of two flights that part at the top the slower one is the later.
+    A plate returns less energy than it takes, so of the two flights the slower one is the later.
     """
     displacement = motion.displacement_m
     known = np.flatnonzero(np.isfinite(displacement))

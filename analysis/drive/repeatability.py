@@ -1,6 +1,6 @@
-"""What a drive repeats to: the scatter between cycles of one record, or between records of one input, as a force.
+"""The repeatability of a drive: the scatter of its force between cycles of one record, or records of one input.
 
-The white noise of the force is rarely what limits a model of a drive; how far the drive does the same twice is.
+What limits a model of a drive is rarely the white noise of the force; it is how nearly the drive repeats itself.
 """
 
 import itertools
@@ -16,13 +16,13 @@ from analysis.drive.table import Table
 
 Floats = NDArray[np.float64]
 ALIKE = 0.01  # of the displacement's spread: two passes that differ by less are the same motion
-LEAST_OVERLAP = 0.25  # of a record, that a second pass must cover
+LEAST_OVERLAP = 0.25  # of a record, which a second pass must cover
 _LEAST_SAMPLES = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
-    """The error below which nothing is asked of a model; ``repeats`` says whether it was seen between passes."""
+class Repeatability:
+    """The force error that no model can go below; ``repeats``: observed between passes, else it is only the noise."""
 
     force_n: float
     repeats: bool
@@ -30,51 +30,46 @@ class Floor:
     cycle_s: float | None = None
 
 
-def floor(table: Table, found: Regression, noise_n: float) -> Floor:
-    """Return what the drive repeats to, else the noise ``noise_n`` of the filtered force.
+def repeatability_of(table: Table, found: Regression, noise_n: float) -> Repeatability:
+    """Return the scatter between passes, or the noise ``noise_n`` of the filtered force where nothing is repeated.
 
-    The passes never move quite alike: what mass and drag of ``found`` make of the difference is taken off.
+    Passes never move quite alike: the force that mass and drag of ``found`` give for the difference is subtracted.
     """
-    passes = [*_cycles(table), *_records(table)]
+    passes = [*_cycle_pairs(table), *_record_pairs(table)]
     modelled = table.base()[:, :2] @ np.array([found.quantity(name).value for name in BASE[:2]])
-    force = table.force(delay_of(found.bent)) - modelled
+    force = table.force(delay_of(found.nonlinear)) - modelled
     differences = [force[late] - force[early] for early, late, _, _ in passes]
     if not differences:
-        return Floor(noise_n, False, "the noise of the force in this band")
+        return Repeatability(noise_n, False, "the noise of the force in this band")
     seen = rms(np.concatenate([d - d.mean() for d in differences])) / np.sqrt(2.0)
     _, _, what, cycle_s = passes[0]
-    return Floor(max(seen, noise_n), True, what, cycle_s)
+    return Repeatability(max(seen, noise_n), True, what, cycle_s)
 
 
-def period(table: Table) -> float | None:
-    """Return the time in s after which the first record does the same again, or None."""
-    return next((cycle_s for _, _, _, cycle_s in _cycles(table)), None)
+Pass = tuple[NDArray[np.int64], NDArray[np.int64], str, float | None]  # samples, the same later, words, cycle
 
 
-Pass = tuple[NDArray[np.int64], NDArray[np.int64], str, float | None]
-
-
-def _cycles(table: Table) -> Iterator[Pass]:
-    """Yield (samples, the same a cycle later) of every run that repeats itself."""
+def _cycle_pairs(table: Table) -> Iterator[Pass]:
+    """Yield (samples, the same a cycle later) of every stretch that repeats itself."""
     start = 0
-    for run in table.runs:
-        size = run.used.size
-        index = run.used // run.step
+    for stretch in table.stretches:
+        size = stretch.used.size
+        index = stretch.used // stretch.step
         place = np.full(int(index[-1] - index[0]) + 1, np.nan)
         at = np.full(place.size, -1, dtype=np.int64)
         place[index - index[0]] = table.displacement_m[start : start + size]
         at[index - index[0]] = np.arange(start, start + size)
         start += size
-        lag = _lag(place)
+        lag = _cycle_lag(place)
         if lag is None:
             continue
         both = (at[:-lag] >= 0) & (at[lag:] >= 0)
-        cycle_s = lag * run.step / run.sample_rate_hz
+        cycle_s = lag * stretch.step / stretch.sample_rate_hz
         yield at[:-lag][both], at[lag:][both], f"what its cycle of {cycle_s:.4g} s repeats to", cycle_s
 
 
-def _lag(place: Floats) -> int | None:
-    """Return the shortest lag at which a displacement does the same again."""
+def _cycle_lag(place: Floats) -> int | None:
+    """Return the shortest lag in samples at which a displacement repeats itself, or None."""
     from scipy.signal import correlate  # with all of scipy.stats: not at every start
 
     known = np.isfinite(place)
@@ -87,7 +82,7 @@ def _lag(place: Floats) -> int | None:
     agree = agree[:most] / np.arange(place.size, place.size - most, -1)
     peaks = 1 + np.flatnonzero((agree[1:-1] > agree[:-2]) & (agree[1:-1] >= agree[2:]) & (agree[1:-1] > 0.5 * agree[0]))
     for peak in peaks[:50]:
-        about = 2 + int(peak) // 50  # the mean of a broken cycle draws the peak aside
+        about = 2 + int(peak) // 50  # the mean of an incomplete cycle shifts the peak
         near = range(max(1, int(peak) - about), min(most, int(peak) + about + 1))
         lag = min(near, key=lambda k: float(np.nanstd(place[k:] - place[:-k])))
         difference = place[lag:] - place[:-lag]
@@ -96,10 +91,10 @@ def _lag(place: Floats) -> int | None:
     return None
 
 
-def _records(table: Table) -> Iterator[Pass]:
-    """Yield (samples, the same of another record) where two records share their motion or their force.
+def _record_pairs(table: Table) -> Iterator[Pass]:
+    """Yield the samples of one record with those of another that has the same motion or the same force.
 
-    Each record's time counts from its own beginning, whatever its clock says.
+    Each record's time counts from its own first sample.
     """
     force = table.force()
     places = {int(record): _places(table, int(record)) for record in np.unique(table.record)}
@@ -111,31 +106,31 @@ def _records(table: Table) -> Iterator[Pass]:
         if common.size < max(_LEAST_SAMPLES, LEAST_OVERLAP * min(when.size, then.size)):
             continue
         a, b = first[a], second[b]
-        moved = _share(table.displacement_m[a], table.displacement_m[b])
-        driven = _share(force[a], force[b])
+        moved = _relative_difference(table.displacement_m[a], table.displacement_m[b])
+        driven = _relative_difference(force[a], force[b])
         if min(moved, driven) < ALIKE:
             yield a, b, "what records of one input repeat to", None
 
 
 def _places(table: Table, record: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
-    """Return a record's sample rate, its samples' numbers from its beginning, and their places in the table."""
-    runs = [run for run in table.runs if run.record == record]
-    rate, begin = runs[0].sample_rate_hz, min(float(run.time_s[0]) for run in runs)
+    """Return a record's sample rate, its samples' numbers from its beginning, and their indices in the table."""
+    stretches = [stretch for stretch in table.stretches if stretch.record == record]
+    rate, begin = stretches[0].sample_rate_hz, min(float(stretch.time_s[0]) for stretch in stretches)
     at = np.flatnonzero(table.record == record)
     return rate, np.round((table.time_s[at] - begin) * rate).astype(np.int64), at
 
 
-def _share(one: Floats, other: Floats) -> float:
+def _relative_difference(one: Floats, other: Floats) -> float:
     spread = float(np.std(one))
     return float(np.std(other - one)) / spread if spread > 0.0 else np.inf
 
 
 def folds(table: Table, count: int) -> NDArray[np.int64]:
-    """Return a fold for every sample, shape (m,): parts of the cycle where the motion repeats, else of the time.
+    """Return the cross-validation fold of every sample, (m,): a part of the cycle, or of the time without cycles.
 
-    A later cycle foretells nothing that an earlier one did not hold; a part of the cycle that was left out does.
+    A later cycle is no test for a fit of an earlier one; a part of the cycle that was left out is.
     """
-    cycle_s = period(table)
+    cycle_s = next((cycle for _, _, _, cycle in _cycle_pairs(table)), None)
     out = np.empty(table.time_s.size, dtype=np.int64)
     for record in np.unique(table.record):
         of = table.record == record

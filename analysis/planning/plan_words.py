@@ -1,4 +1,4 @@
-"""What a plan says to the one who is to take the shots."""
+"""A plan in words for the operator."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 
-def told(plan: Plan) -> str:
+def plan_sentence(plan: Plan) -> str:
     """Return the plan as one sentence."""
     *others, last = map(plain, plan.members)
     listed = f"{', '.join(others)} and {last}" if others else last
     if not plan.settles:
         most = f"the best would reach {plan.best:.2g} noise norms"
-        return f"No shot of this rig tells {listed} apart: {most}{_why(plan)}."
+        return f"No shot of this rig tells {listed} apart: {most}{_because(plan.members)}."
     open_ones = [name for name in plan.expected if name in plan.inseparable]
     but = f"; were it {' or '.join(map(plain, open_ones))}, no shot would" if open_ones else ""
     same = "".join(f"; {pair} stay one{why}" for pair, why in _ones(plan))
@@ -29,12 +29,12 @@ def told(plan: Plan) -> str:
 
 
 def with_words(plan: Plan) -> dict[str, Any]:
-    """Return the plan as the result file has it, its sentence with it."""
-    return {**plan.to_json(), "words": told(plan)}
+    """Return the plan as the result file has it, with its sentence."""
+    return {**plan.to_json(), "words": plan_sentence(plan)}
 
 
 def shots(sequence: Sequence[NextShot]) -> str:
-    """Return shots in words, like ones counted together."""
+    """Return shots in words, equal ones counted together."""
     counted: dict[str, int] = {}
     for shot in sequence:
         counted[shot.words] = counted.get(shot.words, 0) + 1
@@ -44,14 +44,10 @@ def shots(sequence: Sequence[NextShot]) -> str:
 
 
 def _ones(plan: Plan) -> list[tuple[str, str]]:
-    """Return the pairs that the plan leaves together, in words, each with why where physics says so."""
-    pairs = dict.fromkeys(frozenset({name, other}) for name, others in plan.one_with.items() for other in others)
-    in_words = (" and ".join(plain(name) for name in plan.members if name in pair) for pair in pairs)
-    return [(told, _because(pair)) for told, pair in zip(in_words, pairs, strict=True)]
-
-
-def _why(plan: Plan) -> str:
-    return _because(plan.members)
+    """Return the inseparable pairs in words, each with the reason where it is known."""
+    never = plan.inseparable_from
+    pairs = dict.fromkeys(frozenset({name, other}) for name, others in never.items() for other in others)
+    return [(" and ".join(plain(name) for name in plan.members if name in pair), _because(pair)) for pair in pairs]
 
 
 def _because(names: Iterable[str]) -> str:

@@ -1,15 +1,15 @@
-"""Harmonics that fold onto the beat itself, seen by the ripple they leave on its amplitude.
+"""Detect harmonics that fold onto the beat itself, by the ripple of its amplitude.
 
-Near a third of the sample rate the second harmonic of a bent beat folds onto the beat, near a quarter the third.  It
-bends the phase there and cannot be told from the beat by its place in the spectrum, but its phase is known: it turns
-``order + 1`` times as fast as the beat, the other way.
+Near a third of the sample rate the second harmonic of a distorted beat folds onto the beat, near a quarter the third.
+It disturbs the phase there and has the beat's frequency, but its phase is known: it turns ``order + 1`` times as fast
+as the beat, in the opposite direction.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-_NEAREST_SHARE = 0.03  # of the motion rate: a slower ripple is told from a change of light by nothing
+_NEAREST_SHARE = 0.03  # of the motion rate: a slower ripple looks like a change of light
 _FARTHEST_SHARE = 0.3  # a faster one is averaged away
 _FEWEST = 100  # motion samples
 _SIGMA = 5.0
@@ -18,10 +18,10 @@ _SIGMA = 5.0
 def folded_harmonic(
     phase_cycles: Floats, amplitude_counts: Floats, time_s: Floats, sample_rate_hz: float, rate_hz: float
 ) -> float:
-    """Return the amplitude of the 2nd or 3rd harmonic, relative to the beat, where it folds onto it; 0 where unseen.
+    """Return the amplitude of a 2nd or 3rd harmonic folded onto the beat, relative to the beat; 0 where none is seen.
 
     ``phase_cycles`` (n,) is the beat's true phase at ``time_s``, samples of the motion at ``rate_hz``; NaN where not
-    known.  Least squares of the amplitude's second difference on that of the ripple, so that slow changes of light do
+    known.  Second differences of the amplitude are fitted with those of the ripple, so that slow changes of light do
     not count.
     """
     middle = amplitude_counts[1:-1]

@@ -1,4 +1,4 @@
-"""The mass that was stated, held against the mass that force and motion give."""
+"""Compare the stated mass of a driven slider with the mass that force and motion give."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from analysis.shot.shot import AnalysisError
 
 MASS = "moving_mass_kg"
 AGREE_SIGMAS = 4.0
-AGREE_SHARE = 0.02  # what the scale of a force, and a law still missing, may be worth of a mass
+AGREE_SHARE = 0.02  # by so much a force's scale, or a law still missing, may change the fitted mass
 FLAG = "mass_disagrees"
 
 
 @dataclass(frozen=True, slots=True)
-class Weighed:
-    """The stated mass beside the fitted one; ``fixed`` is what a fit is to take as known."""
+class MassCheck:
+    """The stated mass and the mass fitted with it free, and whether they agree."""
 
     stated: Quantity | None
     fitted: Quantity
@@ -26,12 +26,12 @@ class Weighed:
 
     @property
     def fixed(self) -> dict[str, float]:
-        """Get the parameters that are known: the stated mass where nothing speaks against it."""
+        """Get the parameters that a fit takes as known: the stated mass where the fitted one agrees with it."""
         return {MASS: self.stated.value} if self.stated is not None and self.agrees else {}
 
     @property
     def gain_error(self) -> Quantity | None:
-        """Get by what fraction the force would have to be wrong for the stated mass to hold."""
+        """Get the fraction by which the force would be wrong if the stated mass were right."""
         if self.stated is None:
             return None
         ratio = self.stated.value / self.fitted.value
@@ -40,7 +40,7 @@ class Weighed:
 
     @property
     def words(self) -> str:
-        """Get what is to be said of it, or nothing."""
+        """Get the result in words; "" where no mass is stated."""
         if self.stated is None:
             return ""
         if self.agrees:
@@ -51,8 +51,11 @@ class Weighed:
         )
 
 
-def weigh(motions: Sequence[Motion], found: Regression) -> Weighed:
-    """Return stated and fitted mass, of a fit with the mass free.  Raises AnalysisError where they cannot be."""
+def check_mass(motions: Sequence[Motion], found: Regression) -> MassCheck:
+    """Compare the stated masses with that of ``found``, a fit with the mass free.
+
+    Raises AnalysisError where the fitted mass is not positive or the records state different masses.
+    """
     fitted = found.quantity(MASS)
     if fitted.value <= 0.0:
         if fitted.value < -AGREE_SIGMAS * fitted.std:
@@ -62,11 +65,11 @@ def weigh(motions: Sequence[Motion], found: Regression) -> Weighed:
         raise AnalysisError(f"force and motion give a mass of {fitted} kg: the motion's acceleration does not weigh it")
     masses = {m.moving_mass_kg: m.moving_mass_u_kg for m in motions if np.isfinite(m.moving_mass_kg)}
     if not masses:
-        return Weighed(None, fitted, True)
+        return MassCheck(None, fitted, True)
     if len(masses) > 1:
         listed = ", ".join(f"{mass:g}" for mass in sorted(masses))
         raise AnalysisError(f"moving_mass_kg: {listed} are stated of one drive; records of one mass go together")
     ((mass, spread),) = masses.items()
     apart = abs(fitted.value - mass)
     allowed = max(AGREE_SIGMAS * float(np.hypot(fitted.std, spread)), AGREE_SHARE * mass)
-    return Weighed(Quantity(mass, spread, "stated"), fitted, apart <= allowed)
+    return MassCheck(Quantity(mass, spread, "stated"), fitted, apart <= allowed)

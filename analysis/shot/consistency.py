@@ -1,7 +1,7 @@
-"""Sanity that is always on: numbers that cannot be, or that contradict one another, are flagged as such.
+"""Consistency checks on a shot's numbers: flags for impossible values and for values that contradict one another.
 
-``CONCERNS`` tells which numbers a flag is about, by their names in Impact (``cor_kinetic`` stands for its four) and in
-the fit's parameters, so that the flag can be shown at the number.
+``CONCERNS`` gives the numbers that a flag concerns, by their names in Impact and in the fit's parameters, so that the
+flag can be shown at the number.
 """
 
 from collections.abc import Mapping
@@ -18,10 +18,10 @@ MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
 FIT_DISAGREES, CHI2_FAR_FROM_ONE = "fit_disagrees", "chi2_far_from_one"
 PLATE_SHAKEN, KNOCK_SUSPECTED = "plate_shaken", "knock_suspected"
-FIT_DOUBTS = (FIT_DISAGREES, CHI2_FAR_FROM_ONE, PLATE_SHAKEN, KNOCK_SUSPECTED)
-PLATE_RINGS = "plate_rings"  # told by the fit itself: what it leaves is a swing of the plate before the touch
-SHAKEN = "vibration"  # the reading's flag: where it stands, the plate swings before it is touched
-CHI2_FAR = 2.0  # times one, or this part of it
+FIT_FLAGS = (FIT_DISAGREES, CHI2_FAR_FROM_ONE, PLATE_SHAKEN, KNOCK_SUSPECTED)
+PLATE_RINGS = "plate_rings"  # the fit's flag: its residual is a swing of the plate before the touch
+SHAKEN = "vibration"  # the reading's flag: the plate moves before it is touched
+CHI2_FAR = 2.0  # the factor from 1 beyond which reduced chi^2 is flagged
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
 _PULSE = ("force_peak_n", "force_fwhm_s", "cor_impulse", "stiffness_slope_n_per_m")
 _BOUNCES = ("cor_kinetic.force_peaks", "cor_kinetic.onsets", "cor_kinetic.flights")
@@ -58,12 +58,12 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def concerning(name: str, flags: tuple[str, ...]) -> tuple[str, ...]:
-    """Return those of a shot's flags that are about one number."""
+    """Return those of a shot's flags that concern one number."""
     return tuple(flag for flag in flags if name in CONCERNS.get(flag, ()))
 
 
-def doubts_of_reading(impact: Impact, momentum: tuple[Quantity, Quantity] | None) -> tuple[str, ...]:
-    """Return the flags of readings that cannot be.
+def reading_flags(impact: Impact, momentum: tuple[Quantity, Quantity] | None) -> tuple[str, ...]:
+    """Return the flags of impossible readings.
 
     ``momentum`` are the impulse of the whole force pulse and m (v_out - v_in), both in N s, where both were read.
     """
@@ -71,35 +71,35 @@ def doubts_of_reading(impact: Impact, momentum: tuple[Quantity, Quantity] | None
     ratio = impact.cor_quasi_static
     if isinstance(ratio, Quantity) and ratio.value - ABOVE_SIGMAS * ratio.std > 1.0:
         flags.append("restitution_above_one")
-    if momentum is not None and _apart(*momentum) > MOMENTUM_SIGMAS:
+    if momentum is not None and _sigmas_apart(*momentum) > MOMENTUM_SIGMAS:
         flags.append("momentum_disagrees")
     return tuple(flags)
 
 
-def doubts_of_fit(impact: Impact, fit: Fit) -> tuple[str, ...]:
-    """Return the flags of a shot whose fit contradicts its readings, or does not describe it at all."""
+def fit_flags(impact: Impact, fit: Fit) -> tuple[str, ...]:
+    """Return the flags of a fit that contradicts the readings or does not describe the shot."""
     if not fit.converged:
         return ()
-    # a plate that must be at rest until it is touched: the fit's own ± does not hold a swing
+    # the model's plate is at rest until it is touched, so the fit's ± does not include its motion
     flags = [PLATE_SHAKEN] if SHAKEN in impact.flags and not fit.on_frames else []
     if len(fit.shots) != 1:
         return tuple(flags)
     own = fit.shots[0]
-    # what a frame does all the time is weighed: this is something else
+    # the steady motion of the frame is part of the fit's noise, so this is something else
     if fit.on_frames and (own.rings or fit.reduced_chi2 > CHI2_FAR):
         flags.append(KNOCK_SUSPECTED)
     pairs = (
         (impact.velocity_in_m_per_s, own.velocity_in_m_per_s),
         (impact.velocity_out_m_per_s, own.velocity_out_m_per_s),
     )
-    if any(isinstance(read, Quantity) and _apart(read, fitted) > FIT_SIGMAS for read, fitted in pairs):
+    if any(isinstance(read, Quantity) and _sigmas_apart(read, fitted) > FIT_SIGMAS for read, fitted in pairs):
         flags.append(FIT_DISAGREES)
     if np.isfinite(fit.reduced_chi2) and not 1.0 / CHI2_FAR <= fit.reduced_chi2 <= CHI2_FAR:
         flags.append(CHI2_FAR_FROM_ONE)
     return tuple(flags)
 
 
-def _apart(one: Quantity, other: Quantity) -> float:
-    """Return how far two quantities lie apart in their joint standard uncertainty; 0 where none is known."""
+def _sigmas_apart(one: Quantity, other: Quantity) -> float:
+    """Return the difference of two quantities in joint standard uncertainties; 0 where none is known."""
     spread = float(np.hypot(one.std, other.std))
     return abs(one.value - other.value) / spread if np.isfinite(spread) and spread > 0.0 else 0.0

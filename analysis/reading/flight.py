@@ -1,4 +1,4 @@
-"""Where the block flies free, how fast, and how sure that is."""
+"""A free flight as a polynomial: its velocity at any instant, with uncertainty."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
 
-LONGEST_FLIGHT_S = 0.040  # of flight taken on each side: longer adds drift, not knowledge
+LONGEST_FLIGHT_S = 0.040  # of flight used on each side: a longer one adds drift, not information
 FEWEST_SAMPLES = 400  # ... but a slow record needs this many
 SHORTEST_CURVED_S = 0.003  # a shorter flight carries a straight line only
 
@@ -47,11 +47,10 @@ class Flight:
 
 
 def fit_flight(motion: Motion, first: int, last: int, *, nearest: int, curved: bool = False) -> Flight | None:
-    """Fit the flight between samples ``first`` and ``last`` (inclusive), its zero at sample ``nearest``.
+    """Fit the flight between samples ``first`` and ``last`` (inclusive), its time zero at sample ``nearest``.
 
-    Quadratic where the flight is long enough, so that drag and tilt do not bend the velocity at its end, or where it
-    is said to be ``curved``; straight where it is short.  All noise counts as white.  None with fewer than 4 valid
-    samples.
+    Quadratic where the flight is long enough, so that drag and tilt do not bias the velocity at its end, or where it is
+    ``curved``; straight where it is short.  All noise counts as white.  None with fewer than 4 valid samples.
     """
     index = np.arange(max(first, 0), min(last, motion.time_s.size - 1) + 1)
     index = index[motion.valid[index] & np.isfinite(motion.displacement_m[index])]

@@ -1,4 +1,4 @@
-"""Taps in whole numbers, for filters that multiply 16-bit samples with 16-bit taps and add up in 32 bits."""
+"""Integer taps for filters that multiply 16-bit samples with 16-bit taps and add up in 32 bits."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.signal.dot import WIDTH
+from analysis.signal.intrinsics import WIDTH
 
 _MOST = 65535  # of the taps' absolute sum: full-scale samples of 16 bits then stay below 2^31
 _LARGEST = 32700
@@ -49,28 +49,28 @@ def _round(window, turns, room, taps, gains):  # type: ignore[no-untyped-def]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WholeTaps:
-    """Complex band-passes in whole numbers, one an oscillator, and what makes their sums exact there.
+class IntegerTaps:
+    """Complex band-passes with integer taps, one per oscillator, and the gains that restore their sums.
 
     ``taps`` int16 (oscillators, 2, length rounded up to ``WIDTH``): real part, even about the centre, and imaginary
-    part, odd.  ``restore`` float32 (oscillators, 3): the gain of either sum, and what a steady offset adds to the
-    first; the second does not feel it.
+    part, odd.  ``restore`` float32 (oscillators, 3): the gain of either sum, and the part of a constant offset in the
+    first; the second sum is free of it.
     """
 
     taps: NDArray[np.int16]
     restore: NDArray[np.float32]
 
 
-def whole_taps(window: NDArray[np.float64], turns: NDArray[np.float64], offset_counts: float) -> WholeTaps:
-    """Return ``window`` mixed with each oscillator, in whole numbers of the largest scale that cannot overflow.
+def integer_taps(window: NDArray[np.float64], turns: NDArray[np.float64], offset_counts: float) -> IntegerTaps:
+    """Return ``window`` mixed with each oscillator, as integers of the largest scale that cannot overflow.
 
-    ``window`` is symmetric, of an even number of taps; ``turns`` (oscillators,) are the oscillators in cycles a sample,
-    their phase zero at the window's centre, so that the angle read is that of the beat there whatever the oscillator.
-    Being even and odd, the whole taps turn no phase at any frequency; at the oscillator the gains of both parts, and
+    ``window`` is symmetric, of an even number of taps; ``turns`` (oscillators,) are the oscillators in cycles per
+    sample, their phase zero at the window's centre, so that the angle read is the beat's there for any oscillator.
+    As even and odd functions the taps shift no phase at any frequency; at the oscillator the gains of both parts, and
     so the rejection of the image, are exact.
     """
     taps = np.zeros((turns.size, 2, -(-window.size // WIDTH) * WIDTH), np.int16)
     gains = np.empty((turns.size, 2))
     _round(np.asarray(window).copy(), turns, _MOST - _STRAY * window.size, taps, gains)
     steady = offset_counts * gains[:, :1] * taps[:, 0].sum(axis=1, dtype=np.int64)[:, None]
-    return WholeTaps(taps, np.concatenate((gains, steady), axis=1).astype(np.float32))
+    return IntegerTaps(taps, np.concatenate((gains, steady), axis=1).astype(np.float32))

@@ -1,7 +1,7 @@
-"""Both free flights at once: their parabolas, the lines that machines draw through them, and the floor they stand on.
+"""Fit both free flights together: their parabolas, the steady lines of machines, and the floor's spectrum.
 
-The displacement of the flights is averaged over some tenths of a millisecond, far above anything that shakes; what is
-left is small enough that every covariance can be written down and solved as it is.
+The displacement of the flights is averaged in bins shorter than any vibration; the bins are so few that their full
+covariance can be used.
 """
 
 from dataclasses import dataclass, replace
@@ -9,26 +9,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading.bins import Bins, binned, kept
-from analysis.reading.flights import SHORTEST_CURVED_S, Flight
-from analysis.reading.floor import Floor
+from analysis.reading.bins import Bins, binned, select
+from analysis.reading.flight import SHORTEST_CURVED_S, Flight
+from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.reading.knocks import find_knocks
-from analysis.reading.lines import bend_of, design_of, line_of, refined, wave_of, with_one_more
 from analysis.reading.octaves import Octaves, waves_of
 from analysis.reading.strengths import Sight
+from analysis.reading.vibration_lines import add_line, design_matrix, frequency_derivative, line_of, refined, wave_of
 from analysis.shot.disturbance import VibrationLine
 from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
 
-FEWEST_BINS = 4  # of one flight, for a straight line with something left over
+FEWEST_BINS = 4  # of one flight, for a straight line with a residual
 FEWEST_FOR_LINES = 24  # of both flights
 MOST_LINES = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Quiet:
-    """What the flights show: each with the covariance between both, the lines with theirs, and the floor.
+class Flights:
+    """Both flights, the steady lines and the floor's spectrum.
 
     ``outgoing`` is None where there is no flight after the contact; ``velocity_covariance`` is that of the two
     velocities at their own ``time_zero_s``.  ``plain`` are the stds in m/s of both velocities with white noise alone.
@@ -38,63 +38,63 @@ class Quiet:
     outgoing: Flight | None
     velocity_covariance: float
     lines: tuple[VibrationLine, ...]
-    floor: Floor
+    floor: FloorSpectrum
     knocks_s: tuple[tuple[float, float], ...]
     plain: tuple[float, float]
-    strengths: Floats  # the likeliest, as ``Sight.weigh`` begins with
-    knocks_kept: bool = False  # a knock filled a flight: it could not be left out
+    strengths: Floats  # the likeliest, with which ``Sight.weigh`` may begin
+    knocks_kept: bool = False  # a knock fills a flight and could not be left out
 
 
 def read_flights(
-    motion: Motion, into: tuple[int, int], out: tuple[int, int] | None, before: Quiet | None = None
-) -> Quiet | None:
-    """Read the flights between sample pairs (first, last), inclusive, up to which the contact's edges allow.
+    motion: Motion, into: tuple[int, int], out: tuple[int, int] | None, before: Flights | None = None
+) -> Flights | None:
+    """Fit the flights between sample pairs (first, last), inclusive.
 
-    The velocities hold at the edge that faces the contact.  ``before`` is what nearly the same flights have shown: no
-    lines but its own are looked for.  None where the incoming flight is too short for a line.  Cost: about 10 ms, and
-    as much again a line.
+    The velocities are those at the ends that face the contact.  ``before`` is an earlier fit of nearly the same
+    flights: its lines are refined, and no others searched.  None where the incoming flight is too short.  Cost: about
+    10 ms, and as much again for each line.
     """
     bins = binned(motion, into, out)
     if bins.into.sum() < FEWEST_BINS:
         return None
     if out is not None and (~bins.into).sum() < FEWEST_BINS:
-        out, bins = None, kept(bins, bins.into)
+        out, bins = None, select(bins, bins.into)
     zeros = (float(motion.time_s[into[1]]), float(motion.time_s[out[0]]) if out is not None else 0.0)
-    knocked, whole = find_knocks(bins.time_s, _without_flights(bins, zeros), bins.into, bins.std_m)
+    knocked, whole = find_knocks(_without_flights(bins, zeros), bins.into, bins.std_m)
     knocks = tuple((float(bins.time_s[a]), float(bins.time_s[b - 1]) + bins.each * bins.step_s) for a, b in knocked)
     keep = np.ones(bins.time_s.size, dtype=np.bool_)
     for a, b in knocked:
         keep[a:b] = False
-    bins = kept(bins, keep)
+    bins = select(bins, keep)
     polynomials, drags = _polynomials(bins, zeros)
     straight, line = _straight_lines(bins, polynomials, drags)
     sight = _sight(replace(bins, value_m=bins.value_m - line), drags)
     waves = [wave_of(bins, line) for line in before.lines] if before is not None else []
     start = before.strengths if before is not None and before.strengths.size == sight.unknowns else None
-    weighing = sight.weigh(design_of(bins, waves, polynomials), start)
+    weighing = sight.weigh(design_matrix(bins, waves, polynomials), start)
     if waves:
         waves = refined(bins, sight, waves, polynomials, weighing.best)
     if before is None and bins.time_s.size >= FEWEST_FOR_LINES:
         while len(waves) < MOST_LINES and polynomials.shape[1] + 3 * len(waves) + 12 < bins.time_s.size:
-            more = with_one_more(bins, sight, waves, polynomials, weighing)
+            more = add_line(bins, sight, waves, polynomials, weighing)
             if more is None:
                 break
             waves, weighing = more
-    design = design_of(bins, waves, polynomials)
+    design = design_matrix(bins, waves, polynomials)
     solution, covariance = sight.solve(weighing, design)
     solution[: straight.size] += straight
     white = bins.std_m * np.sqrt(bins.each)
     parts = tuple((weight, sight.powers(at)) for weight, at in weighing.parts)
-    floor = Floor(sight.octaves, parts, white, motion.sample_rate_hz)
+    floor = FloorSpectrum(sight.octaves, parts, white, motion.sample_rate_hz)
     flights = _flights(bins, zeros, solution, covariance, white, into, out)
     degree = flights[0].coefficients.size
     plain = np.linalg.inv(polynomials.T @ polynomials) * bins.std_m**2
-    return Quiet(
+    return Flights(
         incoming=flights[0],
         outgoing=flights[1],
         velocity_covariance=float(covariance[1, degree + 1]) if out is not None else 0.0,
         lines=tuple(
-            line_of(wave, covariance[i : i + 3, i : i + 3], bend_of(bins, wave)[1], bins.middle_s)
+            line_of(wave, covariance[i : i + 3, i : i + 3], frequency_derivative(bins, wave)[1], bins.middle_s)
             for i, wave in zip(range(polynomials.shape[1], design.shape[1], 3), waves, strict=True)
         ),
         floor=floor,
@@ -106,9 +106,9 @@ def read_flights(
 
 
 def _straight_lines(bins: Bins, polynomials: Floats, drags: tuple[int, ...]) -> tuple[Floats, Floats]:
-    """Return coefficients of straight flights, (p,), and the lines, (n,).
+    """Return the coefficients of straight flights, (p,), and their displacement, (n,).
 
-    They are ten million times the noise: taken off first, so that sums of squares keep their digits.
+    It is ten million times the noise and is subtracted first, so that sums of squares keep their precision.
     """
     free = np.setdiff1d(np.arange(polynomials.shape[1]), drags)
     scale = np.abs(polynomials).max(axis=0)

@@ -1,4 +1,4 @@
-"""What a model says that a shot not yet taken would show, and what another model could make of it."""
+"""Predict shots not yet taken from a fitted model, and the information on another model that they would add."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,11 +20,11 @@ from analysis.shot.shot import Stop
 
 Floats = NDArray[np.float64]
 _EVALUATIONS = 15
-NEAR = 0.3  # of chi^2: a plan need not know a distance of five norms better than to a thirtieth
+NEAR = 0.3  # of chi^2, at which a search for a plan may end: a distance of five norms is then known to a thirtieth
 
 
-def blank(shot: NextShot, fitted: Fitted) -> Samples:
-    """Return the samples of a shot not yet taken, nothing in them: sampled and as noisy as those of a fit."""
+def blank_shot(shot: NextShot, fitted: Fitted) -> Samples:
+    """Return samples of a shot not yet taken, displacement zero: sampled and as noisy as those of a fit."""
     data, point = fitted.hypothesis.data, fitted.point
     shots = data.shots
     like = on_the_rig(shots)[0]
@@ -63,9 +63,9 @@ def _course(like: Course, shot: NextShot, touching_s: float) -> Course:
 
 
 def with_shots(fitted: Fitted, added: Sequence[Samples]) -> tuple[Hypothesis, Floats]:
-    """Return a fit's hypothesis over its shots and ``added`` ones, and the vector that foretells these.
+    """Return a fit's hypothesis over its shots and ``added`` ones, and the parameter vector that predicts these.
 
-    They begin as they are set, and what every shot has for itself is as large as in the shots at hand.
+    They begin as they are set; parameters with a value in every shot are as large as in the present shots.
     """
     before = fitted.hypothesis
     data = replace(before.data, shots=(*before.data.shots, *added))
@@ -79,10 +79,10 @@ def with_shots(fitted: Fitted, added: Sequence[Samples]) -> tuple[Hypothesis, Fl
 
 
 def _typical(fitted: Fitted) -> dict[str, Mapping[str, float]]:
-    """Return the effects of a shot like those at hand: what differs from shot to shot as in the one of middle size.
+    """Return the effects' values of a typical shot: those of the shot in which they have their median size.
 
-    All of it from one shot: a plate's place and velocity are known together far better than each, and a mean of each
-    would swing the plate as in none of them.
+    All values of an effect come from one shot: a plate's position and velocity are correlated, and separate means of
+    both would describe a swing of the plate that no shot had.
     """
     every = fitted.point.values
     out: dict[str, Mapping[str, float]] = {}
@@ -93,8 +93,8 @@ def _typical(fitted: Fitted) -> dict[str, Mapping[str, float]]:
     return out
 
 
-def foretold(fitted: Fitted, shot: Samples) -> Samples:
-    """Return the samples of a shot as a fit foretells them, without noise.  Raises Infeasible."""
+def predict(fitted: Fitted, shot: Samples) -> Samples:
+    """Return the samples of a shot as a fit predicts them, without noise.  Raises Infeasible."""
     hypothesis, z = with_shots(fitted, [shot])
     last = len(hypothesis.data.shots) - 1
     shown = hypothesis.averaged(last, hypothesis.unpack(z))
@@ -103,46 +103,46 @@ def foretold(fitted: Fitted, shot: Samples) -> Samples:
     return replace(shot, displacement_m=shown)
 
 
-def as_if_taken(fitted: Fitted, added: Sequence[Samples], floor: Floor) -> Fitted:
-    """Return a fit as it would be after shots that show just what it foretells: where it was, beside ``floor``."""
+def fit_as_if_taken(fitted: Fitted, added: Sequence[Samples], floor: Floor) -> Fitted:
+    """Return a fit as it would be after shots that show exactly what it predicts, with the noise ``floor``."""
     hypothesis, z = with_shots(fitted, added)
     return replace(finish(hypothesis, search(hypothesis, z, floor, evaluations=1), floor), floor=floor)
 
 
 @dataclass(frozen=True, slots=True)
-class Informs:
-    """What a shot says of a model's shared parameters to first order, its own start eliminated.
+class Information:
+    """A shot's information on a model's shared parameters to first order, its own start eliminated.
 
-    ``curvature``, shape (p, p), and ``gradient``, shape (p,), of half the sum of squares ``chi2`` by them;
-    ``coincidence`` as chi^2 that its own numbers, which nothing foretells, fell where they did.
+    ``curvature``, shape (p, p), and ``gradient``, shape (p,), are those of half the sum of squares ``chi2``;
+    ``penalty``, as chi^2, is for the effects that have values of their own in the shot.
     """
 
     curvature: Floats
     gradient: Floats
     chi2: float
-    coincidence: float = 0.0
+    penalty: float = 0.0
 
-    def __add__(self, other: "Informs") -> "Informs":
-        return Informs(
+    def __add__(self, other: "Information") -> "Information":
+        return Information(
             self.curvature + other.curvature,
             self.gradient + other.gradient,
             self.chi2 + other.chi2,
-            self.coincidence + other.coincidence,
+            self.penalty + other.penalty,
         )
 
     @property
     def least(self) -> float:
-        """Get the least that the shared parameters can bring the sum of squares to, to first order, and coincidence."""
+        """Get the minimum of the sum of squares over the shared parameters, to first order, with the penalty."""
         scale = np.sqrt(np.maximum(np.diag(self.curvature), 1e-300))
         scaled = self.curvature / np.outer(scale, scale)
         step = np.linalg.lstsq(scaled, self.gradient / scale, rcond=1e-13)[0]
-        return max(0.0, self.chi2 - float(self.gradient / scale @ step)) + self.coincidence
+        return max(0.0, self.chi2 - float(self.gradient / scale @ step)) + self.penalty
 
 
-def informs(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] = ()) -> Informs:
-    """Return what a foretold shot says of a rival's shared parameters.  Raises Infeasible.
+def information_of(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] = ()) -> Information:
+    """Return the information of a predicted shot on a rival's shared parameters.  Raises Infeasible.
 
-    ``unshared`` are places of the vector that this shot has for itself, as on a plate of its own.  Cost: one shot with
+    ``unshared`` are indices of the vector that this shot has for itself, as on a plate of its own.  Cost: one shot with
     derivatives, 1 to 11 ms.
     """
     hypothesis, z = with_shots(rival, [shot])
@@ -151,14 +151,15 @@ def informs(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] 
     rows = shot.whitened(floor, np.column_stack([here - shot.displacement_m, columns]))
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
-    return eliminated(rows[:, 1:], rows[:, 0], len(hypothesis.shared), [hypothesis.shared.index(k) for k in unshared])
+    own = [hypothesis.shared.index(k) for k in unshared]
+    return information_without(rows[:, 1:], rows[:, 0], len(hypothesis.shared), own)
 
 
-def coincidence_with(rival: Fitted, effect: str, scatter: Floats, shot: Samples, floor: Floor) -> float:
-    """Return what a foretold shot costs an effect, as chi^2, whose own numbers there would have to fall in one place.
+def shot_penalty(rival: Fitted, effect: str, scatter: Floats, shot: Samples, floor: Floor) -> float:
+    """Return the penalty, as chi^2, of an effect whose own values would have to fit a predicted shot by chance.
 
-    As much as the shot knows them better than their ``scatter``: ln det(1 + S F), with what is known of them (F) when
-    the shot's own start is eliminated.  Raises Infeasible.
+    It is ln det(1 + S F): by how much the shot knows the values better than their ``scatter`` (S), with their
+    information F when the shot's own start is eliminated.  Raises Infeasible.
     """
     hypothesis, z = with_shots(rival, [shot])
     last = len(hypothesis.data.shots) - 1
@@ -168,42 +169,42 @@ def coincidence_with(rival: Fitted, effect: str, scatter: Floats, shot: Samples,
     rows = shot.whitened(floor, hypothesis.of_shot(last, z)[1][:, [*numbers, *start]])
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
-    of_numbers = eliminated(rows, np.zeros(len(rows)), len(numbers)).curvature
+    of_numbers = information_without(rows, np.zeros(len(rows)), len(numbers)).curvature
     return float(np.linalg.slogdet(np.eye(len(numbers)) + of_numbers * np.outer(scatter, scatter))[1])
 
 
-def at_hand(fitted: Fitted, floor: Floor) -> Informs:
-    """Return what the shots at hand say of a fit's shared parameters."""
+def present_information(fitted: Fitted, floor: Floor) -> Information:
+    """Return the information of the present shots on a fit's shared parameters."""
     hypothesis = fitted.hypothesis
     square = square_of(hypothesis, floor, fitted.z)
     shared = hypothesis.shared
     own = np.setdiff1d(np.arange(hypothesis.size), shared)
     of_own = np.linalg.pinv(square.curvature[own][:, own], hermitian=True)
     into: Floats = square.curvature[shared][:, own] @ of_own
-    return Informs(
+    return Information(
         square.curvature[shared][:, shared] - into @ square.curvature[own][:, shared],
         square.gradient[shared] - into @ square.gradient[own],
         float(square.chi2 - square.gradient[own] @ of_own @ square.gradient[own]),
     )
 
 
-def eliminated(jacobian: Floats, left: Floats, shared: int, unshared: Sequence[int] = ()) -> Informs:
-    """Return what whitened derivatives and a remainder say of the first ``shared`` columns, all others eliminated.
+def information_without(jacobian: Floats, left: Floats, shared: int, unshared: Sequence[int] = ()) -> Information:
+    """Return the information of whitened derivatives and residual on the first ``shared`` columns, others eliminated.
 
-    ``unshared`` ones among them are eliminated, too.
+    ``unshared`` ones among the first are eliminated as well.
     """
     own = jacobian[:, [*range(shared, jacobian.shape[1]), *unshared]]
     own = own[:, np.any(own != 0.0, axis=0)]
     basis = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
-    beside = jacobian[:, :shared] - basis @ (basis.T @ jacobian[:, :shared])
+    columns = jacobian[:, :shared] - basis @ (basis.T @ jacobian[:, :shared])
     rest = left - basis @ (basis.T @ left)
-    return Informs(beside.T @ beside, beside.T @ rest, float(rest @ rest))
+    return Information(columns.T @ columns, columns.T @ rest, float(rest @ rest))
 
 
 def refitted_chi2(rival: Fitted, added: Sequence[Samples], floor: Floor, stop: Stop) -> float:
-    """Return what a rival leaves of the shots at hand and of foretold ones when it is fitted to all of them jointly.
+    """Return chi^2 of a rival fitted jointly to the present shots and to predicted ones.
 
-    Raises Infeasible where it has no motion for them.  Cost: some ten evaluations of all shots.
+    Raises Infeasible where it has no solution for them.  Cost: some ten evaluations of all shots.
     """
     hypothesis, z = with_shots(rival, added)
     return search(hypothesis, z, floor, evaluations=_EVALUATIONS, tolerance=NEAR, cancelled=stop).square.chi2

@@ -1,8 +1,8 @@
-"""Sums of products of 16-bit numbers: the filter that a beat is read through, at the processor's full width.
+"""Processor instructions for the filter of a beat: products of 16-bit numbers, and memory fetched in advance.
 
-Processors multiply sixteen pairs of 16-bit numbers and add neighbouring products in one instruction, twice what they
-do in single precision, and integers add up to the same bits in any order.  No loop written out is turned into that
-instruction while samples and taps are used more than once, so it is asked for by name.
+Processors multiply sixteen pairs of 16-bit numbers and add neighbouring products in one instruction, twice as many as
+in single precision, and sums of integers are exact in any order.  The compiler does not use that instruction in a loop
+in which samples and taps are used more than once, so it is called by name.
 """
 
 from typing import Any
@@ -13,6 +13,8 @@ from numba.core import cgutils as _cgutils
 from numba.extending import intrinsic
 
 cgutils: Any = _cgutils
+LINE_BYTES = 64  # of memory, fetched at once
+_READ, _SECOND_CACHE, _DATA = 0, 2, 1  # in the first cache a prefetched line would displace data in use
 WIDTH = 16  # samples multiplied together: taps come in whole multiples of it
 TOGETHER = 4  # outputs that share each load of the taps
 _I16, _I32 = ir.IntType(16), ir.IntType(32)
@@ -115,3 +117,22 @@ def make_four_dots(native: bool) -> Any:
 
 
 four_dots = make_four_dots(has_multiply_add())
+
+
+def _prefetch(typing_context, array, index):  # type: ignore[no-untyped-def]
+    """Start fetching the line that ``array[index]`` lies in; an index out of bounds does nothing."""
+    del typing_context
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        address = builder.bitcast(builder.gep(data, [arguments[1]]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [address.type, number, number, number])
+        fetch = builder.module.declare_intrinsic("llvm.prefetch", [address.type], kind)
+        builder.call(fetch, [address, number(_READ), number(_SECOND_CACHE), number(_DATA)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp), generate
+
+
+prefetch: Any = intrinsic(_prefetch)

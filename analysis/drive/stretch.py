@@ -1,9 +1,8 @@
-"""The samples of driven records, force and motion through one filter.
+"""The unbroken stretches of driven records, with force and motion through one low-pass.
 
-A derivative of the displacement is known in a band only; a force that holds more than that band would be compared with
-a motion that cannot show it.  Force and every law's force therefore pass the very low-pass that displacement, velocity
-and acceleration have passed ("parallel filtering" of the identification of robots: M. Gautier, 1997; A. Janot,
-P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014).
+Derivatives of the displacement are known in a limited band only.  Force and every law's force therefore pass the same
+low-pass as displacement, velocity and acceleration ("parallel filtering" in the identification of robots: M. Gautier,
+1997; A. Janot, P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014).
 """
 
 from collections.abc import Sequence
@@ -16,24 +15,24 @@ from numpy.typing import NDArray
 from analysis.drive.bandwidth import bandwidth_of
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError
-from analysis.signal.filters import stretches
+from analysis.signal.filters import stretches as unbroken
 
 Floats = NDArray[np.float64]
 FEWEST_SAMPLES = 200
 STANDSTILL_SIGMAS = 5.0
-OVERSAMPLED = 3.0  # samples kept for every hertz of the bandwidth: what lies between them is interpolation
-LONGEST_DELAY = 0.5  # between force and motion, in 1 / bandwidth: what is looked for
+OVERSAMPLED = 3.0  # samples kept for every hertz of the bandwidth: further ones would only be interpolated
+LONGEST_DELAY = 0.5  # between force and motion, in 1 / bandwidth: the longest that is searched
 _KAISER = 5.65  # 60 dB
 _HALF_LENGTH = 3.0  # of the low-pass, in 1 / bandwidth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
-    """One unbroken stretch of a record; arrays of shape (n,), even in time, not thinned.
+class Stretch:
+    """One unbroken stretch of a record; arrays of shape (n,), evenly sampled, not thinned.
 
     Displacement, velocity and acceleration are low-passed at ``bandwidth_hz``; ``force_n`` is as measured, and
-    ``smooth`` passes it, or the force of a law, through the same low-pass.  ``used``, shape (m,), are the samples that
-    are compared; ``record`` is the index of the record it belongs to.
+    ``smooth`` passes it, or the force of a law, through the same low-pass.  ``used``, shape (m,), are the indices of
+    the samples that are compared; ``record`` is the index of the record.
     """
 
     time_s: Floats
@@ -42,13 +41,13 @@ class Run:
     acceleration_m_per_s2: Floats
     force_n: Floats
     used: NDArray[np.int64]
-    step: int  # every so manieth sample is looked at
+    step: int  # one sample in so many is compared
     sample_rate_hz: float
     bandwidth_hz: float
     record: int
 
     def smooth(self, column: Floats, later_s: float = 0.0) -> Floats:
-        """Return a column (n,) through the low-pass at the samples used (m,), taken ``later_s`` before their time."""
+        """Return a column (n,) through the low-pass at the samples used (m,), delayed by ``later_s``."""
         from scipy.signal import upfirdn  # with all of scipy.stats: not at every start
 
         taps = low_pass(self.sample_rate_hz, self.bandwidth_hz, later_s)
@@ -58,7 +57,7 @@ class Run:
 
 @lru_cache(maxsize=64)
 def low_pass(sample_rate_hz: float, bandwidth_hz: float, later_s: float = 0.0) -> Floats:
-    """Return the low-pass of force and motion, shape (2 half + 1,), moved by ``later_s``."""
+    """Return the taps of the low-pass of force and motion, shape (2 half + 1,), delayed by ``later_s``."""
     reach = max(4, int(np.ceil(_HALF_LENGTH * sample_rate_hz / bandwidth_hz)))
     moved = later_s * sample_rate_hz
     half = reach + int(np.ceil(LONGEST_DELAY * sample_rate_hz / bandwidth_hz))
@@ -73,16 +72,16 @@ def low_pass(sample_rate_hz: float, bandwidth_hz: float, later_s: float = 0.0) -
 def derived(sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]:
     """Return the taps of velocity (1/s) and acceleration (1/s^2), each (2 half + 1,), to convolve a displacement with.
 
-    Their response is that of ``low_pass`` times i w and (i w)^2, to what the cut ends leave (some 1e-6): the derivative
-    filters of a motion are flatter than that low-pass, by 5e-3 near their edge, which a force of high signal shows as
-    a delay or a mass that nobody has.
+    Their response is that of ``low_pass`` times i w and (i w)^2, within some 1e-6 from the cut ends.  The derivative
+    filters of a motion are flatter than that low-pass, by 5e-3 near their edge, which in a force of high
+    signal-to-noise ratio would appear as a delay or an additional mass.
     """
     taps = low_pass(sample_rate_hz, bandwidth_hz)
     length = 1 << int(np.ceil(np.log2(8 * taps.size)))
     turn = 2.0j * np.pi * np.fft.rfftfreq(length, 1.0 / sample_rate_hz)
     half = taps.size  # twice the low-pass's own
     spectrum = np.fft.rfft(np.roll(np.pad(taps, (0, length - taps.size)), -(taps.size // 2)))
-    # beyond the low-pass's own length only a sign that changes from tap to tap is left: it may end softly
+    # beyond the low-pass's own length only an alternating sign is left, which is tapered
     beyond = np.clip((np.abs(np.arange(-half, half + 1)) - taps.size // 2) / (half - taps.size // 2), 0.0, 1.0)
     soft = np.cos(0.5 * np.pi * beyond) ** 2
     velocity, acceleration = (
@@ -91,10 +90,10 @@ def derived(sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]
     return np.asarray(velocity), np.asarray(acceleration - acceleration.mean())
 
 
-def prepare(motions: Sequence[Motion]) -> tuple[Run, ...]:
-    """Return the stretches of all records, at the narrowest bandwidth that any of them bears.
+def prepare(motions: Sequence[Motion]) -> tuple[Stretch, ...]:
+    """Return the stretches of all records, at the narrowest of the records' bandwidths.
 
-    Raises AnalysisError where a record has no measured force, no motion, or too little of both.
+    Raises AnalysisError where a record has no measured force, no motion, or too few samples.
     """
     for motion in motions:
         if not motion.force_measured:
@@ -103,18 +102,18 @@ def prepare(motions: Sequence[Motion]) -> tuple[Run, ...]:
         if known.size == 0 or float(np.ptp(known)) == 0.0:
             raise AnalysisError("force_n: the force is the same throughout; nothing is driven by it")
     bandwidth_hz = min(bandwidth_of(motion) for motion in motions)
-    runs = [run for index, motion in enumerate(motions) for run in _stretches(motion, index, bandwidth_hz)]
-    count = sum(run.used.size for run in runs)
-    whole = sum(round(run.used.size * run.sample_rate_hz / (OVERSAMPLED * bandwidth_hz)) for run in runs)
+    made = [stretch for index, motion in enumerate(motions) for stretch in _stretches_of(motion, index, bandwidth_hz)]
+    count = sum(stretch.used.size for stretch in made)
+    whole = sum(round(stretch.used.size * stretch.sample_rate_hz / (OVERSAMPLED * bandwidth_hz)) for stretch in made)
     if count < 20 or whole < FEWEST_SAMPLES:
         raise AnalysisError(
             f"some {whole} samples of motion under force are too few to fit a slider (at least {FEWEST_SAMPLES}, "
             f"not counting {6.0 / bandwidth_hz:.3g} s at each end that the filter of {bandwidth_hz:.3g} Hz takes)"
         )
-    return tuple(run for run in runs if run.used.size)
+    return tuple(stretch for stretch in made if stretch.used.size)
 
 
-def _stretches(motion: Motion, record: int, bandwidth_hz: float) -> list[Run]:
+def _stretches_of(motion: Motion, record: int, bandwidth_hz: float) -> list[Stretch]:
     rate = motion.sample_rate_hz
     filters = derived(rate, bandwidth_hz)
     half = int(np.ceil(_HALF_LENGTH * rate / bandwidth_hz))
@@ -126,7 +125,7 @@ def _stretches(motion: Motion, record: int, bandwidth_hz: float) -> list[Run]:
     step = max(1, int(rate / (OVERSAMPLED * bandwidth_hz)))
     taps = low_pass(rate, bandwidth_hz)
     out = []
-    for start, stop in stretches(np.isfinite(motion.displacement_m) & np.isfinite(motion.force_n)):
+    for start, stop in unbroken(np.isfinite(motion.displacement_m) & np.isfinite(motion.force_n)):
         if stop - start <= 2 * edge + step:
             continue
         piece = slice(start, stop)
@@ -135,21 +134,21 @@ def _stretches(motion: Motion, record: int, bandwidth_hz: float) -> list[Run]:
             np.asarray(fftconvolve(x - x[0], each, mode="same")) for each in (taps, *filters)
         )
         place += x[0]
-        moves = _moving(np.abs(velocity) > STANDSTILL_SIGMAS * velocity_gain * noise_m, half)
+        moves = _in_motion(np.abs(velocity) > STANDSTILL_SIGMAS * velocity_gain * noise_m, half)
         moves[:edge] = moves[-edge:] = False
         used = np.arange(-(taps.size // 2) % step, stop - start, step)  # where a thinned filter has its outputs
         columns = (motion.time_s[piece], place, velocity, acceleration, motion.force_n[piece])
         time_s, place, velocity, acceleration, force = (np.asarray(c, dtype=np.float64) for c in columns)
         out.append(
-            Run(time_s, place, velocity, acceleration, force, used[moves[used]], step, rate, bandwidth_hz, record)
+            Stretch(time_s, place, velocity, acceleration, force, used[moves[used]], step, rate, bandwidth_hz, record)
         )  # fmt: skip
     return out
 
 
-def _moving(moves: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
-    """Return ``moves`` less what a standstill longer than the filter reaches; a mere reversal stays in."""
+def _in_motion(moves: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
+    """Return ``moves`` without the samples that a standstill longer than the filter reaches; reversals stay in."""
     out = np.ones(moves.shape, dtype=np.bool_)
-    for start, stop in stretches(~moves):
+    for start, stop in unbroken(~moves):
         if stop - start > half:
             out[max(0, start - half) : stop + half] = False
     return out

@@ -1,4 +1,4 @@
-"""The floor under the rig as flights showed it: how far it moves within a time, and its spectrum."""
+"""The spectrum of the floor's motion as the flights show it, and how far the floor moves within a time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
-    """A mixture of floors: ``parts`` are (weight, powers of the octaves); ``white_std_m`` is that of one sample."""
+class FloorSpectrum:
+    """A mixture of spectra: ``parts`` are (weight, powers of the octaves); ``white_std_m`` is that of one sample."""
 
     octaves: Octaves
     parts: tuple[tuple[float, Floats], ...]
@@ -23,7 +23,7 @@ class Floor:
 
     @property
     def _power(self) -> Floats:
-        """Get what stands at each frequency on average, in m^2, (f,)."""
+        """Get the mean power at each frequency in m^2, (f,)."""
         return np.asarray(sum(w * p for w, p in self.parts) @ self.octaves.power_m2)
 
     @property
@@ -34,7 +34,7 @@ class Floor:
 
     @property
     def rms_m(self) -> float:
-        """Get the floor's rms displacement in m as far as flights can tell it from their own motion."""
+        """Get the floor's rms displacement in m, without the slowest, which looks like the flights' own motion."""
         seen = self.octaves.frequency_hz > 2.0 * self.octaves.centre_hz[0]
         return float(np.sqrt(self._power[seen].sum()))
 
@@ -62,7 +62,7 @@ class Floor:
         return self.velocity_std_m_per_s((0.0,), (1.0,), bandwidth_hz)
 
     def velocity_std_m_per_s(self, at_s: Sequence[float], weights: Sequence[float], bandwidth_hz: float) -> float:
-        """Return the std of a weighted sum of the floor's velocities at instants: what is slow, they share."""
+        """Return the std of a weighted sum of the floor's velocities at instants, slow motion being common to them."""
         f = np.geomspace(min(0.5, 0.01 * bandwidth_hz), bandwidth_hz, 400)
         seen = np.abs(np.exp(2j * np.pi * f[:, None] * np.asarray(at_s)) @ np.asarray(weights)) ** 2
         return float(np.sqrt(np.trapezoid((2 * np.pi * f) ** 2 * self._moving(f) * seen, f)))

@@ -1,4 +1,4 @@
-"""How a recording is read: which oscillators, how wide a band, how far to decimate; narrow first, wide where needed."""
+"""Plan how a recording is demodulated: oscillators, bandwidth, decimation; narrow bands first, wider where needed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,15 +7,14 @@ import numpy as np
 
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings
-from analysis.signal.guide import Guide, fixed_guide, following_guide
 from analysis.signal.survey import Survey
-from analysis.signal.tuning import Tuning, tune
+from analysis.signal.tuning import OscillatorSchedule, Tuning, fixed_schedule, following_schedule, tune
 
 FOLLOWED_HZ = (130e3, 400e3)  # how far the beat may lie from the oscillator that follows it, first and second try
-NARROW_HZ = 40e3  # the same where the beat comes so near zero that nothing wider can be told from its image
+NARROW_HZ = 40e3  # the same where the beat comes so near zero that a wider band would include its image
 SPAN_MARGIN_HZ = 60e3  # beyond the frequencies seen, where one oscillator serves the whole recording
-PHASE_RATE_HZ = 0.45e6  # where light is plentiful: short windows, so that a fault spoils little
-PHASE_VARIANCE = 0.025  # rad^2 of one phase: above it a whole cycle may slip, so less light asks for longer windows
+PHASE_RATE_HZ = 0.45e6  # with enough light: windows are short, so that a fault spoils little
+PHASE_VARIANCE = 0.025  # rad^2 of one phase: above it a whole cycle may slip, so less light needs longer windows
 OSCILLATOR_SPACING_HZ = 40e3
 REST_HALF_WIDTH_HZ = 50e3
 _ROUND_HZ = 20e3
@@ -23,21 +22,23 @@ _DIM_DB = 6.0
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
-    """One way of reading a recording; ``step`` is a motion sample in samples of the recording."""
+class DemodulationPlan:
+    """One way to demodulate a recording; ``step`` is the distance of motion samples in samples of the recording."""
 
     tuning: Tuning
-    guide: Guide
+    schedule: OscillatorSchedule
     rest_tuning: Tuning | None
-    rest_guide: Guide | None
+    rest_schedule: OscillatorSchedule | None
     step: int
 
 
-def plans(seen: Survey, reference: Survey | None, recording: Recording, settings: AnalysisSettings) -> Iterator[Plan]:
-    """Yield the plans to try, cheapest and quietest first.
+def demodulation_plans(
+    seen: Survey, reference: Survey | None, recording: Recording, settings: AnalysisSettings
+) -> Iterator[DemodulationPlan]:
+    """Yield the plans to try, the cheapest and least noisy first.
 
     The oscillator follows the beat as the survey saw it; a beat that leaves that band is read again through a wider
-    one, and at last through one that holds all frequencies seen.  Raises AnalysisError where none can be made.
+    one, and last through one that holds all frequencies seen.  Raises AnalysisError where no plan is possible.
     """
     made = False
     problem: AnalysisError | None = None
@@ -56,7 +57,7 @@ def plans(seen: Survey, reference: Survey | None, recording: Recording, settings
 
 def _plan(
     width_hz: float | None, seen: Survey, reference: Survey | None, recording: Recording, settings: AnalysisSettings
-) -> Plan:
+) -> DemodulationPlan:
     rate, motion_rate = recording.sample_rate_hz, settings.motion_rate_hz
     low, high = _rounded(seen.low_hz, seen.high_hz, 0.0)
     together = reference is not None and settings.rest == "instantaneous"
@@ -69,7 +70,7 @@ def _plan(
         half_width = 0.5 * (high - low) + SPAN_MARGIN_HZ + 0.5 * motion_rate
         centre = 0.5 * (low + high)
         tuning = _tune(rate, centre, centre, half_width, settings, seen.snr_db)
-        guide = fixed_guide(tuning, centre)
+        schedule = fixed_schedule(tuning, centre)
     else:
         tuning = _tune(rate, low, high, width_hz + 0.5 * motion_rate, settings, seen.snr_db)
         frequency = seen.frequency_hz[seen.seen]
@@ -77,23 +78,23 @@ def _plan(
             ends = np.concatenate((frequency[:1], frequency, frequency[-1:]))
             frequency = np.median(np.stack((ends[:-2], ends[1:-1], ends[2:])), axis=0)
         centre_sample = seen.sample[seen.seen] + seen.stretch // 2
-        guide = following_guide(tuning, centre_sample, frequency, recording.samples, OSCILLATOR_SPACING_HZ)
+        schedule = following_schedule(tuning, centre_sample, frequency, recording.samples, OSCILLATOR_SPACING_HZ)
     factor = max(2, round(tuning.phase_rate_hz / motion_rate))
     step = tuning.decimation * factor
     if reference is None:
-        return Plan(tuning, guide, None, None, step)
+        return DemodulationPlan(tuning, schedule, None, None, step)
     rest_hz = float(np.median(reference.frequency_hz[reference.seen]))
     if together:
-        return Plan(tuning, guide, tuning, fixed_guide(tuning, rest_hz), step)
+        return DemodulationPlan(tuning, schedule, tuning, fixed_schedule(tuning, rest_hz), step)
     spread = 0.5 * float(np.ptp(reference.frequency_hz[reference.seen]))
     rest_low, rest_high = _rounded(rest_hz, rest_hz, 0.0)
     half_width = _ROUND_HZ * np.ceil((REST_HALF_WIDTH_HZ + min(spread, 1e5) + 0.5 * motion_rate) / _ROUND_HZ)
     rest_tuning = tune(rate, rest_low, rest_high, half_width, 2.0 * rate / step, step)
-    return Plan(tuning, guide, rest_tuning, fixed_guide(rest_tuning, rest_hz), step)
+    return DemodulationPlan(tuning, schedule, rest_tuning, fixed_schedule(rest_tuning, rest_hz), step)
 
 
 def _rounded(low_hz: float, high_hz: float, margin_hz: float) -> tuple[float, float]:
-    """Return a band rounded outwards: recordings alike then share one filter design."""
+    """Return a band rounded outwards, so that similar recordings share one filter design."""
     low = _ROUND_HZ * np.floor((low_hz - margin_hz) / _ROUND_HZ)
     high = _ROUND_HZ * np.ceil((high_hz + margin_hz) / _ROUND_HZ)
     return float(low), float(high)
@@ -121,7 +122,7 @@ def _tune(
 def _divided(
     rate_hz: float, low_hz: float, high_hz: float, half_width_hz: float, phase_rate_hz: float, whole: int
 ) -> Tuning:
-    """Return a tuning whose decimation divides ``whole``, so that the motion rate asked for is met, if not dear."""
+    """Return a tuning whose decimation divides ``whole``, for an exact motion rate, unless that costs too much."""
     free = tune(rate_hz, low_hz, high_hz, half_width_hz, phase_rate_hz)
     if whole % free.decimation == 0 or whole < 2:
         return free

@@ -1,8 +1,8 @@
-"""Readings of a collision that was seen too coarsely for derivatives: from the fitted model, with its covariance.
+"""Read the force pulse from the fitted model, where the record is too coarse for derivatives.
 
-A camera or an encoder gives positions; the force is their second derivative, and where its noise is of the size of the
-force, a peak read from it is the noise's.  The model's fit uses every position at once: what it says of peak, width,
-contact and impulse is known as well as its parameters are.
+A camera or an encoder gives positions; the force is their second derivative, and where its noise is as large as the
+force, a peak read from it is noise.  The fit uses all positions at once: its peak, width, contact time and deflection
+are as certain as its parameters.
 """
 
 from collections.abc import Callable
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
+from analysis.fitted.fitted_shot import READ_FROM_MODEL
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
@@ -24,8 +25,7 @@ from analysis.shot.quantity import NotSeen, Quantity, Reading
 from analysis.shot.shot import AnalysisError
 
 Floats = NDArray[np.float64]
-DROWNED = 0.1  # noise of the force over the model's peak: beyond it a direct reading is mostly noise
-FLAG = "read_from_model"  # peak, width, contact and deflection are the fitted model's
+DROWNED = 0.1  # noise of the force over the model's peak, beyond which a direct reading is mostly noise
 INCONSISTENT = "pulse_disagrees"  # the direct reading's peak and width do not make the impulse
 IMPULSE_SHARES = (0.5, 1.3)  # peak x width over m (v_out - v_in): 0.94 of a half sine, 1 of a rectangle
 HOW = "the fitted model: derivatives of this record carry too little"
@@ -44,22 +44,22 @@ class _Pulse:
 def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
     """Return the impact with its pulse read from the fitted model, where the force is drowned in noise.
 
-    Elsewhere, and where the fit is no good, it comes back as it was, flagged where peak and width do not make the
-    impulse that velocities and mass do.
+    Elsewhere, and where the fit is not usable, its readings are unchanged, and flagged where peak times width does not
+    agree with the impulse from velocities and mass.
     """
     if motion.wavelength_m is not None or not fit.converged or len(fit.shots) != 1 or fit.model == "driven":
         return impact
     try:
         pulse = _pulse(fit, motion)
     except (AnalysisError, Infeasible, KeyError, ValueError, np.linalg.LinAlgError):
-        return _checked(impact, motion.moving_mass_kg)
+        return _with_impulse_check(impact, motion.moving_mass_kg)
     stds = motion.force_std_n[np.isfinite(motion.force_std_n)]
     noise_n = float(np.median(stds)) if stds.size else float("nan")
     if not noise_n > DROWNED * pulse.values[0]:
-        return _checked(impact, motion.moving_mass_kg)
+        return _with_impulse_check(impact, motion.moving_mass_kg)
     std = np.sqrt(np.maximum(np.diag(pulse.covariance), 0.0))
     read = {name: Quantity(float(v), float(s), HOW) for name, v, s in zip(_READ, pulse.values, std, strict=True)}
-    seen = _checked(impact, motion.moving_mass_kg)
+    seen = _with_impulse_check(impact, motion.moving_mass_kg)
     return replace(
         seen,
         force_peak_n=read["force_peak_n"],
@@ -68,12 +68,12 @@ def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
         deflection_max_m=read["deflection_max_m"],
         cor_impulse=NotSeen("the force before and after the turn is drowned in noise"),
         stiffness_slope_n_per_m=NotSeen("the force is drowned in noise; the fit gives the contact's stiffness"),
-        flags=tuple(dict.fromkeys((*seen.flags, FLAG))),
+        flags=tuple(dict.fromkeys((*seen.flags, READ_FROM_MODEL))),
     )
 
 
-def _checked(impact: Impact, mass_kg: float) -> Impact:
-    """Return the impact, flagged where peak times width is not what changed the block's velocity."""
+def _with_impulse_check(impact: Impact, mass_kg: float) -> Impact:
+    """Return the impact, flagged where peak times width does not agree with the block's change of momentum."""
     needed: tuple[Reading, ...] = (
         impact.force_peak_n, impact.force_fwhm_s, impact.velocity_in_m_per_s, impact.velocity_out_m_per_s,
     )  # fmt: skip
@@ -91,7 +91,7 @@ def _checked(impact: Impact, mass_kg: float) -> Impact:
 
 
 def _pulse(fit: Fit, motion: Motion) -> _Pulse:
-    """Return the model's first contact and how well it is known: derivatives by differences of a solved shot."""
+    """Return the model's first contact with its covariance, by numerical derivatives of a solved shot."""
     shot = fit.shots[0]
     data = JointData((take(motion),), base_named(fit.model))
     hypothesis = Hypothesis(data, trials_named(fit.effects))
@@ -99,7 +99,7 @@ def _pulse(fit: Fit, motion: Motion) -> _Pulse:
     names = list(fit.parameters)
     at = np.array([fit.parameters[name].value for name in names])
     mine = {name: quantity.value for name, quantity in shot.own_parameters.items()}
-    fine = np.linspace(*_around(shot.touch_time_s.value, fit, motion), _GRID)
+    fine = np.linspace(*_first_contact_span(shot.touch_time_s.value, fit, motion), _GRID)
     fine_shot = replace(data.shots[0], time_s=fine, used=np.ones(_GRID, dtype=np.bool_))
     hypothesis = replace(hypothesis, data=replace(data, shots=(fine_shot,)))
 
@@ -116,14 +116,16 @@ def _pulse(fit: Fit, motion: Motion) -> _Pulse:
         return _read(fine, run.velocity_m_per_s, run.displacement_m, run.changes_s, motion.moving_mass_kg)
 
     here = pulse(at, own[0])
-    columns = _slopes(lambda z: pulse(z[:-1], float(z[-1])), np.array([*at, own[0]]), fit, shot.velocity_in_m_per_s.std)
+    columns = _derivatives(
+        lambda z: pulse(z[:-1], float(z[-1])), np.array([*at, own[0]]), fit, shot.velocity_in_m_per_s.std
+    )
     covariance = np.zeros((at.size + 1,) * 2)
     covariance[:-1, :-1] = fit.covariance[: at.size, : at.size]
     covariance[-1, -1] = shot.velocity_in_m_per_s.std**2
     return _Pulse(here, max(1.0, fit.reduced_chi2) * columns @ covariance @ columns.T)
 
 
-def _slopes(function: Callable[[Floats], Floats], at: Floats, fit: Fit, speed_std: float) -> Floats:
+def _derivatives(function: Callable[[Floats], Floats], at: Floats, fit: Fit, speed_std: float) -> Floats:
     steps = np.array([*(0.3 * np.sqrt(np.maximum(np.diag(fit.covariance)[: at.size - 1], 0.0))), 0.3 * speed_std])
     out = []
     for k, step in enumerate(steps):
@@ -137,8 +139,8 @@ def _slopes(function: Callable[[Floats], Floats], at: Floats, fit: Fit, speed_st
     return np.stack(out, axis=1)
 
 
-def _around(touch_s: float, fit: Fit, motion: Motion) -> tuple[float, float]:
-    """Return the span of the first contact, with room on both sides."""
+def _first_contact_span(touch_s: float, fit: Fit, motion: Motion) -> tuple[float, float]:
+    """Return the span of the first contact in s, with room on both sides."""
     released = [time for kind, time in fit.shots[0].overlay.events_s if kind == "release" and time > touch_s]
     end = released[0] if released else float(motion.time_s[-1])
     return touch_s - 0.25 * (end - touch_s), end + 0.5 * (end - touch_s)

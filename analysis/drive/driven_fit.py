@@ -1,0 +1,82 @@
+"""Fit a driven slider: its mass, drag, offset and the effects asked for, as a ``Fit``."""
+
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.drive.bandwidth import force_noise
+from analysis.drive.law_search import fit_accepted
+from analysis.drive.mass_check import FLAG, MASS, MassCheck, check_mass
+from analysis.drive.regress import Regression, regress, rms
+from analysis.drive.repeatability import Repeatability, repeatability_of
+from analysis.drive.stretch import Stretch, low_pass, prepare
+from analysis.drive.table import Table
+from analysis.shot.fit import Fit
+from analysis.shot.motion import Motion
+from analysis.shot.quantity import Quantity
+from analysis.shot.shot import Stop
+from analysis.signal.filters import derivative_filters
+
+Floats = NDArray[np.float64]
+
+
+def fit_driven(motions: Sequence[Motion], effects: Sequence[str] = (), stop: Stop = lambda: False) -> Fit:
+    """Return the slider's fit; its ``shots`` are empty, as nothing collides.  Raises AnalysisError, Cancelled."""
+    began = time.perf_counter()
+    table = Table.of(prepare(motions), stop)
+    free = fit_accepted(table, effects)
+    mass_check = check_mass(motions, free)
+    found = regress(table, free.laws, None, free.nonlinear, mass_check.fixed)
+    repeatability = repeatability_of(table, found, filtered_noise_n(motions, table.stretches, found))
+    return as_fit(motions, found, mass_check, repeatability, time.perf_counter() - began)
+
+
+def as_fit(
+    motions: Sequence[Motion],
+    found: Regression,
+    mass_check: MassCheck,
+    repeatability: Repeatability,
+    seconds: float,
+) -> Fit:
+    """Return a regression as a Fit; its chi2 is relative to the drive's repeatability."""
+    parameters = {name: found.quantity(name) for name in found.names}
+    covariance = found.covariance
+    if mass_check.fixed and mass_check.stated is not None:
+        parameters[MASS] = mass_check.stated
+        covariance = covariance.copy()
+        covariance[found.names.index(MASS), found.names.index(MASS)] = mass_check.stated.std**2
+    return Fit(
+        model="driven",
+        parameters=parameters,
+        covariance=covariance,
+        shots=(),
+        reduced_chi2=chi2(found.rms_n, repeatability),
+        noise_std_m=float(np.median([np.nanmedian(motion.displacement_std_m) for motion in motions])),
+        converged=True,
+        effects=found.laws,
+        flags=() if mass_check.agrees else (FLAG,),
+        seconds=seconds,
+    )
+
+
+def chi2(error_n: float, repeatability: Repeatability) -> float:
+    """Return the square of an rms force error over that of the repeatability."""
+    return (error_n / repeatability.force_n) ** 2 if repeatability.force_n > 0.0 else float("nan")
+
+
+def filtered_noise_n(motions: Sequence[Motion], stretches: Sequence[Stretch], found: Regression) -> float:
+    """Return the noise in N of the filtered force minus mass times acceleration."""
+    rate, bandwidth = stretches[0].sample_rate_hz, stretches[0].bandwidth_hz
+    force = rms(np.array([force_noise(motion) for motion in motions]))
+    place = rms(np.array([np.nanmedian(motion.displacement_std_m) for motion in motions]))
+    through = float(np.linalg.norm(low_pass(rate, bandwidth)))
+    weight = found.quantity(MASS).value * derivative_filters(rate, bandwidth).acceleration_gain
+    return float(np.hypot(force * through, weight * place))
+
+
+def prediction_residual_n(table: Table, effects: Sequence[str], parameters: Mapping[str, Quantity]) -> Floats:
+    """Return measured minus predicted force of a saved model, shape (m,); only the offset is fitted to the record."""
+    known = {name: quantity.value for name, quantity in parameters.items() if name != "offset_n"}
+    return regress(table, effects, None, None, known).residual_n

@@ -1,0 +1,113 @@
+"""The log of shots that were planned and taken, with the separation expected of each and the one reached."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from analysis.diagnosis.result import Diagnosis
+from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, undecided
+from analysis.shot.motion import Motion
+from analysis.shot.shot import Progress, Stop
+
+if TYPE_CHECKING:  # they import all of the diagnosis; a window shows plans long before it makes one
+    from analysis.planning.model_comparison import ModelComparison
+    from analysis.planning.plan import Plan
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedStep:
+    """One planned shot: ``expected`` gives the separation expected after it, by the effect that is the true one.
+
+    ``reached`` is the separation by all shots up to it, ``leader`` the likeliest member then; None before it was taken.
+    """
+
+    shot: NextShot
+    members: tuple[str, ...]
+    expected: Mapping[str, float]
+    reached: float | None = None
+    leader: str | None = None
+    inseparable_from: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # as in ``Plan``
+
+    @property
+    def expected_separation(self) -> float:
+        """Get the separation expected if the leader is true; before the shot is taken, if the first member is."""
+        return self.expected.get(self.leader or "", next(iter(self.expected.values())))
+
+    @property
+    def has_expectation(self) -> bool:
+        """Get whether ``expected`` holds the member that turned out the likeliest."""
+        return self.leader in self.expected
+
+    def excluded(self, leader: str) -> Collection[str]:
+        """Return the members from which no separation was expected where ``leader`` is the true one.
+
+        For a leader that the plan could separate from none, these are all members that it could not separate.
+        """
+        if leader in self.expected:
+            return self.inseparable_from.get(leader, ())
+        return [member for member in self.members if member not in self.expected]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the step as the result file has it (docs/formats.md)."""
+        return {
+            "shot": self.shot.to_json(),
+            "between": list(self.members),
+            "expected_separation": self.expected_separation,
+            "expected_if": dict(self.expected),
+            "reached_separation": self.reached,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class PlanningState:
+    """The plan for a set of shots (None: every name is decided), and the log of planned shots so far."""
+
+    plan: Plan | None
+    steps: tuple[PlannedStep, ...] = ()
+
+    @property
+    def settled(self) -> bool:
+        """Get whether every name is decided, or no shot could decide."""
+        return self.plan is None or not self.plan.settles
+
+
+def plan_next(
+    motions: Sequence[Motion],
+    diagnosis: Diagnosis,
+    steps: Sequence[PlannedStep] = (),
+    *,
+    left: int = MOST_SHOTS,
+    reach: Reach | None = None,
+    progress: Progress = lambda _what, _fraction: None,
+    cancelled: Stop = lambda: False,
+) -> PlanningState:
+    """Plan what ``motions`` with their ``diagnosis`` still need; the last of ``steps``, if any, has just been taken.
+
+    At most ``left`` shots are planned; with 0 left the plan is as if none had been taken.  Raises AnalysisError,
+    Cancelled.
+    """
+    from analysis.planning.model_comparison import compare_models
+    from analysis.planning.plan import plan
+
+    done, undecided_now = list(steps), undecided(diagnosis)
+    comparison: ModelComparison | None = None
+    if done:
+        comparison = compare_models(diagnosis.fit_after, done[-1].members, motions, cancelled)
+        if comparison is not None:
+            leader = comparison.members[0].effect
+            done[-1] = replace(done[-1], reached=comparison.separation_from(done[-1].excluded(leader)), leader=leader)
+    if not done or set(undecided_now) != set(done[-1].members):
+        comparison = compare_models(diagnosis.fit_after, undecided_now, motions, cancelled)
+    if comparison is None:
+        return PlanningState(None, tuple(done))
+    further = plan(comparison, reach, most=left or MOST_SHOTS, progress=progress, stop=cancelled)
+    return PlanningState(further, tuple(done))
+
+
+def next_step(state: PlanningState) -> PlannedStep:
+    """Return the first shot of a plan as a step to be taken."""
+    plan = state.plan
+    assert plan is not None and plan.shots
+    return PlannedStep(plan.shots[0], plan.members, plan.after_first, inseparable_from=plan.inseparable_from)

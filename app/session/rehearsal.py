@@ -30,7 +30,7 @@ def readings() -> Shot:
     from analysis.pipeline import read
     from instrument.files.open_recording import analysed_while_hashed
     from instrument.files.recording_writer import write_recording
-    from instrument.live.live import warm
+    from instrument.live.live_thread import warm
 
     warm()
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:

@@ -41,7 +41,7 @@ class Source:
     listed: dict[str, str] = field(default_factory=dict)
     simulated: bool = False  # it waits for the processor alone, and is never late by itself
     knows_its_rig: bool = False  # brings mass and wavelength along: the settings' are not asked
-    apart: bool = True  # opened in a process of its own
+    in_subprocess: bool = True
     remembered: bool = True  # opened at the next start, too
 
     @property
@@ -68,7 +68,7 @@ SOURCES = (
         "PATH",
         listed={"replay:": "Play a recording …"},
         knows_its_rig=True,
-        apart=False,  # it waits for its reader, so there is nothing to lose
+        in_subprocess=False,  # it waits for its reader and can lose nothing
         remembered=False,
     ),
     Source(

@@ -1,4 +1,4 @@
-"""The newest samples of a running digitizer, in memory allocated once."""
+"""The ring that holds the newest samples of a running digitizer, in memory allocated once."""
 
 from dataclasses import dataclass, field
 
@@ -10,14 +10,14 @@ from instrument.devices.digitizer import CaptureSettings
 
 
 class Overwritten(Exception):
-    """The samples asked for have been replaced by newer ones."""
+    """The requested samples have been replaced by newer ones."""
 
 
 class Ring:
     """A ring of int16 counts, shape (capacity, channels): one thread writes, any thread copies out.
 
-    Samples are numbered from 0, for as long as the ring lives.  The writer lets a digitizer fill the ring in place
-    (``space`` then ``commit``); readers get copies, never views, and never see a sample half replaced.
+    Samples are numbered from 0 over the life of the ring.  The writer lets a digitizer fill the ring in place
+    (``space``, then ``commit``); readers get copies, and never a sample that is being replaced.
     """
 
     def __init__(self, capacity: int, channels: int) -> None:
@@ -48,7 +48,7 @@ class Ring:
         return max(0, self._claimed - self.capacity)
 
     def space(self, most: int) -> NDArray[np.int16]:
-        """Return a contiguous view of at most ``most`` samples to be filled next; what it covered is given up."""
+        """Return a contiguous view of at most ``most`` samples to be filled next; the samples in it are lost."""
         start = self._total % self.capacity
         length = min(most, self.capacity - start)
         self._claimed = self._total + length
@@ -73,7 +73,7 @@ class Ring:
     def copy_into(self, start: int, out: NDArray[np.int16]) -> None:
         """Fill ``out``, shape (n, channels), with samples ``start`` ... ``start + n - 1``.
 
-        Raises Overwritten when the writer has got there first, ValueError for samples not written yet.
+        Raises Overwritten if the writer has replaced some of them, ValueError for samples not written yet.
         """
         length = out.shape[0]
         if start < 0 or start + length > self._total:
@@ -84,13 +84,13 @@ class Ring:
         first = min(length, self.capacity - at)
         out[:first] = self._counts[at : at + first]
         out[first:] = self._counts[: length - first]
-        if start < self.oldest:  # the writer lapped us while we copied
+        if start < self.oldest:  # the writer replaced some during the copy
             raise Overwritten
 
 
 @dataclass(slots=True)
 class Stream:
-    """Where the samples of this run lie in the ring, and what is known of them; ``gaps`` only grows."""
+    """The samples of one run of a digitizer: their place in the ring, settings, channels and losses."""
 
     ring: Ring
     start: int  # ring number of its first sample
@@ -102,7 +102,7 @@ class Stream:
     gaps: list[tuple[int, int | None]] = field(default_factory=list)  # (ring number, samples lost before it)
     lost: int = 0
     losses: int = 0
-    doubtful_rate_hz: float | None = None  # samples a second by the computer's clock, where that is not the rate
+    doubtful_rate_hz: float | None = None  # the rate by the computer's clock, where it contradicts the stated one
 
     def column(self, role: Role) -> int | None:
         """Return the channel index that carries ``role``, or None."""

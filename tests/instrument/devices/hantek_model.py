@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tests.instrument.drivers.usbfs_emulator import Stall, descriptors
+from tests.instrument.devices.usbfs_emulator import Stall, descriptors
 
 PACKET = 512
 

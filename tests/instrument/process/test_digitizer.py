@@ -16,26 +16,27 @@ import pytest
 
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.capture.acquisition import State
-from instrument.capture.capture import Capture, CaptureOptions
+from instrument.capture.capture import Capture
+from instrument.capture.capture_options import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 from instrument.files.open_recording import open_recording
 from instrument.process import digitizer as apart
 from instrument.process import shared_ring
-from instrument.process.digitizer import DigitizerApart, open_apart
-from tests.instrument.apart import devices
-from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
+from instrument.process.subprocess_digitizer import SubprocessDigitizer, open_in_subprocess
+from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer, samples
+from tests.instrument.process import devices
 
 ONE = CaptureSettings(RATE_HZ, 20_000, 2_000)
 
 
 @pytest.fixture
-def opened() -> Iterator[Callable[..., DigitizerApart]]:
+def opened() -> Iterator[Callable[..., SubprocessDigitizer]]:
     """Open digitizers that are closed at the test's end."""
-    living: list[DigitizerApart] = []
+    living: list[SubprocessDigitizer] = []
 
-    def open_one(opener: Callable[[], Digitizer]) -> DigitizerApart:
-        living.append(DigitizerApart(opener))
+    def open_one(opener: Callable[[], Digitizer]) -> SubprocessDigitizer:
+        living.append(SubprocessDigitizer(opener))
         return living[-1]
 
     yield open_one
@@ -97,17 +98,17 @@ def test_the_samples_gaps_and_end_are_those_of_the_device_however_they_are_read(
 
 def test_a_refusal_to_open_is_the_device_s_own_sentence():
     with pytest.raises(DigitizerError) as refusal:
-        DigitizerApart(devices.refused)
+        SubprocessDigitizer(devices.refused)
     assert (refusal.value.what, refusal.value.remedy) == ("no such device is plugged in", "plug it in")
     with pytest.raises(DigitizerError, match=r"unexpected: .*a bug"):
-        DigitizerApart(devices.broken)
+        SubprocessDigitizer(devices.broken)
 
 
 def test_a_source_is_named_as_anywhere_and_a_recording_is_played_here(tmp_path):
     with pytest.raises(DigitizerError, match="unknown source"):
-        open_apart("frequency counter")
+        open_in_subprocess("frequency counter")
     with pytest.raises(DigitizerError, match="nothing to replay"):
-        open_apart(f"replay:{tmp_path / 'none'}")
+        open_in_subprocess(f"replay:{tmp_path / 'none'}")
 
 
 def test_a_refused_arming_and_an_unplugging_are_said_and_the_next_arming_recovers(opened):
@@ -130,7 +131,7 @@ def test_a_refused_arming_and_an_unplugging_are_said_and_the_next_arming_recover
 
 
 def test_a_parent_that_stands_still_loses_nothing_silently(opened, monkeypatch):
-    monkeypatch.setattr(apart, "HELD_S", 0.05)
+    monkeypatch.setattr(apart, "RING_S", 0.05)
     digitizer = opened(partial(devices.Leaky, 0.02))
     digitizer.arm(ONE)
     buffer = np.empty((30_000, 3), np.int16)
@@ -248,7 +249,7 @@ def test_no_memory_is_one_line(opened, monkeypatch):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc and /dev/shm")
 def test_a_killed_parent_leaves_no_child_and_no_memory():
     before = set(os.listdir("/dev/shm"))
-    command = [sys.executable, "-m", "tests.instrument.apart.parent"]
+    command = [sys.executable, "-m", "tests.instrument.process.parent"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         try:
@@ -280,7 +281,7 @@ def test_a_shot_is_captured_through_it(opened, tmp_path):
 def test_an_oscilloscope_s_shot_is_fetched_and_given_up_through_it():
     scope = EmulatedScope("rigol", polls_until_trigger=1)
     with TcpScope(scope) as server:
-        digitizer = open_apart(f"scpi:127.0.0.1:{server.port}?channels=1,2")
+        digitizer = open_in_subprocess(f"scpi:127.0.0.1:{server.port}?channels=1,2")
         try:
             settings = digitizer.default_settings()
             assert settings is not None

@@ -13,7 +13,7 @@ from instrument.devices.scpi_dialects import Nonsense, Scaling
 from instrument.devices.scpi_transport import Deadline
 from instrument.files.recording_file import read_recording
 from tests.attack.scopes import BEFORE, RATE_HZ, SAMPLES, Hasty, Mischief, RogueScope
-from tests.instrument.drivers.scpi_emulator import EmulatedScope
+from tests.instrument.devices.scpi_emulator import EmulatedScope
 
 SETTINGS = CaptureSettings(RATE_HZ, SAMPLES, BEFORE)
 

@@ -1,11 +1,10 @@
-"""The thread that analyses shots, behind a bounded queue: however slow, it never holds up a capture.
+"""The thread that analyses shots, behind a bounded queue, so that a slow analysis never delays a capture."""
 
-A shot's readings are told as soon as they are there, its fit after them.
-"""
-
+import contextlib
 import queue
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 from analysis.fitted.awaited_fit import awaits_fit
@@ -18,40 +17,48 @@ STOPPED = "the analysis was stopped"
 Stop = Callable[[], bool]
 Analyse = Callable[[Recording, Progress, Stop], Shot]  # (recording, progress, cancelled?) -> shot
 Fit = Callable[[Shot, Progress, Stop], Shot]
+Done = Callable[[int, Shot | None, str | None], None]  # (key, shot, problem)
 
 
 def fit_here(shot: Shot, progress: Progress, cancelled: Stop) -> Shot:
-    """Return a shot that was read with its fit, made in this process."""
-    from analysis.pipeline import fitted  # brings the model, which a recording without analysis never needs
+    """Fit a shot that was read, in this process."""
+    from analysis.pipeline import fitted  # imports the model, which a recording without analysis never needs
 
     return fitted(shot, progress=progress, cancelled=cancelled)
 
 
-class Analyst:
-    """Analyses one recording after another; ``done(key, shot, problem)`` is called in this thread.
+@dataclass(frozen=True, slots=True)
+class ShotAnalysis:
+    """The functions that analyse a recorded shot; both are called in the analysis thread.
 
-    Where ``analyse`` leaves a shot to await its fit, ``done`` is called twice: with the readings, and with what ``fit``
-    made of them, be it only the reason why there is none.
+    ``analyse`` may return a shot that still awaits its fit; ``fit`` then completes it.
     """
 
-    def __init__(
-        self, analyse: Analyse, done: Callable[[int, Shot | None, str | None], None], longest: int, fit: Fit
-    ) -> None:
-        self._analyse, self._fit = analyse, fit
+    analyse: Analyse
+    fit: Fit = fit_here
+    queue_length: int = 32  # shots that may wait; further ones are saved without an analysis
+
+
+class AnalysisThread:
+    """Analyses one recording after another; ``done(key, shot, problem)`` is called in this thread.
+
+    For a shot that awaits its fit, ``done`` is called twice: with the readings, then with the fit or with the reason
+    why there is none.
+    """
+
+    def __init__(self, analysis: ShotAnalysis, done: Done) -> None:
+        self._analysis = analysis
         self._done = done
-        self._waiting: queue.Queue[tuple[int, Recording] | None] = queue.Queue(longest)
+        self._waiting: queue.Queue[tuple[int, Recording] | None] = queue.Queue(analysis.queue_length)
         self._cancelled = threading.Event()
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="levimass analysis", daemon=True)
-        self.doing: tuple[str, float] | None = None  # what is in progress and how far
-        self.steps = 0  # how often that was told
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        self.start = self._thread.start
+        self.doing: tuple[str, float] | None = None  # what is in progress and its share done
+        self.steps = 0  # how often progress was reported
 
     def submit(self, key: int, recording: Recording) -> bool:
-        """Queue a recording; False, at once, where too many wait."""
+        """Queue a recording; return False at once if the queue is full."""
         try:
             self._waiting.put_nowait((key, recording))
         except queue.Full:
@@ -59,7 +66,7 @@ class Analyst:
         return True
 
     def cancel(self) -> None:
-        """Stop the analysis under way as soon as it looks; those that wait are done after it."""
+        """Stop the analysis under way at its next check; the queued ones follow."""
         if self.doing is not None:
             self._cancelled.set()
 
@@ -72,16 +79,11 @@ class Analyst:
                 self._waiting.put_nowait(None)
                 break
             except queue.Full:
-                self._drop_one()
+                with contextlib.suppress(queue.Empty):
+                    self._waiting.get_nowait()
         if self._thread.is_alive():
             self._thread.join(timeout_s)
         return not self._thread.is_alive()
-
-    def _drop_one(self) -> None:
-        try:
-            self._waiting.get_nowait()
-        except queue.Empty:
-            return
 
     def _run(self) -> None:
         while (item := self._waiting.get()) is not None:
@@ -90,8 +92,8 @@ class Analyst:
             key, recording = item
             self.doing = ("analysing", 0.0)
             self._cancelled.clear()
-            shot, problem = self._one(partial(self._analyse, recording))
-            del recording, item  # a recording that nobody looks at closes its file
+            shot, problem = self._attempt(partial(self._analysis.analyse, recording))
+            del recording, item  # the file closes with the last reference to its recording
             if shot is not None and awaits_fit(shot):
                 self._done(key, shot, problem)
                 shot = self._fitted(shot)
@@ -99,14 +101,16 @@ class Analyst:
             self._done(key, shot, problem)
 
     def _fitted(self, shot: Shot) -> Shot:
-        fitted, why = self._one(partial(self._fit, shot))
+        fitted, why = self._attempt(partial(self._analysis.fit, shot))
         if fitted is not None:
             return fitted
-        from analysis.fitted.fitted_shot import unfitted  # likewise
+        from analysis.fitted.fitted_shot import unfitted  # imported late, as in fit_here
 
         return unfitted(shot, why or "the fit failed")
 
-    def _one(self, step: Callable[[Progress, Stop], Shot]) -> tuple[Shot | None, str | None]:
+    def _attempt(self, step: Callable[[Progress, Stop], Shot]) -> tuple[Shot | None, str | None]:
+        """Run one step of an analysis; return the shot, or the line that says why there is none."""
+
         def progress(what: str, share: float) -> None:
             self.doing = (what, share)
             self.steps += 1
@@ -120,5 +124,5 @@ class Analyst:
             return None, STOPPED
         except AnalysisError as error:
             return None, one_line(str(error))
-        except Exception as error:  # a shot that breaks the analysis must not end the session
+        except Exception as error:  # a shot that crashes the analysis must not end the session
             return None, f"the analysis failed: {one_line(repr(error))}"

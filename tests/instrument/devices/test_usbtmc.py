@@ -11,9 +11,9 @@ from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
 from instrument.devices.scpi_transport import Cancelled
 from instrument.devices.usbtmc import MAX_REQUEST_BYTES, UsbtmcTransport, find_instruments
-from tests.instrument.drivers.scpi_emulator import EmulatedScope
-from tests.instrument.drivers.scripted_usb import BulkIn, BulkOut, ClearHalt, In, Plugged, ScriptedUsb
-from tests.instrument.drivers.test_scpi import take
+from tests.instrument.devices.scpi_emulator import EmulatedScope
+from tests.instrument.devices.scripted_usb import BulkIn, BulkOut, ClearHalt, In, Plugged, ScriptedUsb
+from tests.instrument.devices.test_scpi import take
 
 IN, OUT = 0x82, 0x03
 TIMED_OUT = usb.core.USBTimeoutError("Operation timed out", -7, errno.ETIMEDOUT)

@@ -1,4 +1,4 @@
-"""The thread that watches the stream for the screen: demodulates it, checks the signals, asks the disk."""
+"""The thread that demodulates the running stream for the screen, checks its signals and the room on the disk."""
 
 import threading
 import time
@@ -11,15 +11,15 @@ import numpy as np
 from analysis.shot.recording import Role, Setup
 from analysis.shot.shot import AnalysisError
 from analysis.signal.stream import LiveDemodulator
-from instrument.capture.motion_trigger import MotionTrigger
-from instrument.capture.rest_watch import RestWatch, planned_shot
-from instrument.capture.ring import Overwritten, Stream
-from instrument.capture.trigger import LightSwitch, TriggerSettings
 from instrument.files.folder_lock import disk_free_bytes
 from instrument.files.recording_error import one_line
+from instrument.live.live_view import ChannelSignal, empty_view
 from instrument.live.live_window import LiveWindow
+from instrument.live.rest_watch import RestWatch, planned_shot
+from instrument.live.ring import Overwritten, Stream
 from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
-from instrument.live.snapshot import ChannelSignal, empty_view
+from instrument.trigger.light_switch import LightSwitch, TriggerSettings
+from instrument.trigger.motion_trigger import MotionTrigger
 
 OUTPUT_HZ = 10e3
 WINDOW_S = 2.0
@@ -30,14 +30,15 @@ _CHECK_EVERY_S = 0.1
 _DISK_EVERY_S = 1.0
 
 
-class LiveWatch:
-    """Follows the newest stream; where it cannot keep up it passes samples over, and says how many."""
+class LiveThread:
+    """Follows the newest stream; if it cannot keep up it skips samples and counts them."""
 
     def __init__(self, stream: Callable[[], Stream | None], folder: Callable[[], Path]) -> None:
         self._newest = stream
         self._folder = folder
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="levimass live", daemon=True)
+        self.start = self._thread.start
         self._window = LiveWindow(round(WINDOW_S * OUTPUT_HZ))
         self._stream: Stream | None = None
         self._demodulator: LiveDemodulator | None = None
@@ -53,10 +54,6 @@ class LiveWatch:
         self.channels: tuple[ChannelSignal, ...] = ()
         self.disk_free_bytes: int | None = None
 
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
-
     def close(self, timeout_s: float = 10.0) -> bool:
         """End the thread.  Returns whether it ended."""
         self._ending.set()
@@ -69,7 +66,7 @@ class LiveWatch:
             begun = time.monotonic()
             try:
                 self._look(begun)
-            except Exception as error:  # the picture may fail, the capture must not
+            except Exception as error:  # a failing picture must not end the capture
                 self._problem = f"the live picture failed: {one_line(repr(error))}"
                 self._demodulator = None
                 self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), None, self._problem, 0)
@@ -119,7 +116,7 @@ class LiveWatch:
             self._problem = str(error)
 
     def _follow(self, stream: Stream) -> bool:
-        """Demodulate what has come; return whether there was anything."""
+        """Demodulate the new samples; return whether there were any."""
         ring = stream.ring
         moved = False
         while (waiting := ring.total - self._at) > 0 and not self._ending.is_set():
@@ -127,7 +124,7 @@ class LiveWatch:
                 self._at = ring.total
                 return True
             if waiting > ring.capacity // 2:
-                self._pass_over(ring.total - self._chunk.shape[0])
+                self._skip_to(ring.total - self._chunk.shape[0])
             stop = min(ring.total, self._at + self._chunk.shape[0])
             gap = next((g for g in stream.gaps if self._gaps_seen < g[0] <= stop), None)
             if gap is not None:
@@ -136,7 +133,7 @@ class LiveWatch:
             try:
                 ring.copy_into(self._at, part)
             except Overwritten:
-                self._pass_over(ring.total - self._chunk.shape[0] // 4)
+                self._skip_to(ring.total - self._chunk.shape[0] // 4)
                 continue
             moved = True
             self._at = stop
@@ -157,13 +154,13 @@ class LiveWatch:
         if self._rest is not None:
             self._rest.add(chunk)
 
-    def _pass_over(self, to: int) -> None:
-        passed = max(0, to - self._at)
-        self.skipped += passed
-        self._at += passed
+    def _skip_to(self, sample: int) -> None:
+        skipped = max(0, sample - self._at)
+        self.skipped += skipped
+        self._at += skipped
         self._gaps_seen = max(self._gaps_seen, self._at)
-        if self._demodulator is not None and passed:
-            self._demodulator.gap(passed)
+        if self._demodulator is not None and skipped:
+            self._demodulator.gap(skipped)
 
     def _draw(self, stream: Stream) -> None:
         ring = stream.ring
@@ -182,7 +179,7 @@ class LiveWatch:
 
 
 def warm() -> None:
-    """Compile or load the kernels that a running stream needs, so that its first samples find them ready."""
+    """Compile or load the kernels that a running stream needs, before its first samples come."""
     rate = 1e6
     t = np.arange(8192) / rate
     counts = np.empty((t.size, 2), np.int16)

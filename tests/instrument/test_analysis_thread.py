@@ -7,7 +7,7 @@ import pytest
 from analysis.fitted.awaited_fit import awaits_fit
 from analysis.pipeline import analyse, fitted, read
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled
-from instrument.capture.analyst import Analyst, fit_here
+from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis, fit_here
 from tests.beats import Synthetic, recording_of
 
 LONGEST_S = 60.0
@@ -36,7 +36,7 @@ def analyst(told):
             if shot is None or not awaits_fit(shot):
                 ended.set()
 
-        begun = Analyst(lambda recording, progress, cancelled: read(recording), done, 4, fit)
+        begun = AnalysisThread(ShotAnalysis(lambda recording, progress, cancelled: read(recording), fit, 4), done)
         begun.start()
         started.append(begun)
         return begun, ended

@@ -1,4 +1,4 @@
-"""Work done in a process of its own, whose long stretches of Python hold up neither the screen nor a capture."""
+"""Long computations in a subprocess, so that they delay neither the screen nor a capture."""
 
 import contextlib
 import gc
@@ -24,13 +24,13 @@ from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from instrument.files.open_recording import analysed_while_hashed
 from instrument.files.recording_error import RecordingError, one_line
-from instrument.process.messages import give_way
+from instrument.process.messages import lower_priority
 
-HEEDS_S = 5.0  # a child that looks at a cancellation later than this is ended: it may still be loading, or starved
+CANCEL_S = 5.0  # a child that has not reacted to a cancellation by then is killed
 _LOOK_S = 0.02
-_TOLD_EVERY_S = 0.05
-_ENDS_S = 5.0
-_READY = 0  # the number of no task
+_REPORT_EVERY_S = 0.05
+_END_S = 5.0
+_READY = 0  # task numbers begin at 1
 
 ForkingPickler.register(MappingProxyType, lambda view: (MappingProxyType, (dict(view),)))
 
@@ -42,8 +42,8 @@ class _Task:
 
 
 @dataclass(frozen=True, slots=True)
-class _News:
-    """How far the task ``number`` is, or how it ended."""
+class _Report:
+    """The progress of the task ``number``, or its end."""
 
     number: int
     progress: tuple[str, float] | None = None
@@ -52,10 +52,10 @@ class _News:
     cancelled: bool = False
 
 
-class WorkApart:
-    """Does one piece of work after another in a child; ``warm`` (picklable) is called there once, before the first.
+class SubprocessWorker:
+    """Runs one task after another in a child process; ``warm`` (picklable) is called there once, before the first.
 
-    A child that dies costs the work under way, and the next one starts another.
+    If the child dies, the running task fails and the next task starts a new child.
     """
 
     def __init__(self, warm: Callable[[], object] | None = None) -> None:
@@ -63,7 +63,7 @@ class WorkApart:
         self._lock = threading.Lock()
         self._process: SpawnProcess | None = None
         self._tasks: Connection | None = None
-        self._news: Connection | None = None
+        self._reports: Connection | None = None
         self._number = 0
         self._closed = False
 
@@ -73,25 +73,26 @@ class WorkApart:
         return self._process.pid if self._process is not None else None
 
     def start(self) -> None:
-        """Start the child if there is none, so that the first work does not wait for it; returns at once."""
+        """Start the child if there is none, so that the first task does not wait for it; returns at once."""
         with self._lock:
             if self._process is not None or self._closed:
                 return
             context = multiprocessing.get_context("spawn")
-            theirs, tasks = context.Pipe(duplex=False)
-            news, said = context.Pipe(duplex=False)
-            process = context.Process(target=_serve, args=(self._warm, theirs, said), name="levimass work")
+            child_tasks, tasks = context.Pipe(duplex=False)
+            reports, child_reports = context.Pipe(duplex=False)
+            ends = self._warm, child_tasks, child_reports
+            process = context.Process(target=_serve, args=ends, name="levimass work")
             process.daemon = True
             process.start()
-            theirs.close()
-            said.close()
-            self._process, self._tasks, self._news = process, tasks, news
+            child_tasks.close()
+            child_reports.close()
+            self._process, self._tasks, self._reports = process, tasks, reports
 
     def run(self, work: Callable[..., Any], progress: Progress, cancelled: Callable[[], bool]) -> Any:
-        """Return what ``work(progress=..., cancelled=...)`` returns; from one thread at a time.
+        """Return the result of ``work(progress=..., cancelled=...)``; from one thread at a time.
 
-        Work and result travel by pickle; arrays of the result are read-only.  After ``close`` the work is done here.
-        Raises Cancelled, and AnalysisError with one line for whatever else the work raised.
+        Work and result are pickled; arrays of the result are read-only.  After ``close`` the work runs in this process.
+        Raises Cancelled, and AnalysisError for any other exception of the work.
         """
         if self._closed:
             return work(progress=progress, cancelled=cancelled)
@@ -103,135 +104,135 @@ class WorkApart:
             self._end(0.0)
             if cancelled():
                 raise Cancelled from error
-            what = "the analysis's process ended by itself: ask for it again; a shot's recording is saved"
+            what = "the process of the analysis ended by itself: start it again; a shot's recording is saved"
             raise AnalysisError(what) from error
 
     def await_ready(self, cancelled: Callable[[], bool]) -> None:
-        """Return once a child that was just started has done its ``warm``, or is gone; before any other work of it.
+        """Wait until a child that was just started has finished ``warm``, or has ended; before its first task.
 
         Raises Cancelled.
         """
         with contextlib.suppress(EOFError, OSError):
-            while self._news is not None and not self._news.poll(_LOOK_S):
+            while self._reports is not None and not self._reports.poll(_LOOK_S):
                 if cancelled():
                     raise Cancelled
 
     def close(self) -> None:
         """End the child; harmless when there is none."""
         self._closed = True
-        self._end(_ENDS_S)
+        self._end(_END_S)
 
     def _await(self, task: _Task, progress: Progress, cancelled: Callable[[], bool]) -> Any:
-        tasks, news = self._tasks, self._news
-        if tasks is None or news is None:
+        tasks, reports = self._tasks, self._reports
+        if tasks is None or reports is None:
             raise EOFError
         tasks.send(task)
-        told_s: float | None = None
+        cancelled_s: float | None = None
         while True:
-            if told_s is None and cancelled():
-                told_s = time.monotonic()
+            if cancelled_s is None and cancelled():
+                cancelled_s = time.monotonic()
                 tasks.send(task.number)
-            if not news.poll(_LOOK_S):
-                if told_s is not None and time.monotonic() - told_s > HEEDS_S:
+            if not reports.poll(_LOOK_S):
+                if cancelled_s is not None and time.monotonic() - cancelled_s > CANCEL_S:
                     self._end(0.0)
                     raise Cancelled
                 continue
-            new: _News = news.recv()
-            if new.number != task.number:
+            report: _Report = reports.recv()
+            if report.number != task.number:
                 continue
-            if new.progress is not None:
-                progress(*new.progress)
-            elif new.cancelled:
+            if report.progress is not None:
+                progress(*report.progress)
+            elif report.cancelled:
                 raise Cancelled
-            elif new.problem is not None:
-                raise AnalysisError(new.problem)
+            elif report.problem is not None:
+                raise AnalysisError(report.problem)
             else:
-                _seal(new.result)
-                return new.result
+                _seal(report.result)
+                return report.result
 
     def _end(self, patience_s: float) -> None:
         with self._lock:
             process, self._process = self._process, None
             tasks, self._tasks = self._tasks, None
             if tasks is not None:
-                tasks.close()  # the child sees its end
+                tasks.close()  # on which the child ends
             if process is not None:
                 process.join(patience_s)
                 if process.is_alive():
                     process.kill()
-                    process.join(_ENDS_S)
+                    process.join(_END_S)
                 process.close()
-            news, self._news = self._news, None
-            if news is not None:
-                news.close()
+            reports, self._reports = self._reports, None
+            if reports is not None:
+                reports.close()
 
 
-def _serve(warm: Callable[[], object] | None, tasks: Connection, news: Connection) -> None:
-    """Do what comes until the parent is gone; the whole life of the process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C reaches the whole group: the parent ends in good order
-    give_way(10)  # samples and screen come first
+def _serve(warm: Callable[[], object] | None, tasks: Connection, reports: Connection) -> None:
+    """Run tasks until the parent is gone; the main function of the process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C reaches all processes of the group: the parent handles it
+    lower_priority(10)  # samples and screen come first
     waiting: queue.SimpleQueue[_Task] = queue.SimpleQueue()
     dropped: set[int] = set()
 
-    def hear() -> None:
+    def receive() -> None:
         with contextlib.suppress(EOFError, OSError):
             while True:
                 order: _Task | int = tasks.recv()
                 if isinstance(order, int):
                     dropped.add(order)
                 else:
-                    _seal(order.work)  # a kernel for arrays that are only read is another one
+                    _seal(order.work)  # kernels are compiled for read-only arrays
                     waiting.put(order)
-        os._exit(0)  # nobody is left to tell
+        os._exit(0)  # the parent is gone
 
-    threading.Thread(target=hear, name="tasks", daemon=True).start()
+    threading.Thread(target=receive, name="tasks", daemon=True).start()
     if warm is not None:
-        with contextlib.suppress(Exception):  # then it is compiled when it is needed
+        with contextlib.suppress(Exception):  # kernels are then compiled at their first call
             warm()
-    gc.freeze()  # what is loaded by now stays to the end
+    gc.freeze()  # what is loaded by now is never freed
     with contextlib.suppress(OSError):
-        news.send(_News(_READY))
+        reports.send(_Report(_READY))
     while True:
         task = waiting.get()
-        new = _one(task, news, dropped)
+        report = _run(task, reports, dropped)
         try:
-            news.send(new)
+            reports.send(report)
         except OSError:
             return
-        except Exception as error:  # a result that cannot travel must not end the child without a word
-            news.send(_News(task.number, problem=f"the result was lost on its way: {one_line(repr(error))}"))
-        del task, new
+        except Exception as error:  # a result that cannot be pickled must be reported
+            reports.send(_Report(task.number, problem=f"the result could not be sent: {one_line(repr(error))}"))
+        del task, report
         gc.collect()  # now, when nobody waits for it
 
 
-def _one(task: _Task, news: Connection, dropped: set[int]) -> _News:
-    told_s = 0.0
+def _run(task: _Task, reports: Connection, dropped: set[int]) -> _Report:
+    reported_s = 0.0
 
     def progress(what: str, share: float) -> None:
-        nonlocal told_s
+        nonlocal reported_s
         now = time.monotonic()
-        if now - told_s > _TOLD_EVERY_S:
-            told_s = now
-            with contextlib.suppress(OSError):  # a parent that is gone: the thread that hears ends the process
-                news.send(_News(task.number, progress=(what, share)))
+        if now - reported_s > _REPORT_EVERY_S:
+            reported_s = now
+            with contextlib.suppress(OSError):  # the parent is gone: the receiving thread ends the process
+                reports.send(_Report(task.number, progress=(what, share)))
 
     def cancelled() -> bool:
         return task.number in dropped
 
     try:
-        return _News(task.number, result=task.work(progress=progress, cancelled=cancelled))
+        return _Report(task.number, result=task.work(progress=progress, cancelled=cancelled))
     except Cancelled:
-        return _News(task.number, cancelled=True)
+        return _Report(task.number, cancelled=True)
     except (AnalysisError, RecordingError, OSError) as error:
-        return _News(task.number, problem=one_line(str(error)))
+        return _Report(task.number, problem=one_line(str(error)))
     except Exception as error:
-        return _News(task.number, problem=f"a fault of the program: {one_line(repr(error))}")
+        return _Report(task.number, problem=f"a fault of the program: {one_line(repr(error))}")
     finally:
         dropped.discard(task.number)
 
 
 def _seal(value: object) -> None:
-    """Make the arrays of work or result read-only again, as they were before they travelled."""
+    """Make the arrays of a task or result read-only again; pickling loses that."""
     if isinstance(value, np.ndarray):
         value.flags.writeable = False
     elif isinstance(value, partial):
@@ -248,16 +249,16 @@ def _seal(value: object) -> None:
             _seal(part)
 
 
-class AnalysisApart(WorkApart):
-    """Analyses recordings in a child, one at a time: up to the readings, then the fit."""
+class SubprocessAnalysis(SubprocessWorker):
+    """Analyses recordings in a child process, one at a time: first the readings, then the fit."""
 
     def read(
         self, recording: Recording, settings: AnalysisSettings, progress: Progress, cancelled: Callable[[], bool]
     ) -> Shot:
         """Read a recording as ``analysis.pipeline.read`` does; from one thread at a time.
 
-        A recording that is only in memory is read here, as it would be long on its way.  Raises AnalysisError,
-        Cancelled.
+        A recording that is only in memory is read in this process, because sending it takes long.  Raises
+        AnalysisError, Cancelled.
         """
         if recording.path is None:
             return read(recording, settings, progress=progress, cancelled=cancelled)

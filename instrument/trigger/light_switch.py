@@ -1,4 +1,4 @@
-"""The light switch in the stream of counts: where the block crosses the beam."""
+"""Finds the steps of the light switch in a stream of counts: where the block crosses its beam."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -30,12 +30,12 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class TriggerSettings:
-    """How the light switch is read.
+    """Which edge triggers, and the thresholds of the light switch.
 
     With ``low_counts`` and ``high_counts`` the level is high from ``high_counts`` on and low again at ``low_counts``
-    (hysteresis between).  Without them a step is a change by ``swing_counts`` against the extreme seen since the last
-    one; without that too, by twelve times the noise of the first ``LEARNED_FROM`` samples and at least a twentieth of
-    the digitizer's range.
+    (hysteresis between).  Without them a step is a change by ``swing_counts`` from the extreme since the last step.
+    Without that too, the change is twelve times the noise of the first ``LEARNED_FROM`` samples, and at least a
+    twentieth of the digitizer's range.
     """
 
     edge: Edge = Edge.EITHER
@@ -45,11 +45,11 @@ class TriggerSettings:
 
     @classmethod
     def in_volts(cls, edge: Edge, low_v: float | None, high_v: float | None, channel: Channel) -> "TriggerSettings":
-        """Return settings for thresholds in V on ``channel``; None for both learns them."""
+        """Return settings for thresholds in V on ``channel``; None: learned."""
         if low_v is None or high_v is None:
             return cls(edge)
         counts = [(v - channel.offset_v) / channel.volts_per_count for v in (low_v, high_v)]
-        if channel.volts_per_count < 0:  # an inverting channel turns levels and edges round
+        if channel.volts_per_count < 0:  # an inverting channel exchanges levels and edges
             return cls(Edge(-edge), counts[1], counts[0])
         return cls(edge, *counts)
 
@@ -63,15 +63,15 @@ class TriggerSettings:
 
 
 LEARNED_FROM = 4096  # samples whose noise sets the swing
-_NOISES = 12.0  # in a minute at 30 MS/s noise reaches 6.3 sigma; extremes are apart by twice that
+_NOISES = 12.0  # in a minute at 30 MS/s noise reaches 6.3 sigma; its extremes differ by twice that
 _RANGE_SHARE = 0.05
 
-# places in the state that travels from block to block
+# indices into the state that is carried from block to block
 _SWING, _LOW, _HIGH, _LEVEL, _MINIMUM, _MAXIMUM, _SEEN, _PREVIOUS, _SQUARES, _EDGES = range(10)
 
 
 class LightSwitch:
-    """Finds the steps of the light switch in consecutive blocks; any cutting into blocks gives the same steps."""
+    """Finds the steps of the light switch in consecutive blocks; the result does not depend on the block lengths."""
 
     def __init__(self, settings: TriggerSettings, column: int, bits: int) -> None:
         self._settings = settings
@@ -81,7 +81,7 @@ class LightSwitch:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was seen; the next block begins a new stream."""
+        """Reset the state; the next block begins a new stream."""
         state = self._state
         state[:] = 0.0
         state[_SWING] = self._settings.swing_counts or 0.0
@@ -90,29 +90,29 @@ class LightSwitch:
 
     @property
     def level(self) -> Level:
-        """Get the side the light switch is on, UNKNOWN before its first step where thresholds are learned."""
+        """Get the level of the light switch; UNKNOWN before its first step if thresholds are learned."""
         return Level(int(self._state[_LEVEL]))
 
     @property
     def toggles(self) -> int:
-        """Get the number of steps seen since ``reset``."""
+        """Get the number of steps since ``reset``."""
         return int(self._state[_EDGES])
 
     @property
     def moved_counts(self) -> float | None:
-        """Get by how much the switch's channel moved since its last step; None where that is not looked at."""
+        """Get the range of the switch's channel since its last step; None with given thresholds."""
         given = self._settings.low_counts is not None
         return None if given or not self._state[_SEEN] else float(self._state[_MAXIMUM] - self._state[_MINIMUM])
 
     @property
     def needed_counts(self) -> float:
-        """Get how far the channel has to move for a step, where thresholds are learned."""
+        """Get the change of the channel that counts as a step, if thresholds are learned."""
         return max(float(self._state[_SWING]), self._least)
 
     def first_step(self, counts: NDArray[np.int16], start: int = 0) -> int | None:
-        """Return the index of the first wanted step at or after ``start`` in a block (n, channels), or None.
+        """Return the index of the first triggering step at or after ``start`` in a block (n, channels), or None.
 
-        The state advances over the whole block whether a step is found or not.  About 1 ns a sample.
+        The state advances over the whole block, whether a step is found or not.  About 1 ns per sample.
         """
         found = _scan(counts, self._column, start, int(self._settings.edge), self._least, self._state)
         return None if found < 0 else int(found)
@@ -140,7 +140,7 @@ def _scan(counts, column, start, edge, least, state):  # type: ignore[no-untyped
                 step = -1
             if step == level or step == 0:
                 step = 0
-            elif level == 0:  # the side it starts on is no step
+            elif level == 0:  # the first level is not a step
                 level = step
                 step = 0
         else:
@@ -148,7 +148,7 @@ def _scan(counts, column, start, edge, least, state):  # type: ignore[no-untyped
                 minimum = value
                 maximum = value
             if swing == 0.0:
-                # differences of neighbours see the noise, not a slope or a level
+                # differences of neighbours measure the noise, whatever the level and the slope
                 if seen > 0:
                     squares += (value - previous) ** 2
                 if seen == LEARNED_FROM:
@@ -184,10 +184,10 @@ def _scan(counts, column, start, edge, least, state):  # type: ignore[no-untyped
 
 
 def middle_of_step(switch: NDArray[np.int16], near: int, reach: int) -> int:
-    """Return the sample where a step found at ``near`` passes the middle between the levels on its two sides.
+    """Return the sample at which a step found at ``near`` crosses the middle between its two levels.
 
-    ``switch`` has shape (n,); levels are medians of up to ``reach`` samples from ``near - 2 reach`` and from
-    ``near + reach``.  Where the sides do not differ by a step, ``near`` itself.
+    ``switch`` has shape (n,); the levels are medians of up to ``reach`` samples from ``near - 2 reach`` and from
+    ``near + reach``.  Returns ``near`` if the levels do not differ significantly.
     """
     before = switch[max(0, near - 2 * reach) : max(0, near - reach)]
     after = switch[near + reach : near + 2 * reach]

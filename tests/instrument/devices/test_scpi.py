@@ -12,7 +12,7 @@ from instrument.devices.scpi import HardwareTrigger, ScpiOscilloscope
 from instrument.devices.scpi_dialects import DIALECTS, dialect_of, numbers
 from instrument.devices.scpi_socket import SocketTransport
 from instrument.devices.sources import open_source
-from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
+from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 
 MAKERS = ("rigol", "siglent", "keysight")
 

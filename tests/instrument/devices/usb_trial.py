@@ -17,9 +17,9 @@ from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerEr
 from instrument.devices.found_devices import found_devices
 from instrument.devices.hantek6022 import Hantek6022
 from instrument.process import conversation
-from instrument.process.digitizer import open_apart
-from tests.instrument.drivers.hantek_model import ColdHantek, WarmHantek, packet_numbers
-from tests.instrument.drivers.usbfs_emulator import Testbed
+from instrument.process.subprocess_digitizer import open_in_subprocess
+from tests.instrument.devices.hantek_model import ColdHantek, WarmHantek, packet_numbers
+from tests.instrument.devices.usbfs_emulator import Testbed
 
 ROLES = (Role.SWITCH, Role.MEASUREMENT)
 
@@ -182,7 +182,7 @@ def apart() -> dict:
     """The device is owned by a child process, the emulator lives here."""
     bed = Testbed()
     bed.plug(WarmHantek(), 1)
-    scope = open_apart("hantek6022?roles=switch,measurement")
+    scope = open_in_subprocess("hantek6022?roles=switch,measurement")
     settings = CaptureSettings(1e6, 1000, 0)
     scope.arm(settings)
     threading.Timer(0.5, bed.unplug, (1,)).start()

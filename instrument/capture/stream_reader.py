@@ -1,4 +1,4 @@
-"""A digitizer being read into the ring: what came, what was lost, whether the light switch fired."""
+"""Reads a digitizer into the ring block by block: counts losses, finds the trigger, checks the sample rate."""
 
 import time
 from collections.abc import Callable
@@ -8,23 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
-from instrument.capture.capture_options import CaptureOptions
-from instrument.capture.motion_trigger import MotionTrigger
-from instrument.capture.ring import Ring, Stream
-from instrument.capture.trigger import Level, LightSwitch, TriggerSettings
+from instrument.capture.capture_options import CaptureOptions, check_channels, check_settings
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.live.ring import Ring, Stream
+from instrument.trigger.light_switch import Level, LightSwitch, TriggerSettings
+from instrument.trigger.motion_trigger import MotionTrigger
 
 READ_TIMEOUT_S = 0.05
 STALL_S = 3.0  # without a sample from a running stream: the device has stopped
 _BLOCK_S = 0.01
-_BLOCKS = 256, 1 << 18  # least and most samples a read
-_HELD_S = 0.5  # of the stream, for those who read behind
+_BLOCK_SAMPLES = 256, 1 << 18  # least and most a read
+_RING_S = 0.5  # of the stream, for readers that lag
 _MOST_RING_BYTES = 512 * 2**20
-MOST_SHOT_BYTES = 2 * 2**30
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class ReadBlock:
     """One block in the ring; ``counts`` is valid until the next read.  ``step`` is the trigger's index in it."""
 
     counts: NDArray[np.int16]
@@ -32,11 +31,11 @@ class Piece:
     lost_before: int | None
     step: int | None
     ended: bool
-    fired: bool = False  # the device's own trigger; its samples are yet to come
+    fired: bool = False  # the device's own trigger fired; its samples follow
 
 
-class SourceRun:
-    """Reads one digitizer; used from the capture thread, ``stream``, ``switch_level`` and ``toggles`` from any."""
+class StreamReader:
+    """Reads one digitizer, from the capture thread; ``stream``, ``switch_level`` and ``toggles`` from any thread."""
 
     def __init__(self, digitizer: Digitizer, clock: Callable[[], float] = time.monotonic) -> None:
         self._digitizer = digitizer
@@ -44,16 +43,16 @@ class SourceRun:
         self._ring: Ring | None = None
         self._switch: LightSwitch | None = None
         self._motion: MotionTrigger | None = None
-        self._came_s = 0.0
-        self._delivered: DeliveredRate | None = None  # of a stream that runs with the clock
+        self._received_s = 0.0  # when the last samples came
+        self._delivered: DeliveredRate | None = None  # of a stream in real time
         self._block = 0
-        self._reading: tuple[object, ...] = ()
+        self._options: tuple[object, ...] = ()
         self.stream: Stream | None = None
         self.running = False
-        self.starting = False  # which may take a while
+        self.starting = False  # the device is being armed, which may take a while
         self.simulated = False
         self.hardware_trigger = False
-        self.endless = False  # streams on after a shot
+        self.endless = False  # the stream goes on after a shot
 
     @property
     def switch_level(self) -> Level:
@@ -66,13 +65,13 @@ class SourceRun:
         return self._switch.toggles if self._switch is not None else 0
 
     def continues(self, settings: CaptureSettings, options: CaptureOptions) -> bool:
-        """Return whether the running stream serves these choices too, so that nothing has to be restarted."""
+        """Return whether the running stream serves these settings too, so that it need not be restarted."""
         stream = self.stream
         return (
             self.running
             and stream is not None
             and self.endless
-            and _reading(options) == self._reading
+            and _stream_options(options) == self._options
             and stream.settings.sample_rate_hz == settings.sample_rate_hz
             and self._ring is not None
             and settings.pre_trigger_samples + 2 * self._block <= self._ring.capacity
@@ -85,7 +84,7 @@ class SourceRun:
         check_settings(settings, len(able.channels))
         check_channels(able)
         own = self._digitizer.setup
-        self._block = int(np.clip(_BLOCK_S * settings.sample_rate_hz, *_BLOCKS))
+        self._block = int(np.clip(_BLOCK_S * settings.sample_rate_hz, *_BLOCK_SAMPLES))
         self._make_ring(settings, len(able.channels))
         assert self._ring is not None
         self._switch = None
@@ -93,11 +92,13 @@ class SourceRun:
         for column, channel in enumerate(able.channels):
             if channel.role is Role.SWITCH:
                 try:
-                    how = TriggerSettings.in_volts(options.edge, options.switch_low_v, options.switch_high_v, channel)
+                    trigger = TriggerSettings.in_volts(
+                        options.edge, options.switch_low_v, options.switch_high_v, channel
+                    )
                 except ValueError as error:
                     raise DigitizerError(str(error), "correct the trigger settings") from None
-                self._switch, self._motion = LightSwitch(how, column, able.bits), None
-        self._reading = _reading(options)
+                self._switch, self._motion = LightSwitch(trigger, column, able.bits), None
+        self._options = _stream_options(options)
         self.simulated = able.simulated
         self.starting = True
         try:
@@ -114,10 +115,10 @@ class SourceRun:
             DeliveredRate(settings.sample_rate_hz) if able.real_time and self.endless and not able.simulated else None
         )
         self.running = True
-        self._came_s = self._clock()
+        self._received_s = self._clock()
 
-    def read(self) -> Piece | None:
-        """Return the next piece, None where nothing came in time.  Raises DigitizerError."""
+    def read(self) -> ReadBlock | None:
+        """Return the next block, None where nothing came in time.  Raises DigitizerError."""
         ring, stream = self._ring, self.stream
         assert ring is not None and stream is not None
         view = ring.space(self._block)
@@ -126,15 +127,15 @@ class SourceRun:
         now = self._clock()
         if block.fired and block.samples == 0:
             ring.commit(0)
-            return Piece(view[:0], ring.total, 0, None, block.ended, fired=True)
+            return ReadBlock(view[:0], ring.total, 0, None, block.ended, fired=True)
         if block.samples == 0 and not block.ended:
             ring.commit(0)
-            if now < self._came_s:
-                self._came_s = now  # a clock that ran backwards must not hide a stall for long
-            if not self.hardware_trigger and not self.simulated and now - self._came_s > STALL_S:
+            if now < self._received_s:
+                self._received_s = now  # a clock that ran backwards must not hide a stall for long
+            if not self.hardware_trigger and not self.simulated and now - self._received_s > STALL_S:
                 raise self._stalled()
             return None
-        self._came_s = now
+        self._received_s = now
         first = ring.total
         if block.lost_before != 0 and block.samples > 0:
             stream.note_loss(first, block.lost_before)
@@ -149,10 +150,10 @@ class SourceRun:
             step = block.trigger_sample
         if block.ended:
             self.running = False
-        return Piece(counts, first, block.lost_before, step, block.ended)
+        return ReadBlock(counts, first, block.lost_before, step, block.ended)
 
-    def switch_words(self) -> str:
-        """Return what the light switch did so far, where it never stepped; "" where it did or there is none."""
+    def why_no_step(self) -> str:
+        """Return why the light switch has not stepped so far; "" if it has, or if there is none."""
         switch = self._switch
         if switch is None or switch.toggles:
             return ""
@@ -165,27 +166,28 @@ class SourceRun:
         came = self._ring.total - self.stream.start
         if not came:
             return DigitizerError(f"no samples came for {STALL_S:g} s", "check the device and its cable")
-        switch = self.switch_words()
+        switch = self.why_no_step()
         what = f"{came} samples came, then none for {STALL_S:g} s" + (f"; {switch}" if switch else "")
         part = "light switch, its channel and its thresholds" if switch else "device and its cable"
         return DigitizerError(what, f"check the {part}")
 
     def stop(self) -> None:
-        """Stop the digitizer; the last stream stays to be looked at."""
+        """Stop the digitizer; the last stream stays readable."""
         self.running = False
         self._digitizer.stop()
 
     def _make_ring(self, settings: CaptureSettings, channels: int) -> None:
-        held = max(round(_HELD_S * settings.sample_rate_hz), 16 * self._block)
+        lag = max(round(_RING_S * settings.sample_rate_hz), 16 * self._block)
         most = max(_MOST_RING_BYTES // (2 * channels), settings.pre_trigger_samples + 8 * self._block)
-        blocks = -(-min(settings.pre_trigger_samples + held, most) // self._block)
+        blocks = -(-min(settings.pre_trigger_samples + lag, most) // self._block)
         capacity = blocks * self._block
         ring = self._ring
         if ring is None or ring.channels != channels or ring.capacity < capacity or ring.capacity > 4 * capacity:
             self._ring = Ring(capacity, channels)
 
 
-def _reading(options: CaptureOptions) -> tuple[object, ...]:
+def _stream_options(options: CaptureOptions) -> tuple[object, ...]:
+    """Return the options that take effect when a stream starts."""
     return (
         options.setup, options.edge, options.switch_low_v, options.switch_high_v, options.trigger_speed_m_per_s,
     )  # fmt: skip
@@ -207,34 +209,6 @@ def _motion_trigger(
     )  # fmt: skip
 
 
-def check_settings(settings: CaptureSettings, channels: int) -> None:
-    """Refuse, as a DigitizerError, settings that no shot can be taken with."""
-    rate = settings.sample_rate_hz
-    if not (0 < rate <= 1e12):
-        raise DigitizerError(f"sample rate of {rate:g} Hz", "choose one of the digitizer's rates")
-    if settings.samples < 1 or not 0 <= settings.pre_trigger_samples <= settings.samples:
-        raise DigitizerError(
-            f"a shot of {settings.samples} samples, {settings.pre_trigger_samples} of them before the trigger",
-            "correct the lengths",
-        )
-    if 2 * channels * settings.samples > MOST_SHOT_BYTES:
-        raise DigitizerError(
-            f"a shot of {settings.samples} samples in {channels} channels takes more than "
-            f"{MOST_SHOT_BYTES // 2**30} GiB of memory",
-            "choose a shorter shot or a lower rate",
-        )
-
-
-def check_channels(able: Capabilities) -> None:
-    """Refuse, as a DigitizerError, channels whose scale no recording can hold."""
-    for channel in able.channels:
-        if not (1e-30 < abs(channel.volts_per_count) < 1e6 and abs(channel.offset_v) < 1e9):
-            raise DigitizerError(
-                f"{able.name} tells {channel.volts_per_count:g} V a count and an offset of {channel.offset_v:g} V",
-                "set the vertical scale anew, then arm again",
-            )
-
-
 def _check_block(block: Block, room: int) -> None:
     wrong = not 0 <= block.samples <= room
     wrong |= block.lost_before is not None and block.lost_before < 0
@@ -247,14 +221,17 @@ def _with_bits(setup: Setup, bits: int) -> Setup:
     return setup if setup.digitizer_bits == bits else replace(setup, digitizer_bits=bits)
 
 
-LEAST_S = 1.0  # of stream
+LEAST_S = 1.0  # of stream before the rate is judged
 LATE_S = 0.3  # by which a device and its driver may be late or early
-OFF = 5e-4  # of the rate: what neither a crystal nor the computer's clock is off by
+RATE_TOLERANCE = 5e-4  # beyond the errors of any crystal and of the computer's clock
 
 
 @dataclass(slots=True)
 class DeliveredRate:
-    """Counts what a stream of ``stated_hz`` brings; ``doubtful_hz`` is what came instead, None while that agrees."""
+    """Compares a stream's sample rate with the computer's clock.
+
+    ``doubtful_hz`` is the measured rate where it contradicts ``stated_hz``, else None.
+    """
 
     stated_hz: float
     doubtful_hz: float | None = None
@@ -262,9 +239,9 @@ class DeliveredRate:
     _samples: int = 0
 
     def add(self, samples: int, lost: int | None, now_s: float, *, waits: bool) -> None:
-        """Take a block that came at ``now_s``, so many samples lost before it (None: nobody knows, it begins anew).
+        """Count a block that came at ``now_s`` with ``lost`` samples missing before it (None: unknown; start again).
 
-        Where more ``waits`` to be fetched nothing is said: the computer is late then, not the device.
+        ``waits``: more samples wait to be fetched, so the computer is late, not the device, and the rate is not judged.
         """
         if lost is None or self._begun_s is None or now_s < self._begun_s:
             self._begun_s, self._samples = now_s, 0
@@ -274,4 +251,4 @@ class DeliveredRate:
         if waits or passed_s < LEAST_S:
             return
         off_s = abs(self._samples / self.stated_hz - passed_s)
-        self.doubtful_hz = self._samples / passed_s if off_s > LATE_S + OFF * passed_s else None
+        self.doubtful_hz = self._samples / passed_s if off_s > LATE_S + RATE_TOLERANCE * passed_s else None

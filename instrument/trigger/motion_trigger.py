@@ -1,24 +1,24 @@
-"""Where there is no light switch: the block itself, whose beat leaves the rest frequency."""
+"""Trigger without a light switch: the block starts to move, so its beat leaves the rest frequency."""
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-WINDOW_S = 0.5e-3  # over which a frequency is counted: 2 kHz fine, 0.6 mm/s
-_LEARNED_FROM = 20  # windows that give the rest frequency where neither PD0 nor a value does
+WINDOW_S = 0.5e-3  # over which a frequency is counted: it resolves 2 kHz, 0.6 mm/s
+_LEARNED_FROM = 20  # windows that give the rest frequency if neither PD0 nor a value does
 _CONFIRMED_BY = 2  # windows in a row beyond the threshold
 
-# places in the state: of the windows, then six of each of the two channels
+# indices into the state: of the windows, then six for each of the two channels
 _POSITION, _WINDOWS, _REST, _QUIET, _BEYOND, _SEEN = range(6)
 _MEAN, _LEVEL, _SIDE, _CROSSINGS, _SUM, _SQUARES = range(6)
 _CHANNEL = 6
 
 
 class MotionTrigger:
-    """Fires when the block, at rest before, moves faster than ``speed_m_per_s``; any cutting gives the same answer.
+    """Fires when a block at rest starts to move faster than ``speed_m_per_s``, whatever the lengths of the blocks.
 
-    Frequencies are counted at crossings of the mean, with hysteresis, in windows of ``WINDOW_S``: coarse, but over
-    the whole of every sample and without a filter.  The rest frequency is PD0's, or given, or that of the first 10 ms.
+    Frequencies are counted at crossings of the mean, with hysteresis, in windows of ``WINDOW_S``.  The rest frequency
+    is PD0's, or ``rest_frequency_hz``, or the beat's in the first 10 ms.
     """
 
     def __init__(
@@ -39,24 +39,25 @@ class MotionTrigger:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was seen; the next block begins a new stream."""
+        """Reset the state; the next block begins a new stream."""
         self._state[:] = 0.0
         self._state[_REST] = self._rest_hz
 
     def first_step(self, counts: NDArray[np.int16], start: int = 0) -> int | None:
-        """Return where in a block (n, channels), at or after ``start``, the block is found moving, or None.
+        """Return the index of the trigger at or after ``start`` in a block of counts (n, channels), or None.
 
-        About 3 ns a sample and channel.
+        About 3 ns per sample and channel.
         """
         found = _scan(
-            counts, *self._columns, start, self._window, self._rate_hz, self._doppler_hz, self._rest_hz > 0, self._state
+            counts, self._columns, start, self._window, self._rate_hz, self._doppler_hz, self._rest_hz > 0, self._state
         )
         return None if found < 0 else int(found)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scan(counts, measurement, reference, start, window, rate, doppler, given, state):  # type: ignore[no-untyped-def]
+def _scan(counts, columns, start, window, rate, doppler, given, state):  # type: ignore[no-untyped-def]
     """Advance ``state`` over both beats; O(n), nothing allocated."""
+    measurement, reference = columns
     found = -1
     for i in range(counts.shape[0]):
         for c in range(2):
@@ -89,7 +90,7 @@ def _scan(counts, measurement, reference, start, window, rate, doppler, given, s
         state[_POSITION] = 0.0
         state[_WINDOWS] += 1.0
         if state[_WINDOWS] < 2.0:
-            continue  # the first window only told mean and level
+            continue  # the first window only gives mean and level
         if reference < 0:
             if not given and state[_SEEN] < _LEARNED_FROM:
                 state[_SEEN] += 1.0

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.recording import Role
-from instrument.capture.trigger import LEARNED_FROM, Edge, Level, LightSwitch, TriggerSettings, middle_of_step
 from instrument.files.recording_file import find_recordings, read_recording
+from instrument.trigger.light_switch import LEARNED_FROM, Edge, Level, LightSwitch, TriggerSettings, middle_of_step
 
 STEP = LEARNED_FROM + 900
 

@@ -18,7 +18,7 @@ from instrument.bench.simulate import simulate
 from instrument.files.open_recording import open_recording
 from instrument.files.recording_file import read_recording, write_recording
 from instrument.process import work
-from instrument.process.work import AnalysisApart
+from instrument.process.subprocess_worker import SubprocessAnalysis
 
 PLAIN = AnalysisSettings()
 
@@ -33,9 +33,9 @@ def never() -> bool:
 
 
 @pytest.fixture(scope="module")
-def apart() -> Iterator[AnalysisApart]:
+def apart() -> Iterator[SubprocessAnalysis]:
     """Return one child for all tests."""
-    child = AnalysisApart()
+    child = SubprocessAnalysis()
     yield child
     child.close()
     assert child.child_id is None
@@ -52,7 +52,7 @@ def same(one: object, other: object) -> bool:
     return repr(one) == repr(other)
 
 
-def test_a_shot_comes_out_as_it_would_here(apart: AnalysisApart, simulated: Recording) -> None:
+def test_a_shot_comes_out_as_it_would_here(apart: SubprocessAnalysis, simulated: Recording) -> None:
     told: list[tuple[str, float]] = []
     there = apart.read(simulated, PLAIN, lambda *news: told.append(news), never)
     assert there.impact is not None and there.fit is None and awaits_fit(there)
@@ -75,7 +75,7 @@ def test_a_shot_comes_out_as_it_would_here(apart: AnalysisApart, simulated: Reco
     assert told
 
 
-def test_data_that_were_altered_are_said_there_too(apart: AnalysisApart, simulated: Recording, tmp_path: Path) -> None:
+def test_altered_data_are_flagged_there_too(apart: SubprocessAnalysis, simulated: Recording, tmp_path: Path) -> None:
     short = replace(simulated, counts=simulated.counts[:3000], trigger_sample=None)
     shot = read_recording(write_recording(short, tmp_path / "s"))
     data = tmp_path / "s.sigmf-data"
@@ -83,22 +83,22 @@ def test_data_that_were_altered_are_said_there_too(apart: AnalysisApart, simulat
     assert "data_altered" in apart.read(shot, PLAIN, quiet, never).flags
 
 
-def test_an_analysis_is_cancelled_there_too(apart: AnalysisApart, simulated: Recording) -> None:
+def test_an_analysis_is_cancelled_there_too(apart: SubprocessAnalysis, simulated: Recording) -> None:
     with pytest.raises(Cancelled):
         apart.read(simulated, PLAIN, quiet, lambda: True)
 
 
-def test_what_is_wrong_with_a_recording_is_its_own_sentence(apart: AnalysisApart, shot: Recording) -> None:
+def test_what_is_wrong_with_a_recording_is_its_own_sentence(apart: SubprocessAnalysis, shot: Recording) -> None:
     with pytest.raises(AnalysisError, match="gone"):
         apart.read(replace(shot, path="/no/such/gone.sigmf-meta"), PLAIN, quiet, never)
 
 
-def test_a_shot_that_is_only_in_memory_is_read_here(apart: AnalysisApart, shot: Recording) -> None:
+def test_a_shot_that_is_only_in_memory_is_read_here(apart: SubprocessAnalysis, shot: Recording) -> None:
     assert same(apart.read(shot, PLAIN, quiet, never).problem, analyse(shot, PLAIN).problem)
 
 
 def test_a_child_that_dies_costs_a_shot_and_the_next_has_another(
-    apart: AnalysisApart, shot: Recording, tmp_path: Path
+    apart: SubprocessAnalysis, shot: Recording, tmp_path: Path
 ) -> None:
     saved = open_recording(write_recording(shot, tmp_path / "shot"))
     apart.start()
@@ -111,7 +111,7 @@ def test_a_child_that_dies_costs_a_shot_and_the_next_has_another(
 
 
 def test_a_child_that_heeds_no_cancelling_is_ended_and_the_next_shot_has_another(
-    apart: AnalysisApart, simulated: Recording, monkeypatch: pytest.MonkeyPatch
+    apart: SubprocessAnalysis, simulated: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(work, "HEEDS_S", 0.2)
     apart.start()

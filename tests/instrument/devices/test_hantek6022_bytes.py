@@ -14,7 +14,7 @@ from instrument.devices import hantek6022_firmware
 from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.hantek6022 import Hantek6022
-from tests.instrument.drivers.scripted_usb import In, Out, Plugged, ScriptedUsb
+from tests.instrument.devices.scripted_usb import In, Out, Plugged, ScriptedUsb
 
 EEPROM = In(0xA2, 8, 80, usb.core.USBError("Pipe error", -9, errno.EPIPE))
 GONE = usb.core.USBError("No such device", -4, errno.ENODEV)

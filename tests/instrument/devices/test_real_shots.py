@@ -11,7 +11,8 @@ import pytest
 from analysis.shot.recording import Role
 from instrument.capture.acquire import acquire
 from instrument.capture.acquisition import State
-from instrument.capture.capture import Capture, CaptureOptions
+from instrument.capture.capture import Capture
+from instrument.capture.capture_options import CaptureOptions
 from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.hantek6022 import Hantek6022
@@ -20,9 +21,9 @@ from instrument.devices.scpi_dialects import RIGOL
 from instrument.devices.scpi_visa import VisaTransport
 from instrument.devices.sources import open_source
 from instrument.files.recording_file import read_recording
-from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
-from tests.instrument.drivers.scripted_usb import In, Out, Plugged, ScriptedUsb
-from tests.instrument.drivers.test_hantek6022_bytes import GivenStream
+from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
+from tests.instrument.devices.scripted_usb import In, Out, Plugged, ScriptedUsb
+from tests.instrument.devices.test_hantek6022_bytes import GivenStream
 
 
 def test_two_shots_of_an_oscilloscope_are_recorded(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ def everything():
     from levimass.instrument.process.messages import lower_priority
     from levimass.instrument.devices.found_devices import udev_rule_path
     from levimass.instrument.devices.sources import SOURCES, imported
-    assert all(callable(imported(source.opened)) for source in SOURCES)
+    assert all(callable(imported(source.opener)) for source in SOURCES)
     own = {"app", "analysis", "instrument", "resources"}
     assert not own & {name.split(".")[0] for name in sys.modules}
     assert levimass.analysis.__file__.startswith(sys.argv[1])

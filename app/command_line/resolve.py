@@ -20,8 +20,8 @@ from app.session.planned_record import planned_record, planned_setup
 from instrument.capture.acquire import AcquireError, acquire
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.sources import is_bench, pushed
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_writer import write_text_beside
 from instrument.process.subprocess_digitizer import open_in_subprocess
 
 
@@ -109,7 +109,7 @@ def _write(shots: Sequence[Shot], diagnosis: Diagnosis, standing: Standing, json
         print(text, end="")
         return 0
     try:
-        write_text_beside(Path(json_to), text, sync=True)
+        write_text_atomic(Path(json_to), text, sync=True)
     except RecordingError as error:
         print(f"levimass: {error}", file=sys.stderr)
         return 1

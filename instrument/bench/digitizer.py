@@ -200,7 +200,7 @@ class BenchDigitizer(Digitizer):
         self._chunk_at = base
 
 
-def opened(_: str, options: SourceOptions) -> BenchDigitizer:
+def open_digitizer(_: str, options: SourceOptions) -> BenchDigitizer:
     """Return the bench that a source's options describe."""
     try:
         effects = parse(options.text("effect", "")) if "effect" in options else {}

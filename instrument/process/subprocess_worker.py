@@ -22,7 +22,7 @@ import numpy as np
 from analysis.pipeline import fitted, read
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
-from instrument.files.open_recording import analysed_while_hashed
+from instrument.files.open_recording import analyse_and_check_hash
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.process.messages import lower_priority
 
@@ -272,4 +272,4 @@ class SubprocessAnalysis(SubprocessWorker):
 
 
 def _read(path: str, settings: AnalysisSettings, *, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
-    return analysed_while_hashed(path, partial(read, settings=settings, progress=progress, cancelled=cancelled))
+    return analyse_and_check_hash(path, partial(read, settings=settings, progress=progress, cancelled=cancelled))

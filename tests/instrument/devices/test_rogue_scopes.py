@@ -9,7 +9,7 @@ import pytest
 from instrument.capture.acquire import AcquireError, acquire
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
-from instrument.devices.scpi_dialects import Nonsense, Scaling
+from instrument.devices.scpi_dialects import ImplausibleAnswer, Scaling
 from instrument.devices.scpi_transport import Deadline
 from instrument.files.recording_file import read_recording
 from tests.attack.scopes import BEFORE, RATE_HZ, SAMPLES, Hasty, Mischief, RogueScope
@@ -88,7 +88,7 @@ def test_rates_that_cannot_be_are_refused(number: bytes) -> None:
     scope = EmulatedScope("rigol", garbage={":ACQ:SRAT?": number})
     with RogueScope(scope, Mischief("none", 10**9)) as server:
         digitizer = ScpiOscilloscope(Hasty("127.0.0.1", server.port))
-        with pytest.raises(Nonsense, match="a second"):
+        with pytest.raises(ImplausibleAnswer, match="a second"):
             digitizer.default_settings()
         digitizer.close()
 
@@ -99,5 +99,5 @@ def test_a_deadline_moves_with_the_size_alone() -> None:
         deadline.check("scope", ":WAV:DATA?")
     deadline.allow_for(5_000_000)
     assert 99 < deadline.left_s <= 100
-    with pytest.raises(Nonsense):
+    with pytest.raises(ImplausibleAnswer):
         Scaling(0.0, 0.0)

@@ -17,7 +17,7 @@ from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
 from instrument.bench.simulate import simulate
 from instrument.files.open_recording import open_recording
 from instrument.files.recording_file import read_recording, write_recording
-from instrument.process import work
+from instrument.process import subprocess_worker
 from instrument.process.subprocess_worker import SubprocessAnalysis
 
 PLAIN = AnalysisSettings()
@@ -113,7 +113,7 @@ def test_a_child_that_dies_costs_a_shot_and_the_next_has_another(
 def test_a_child_that_heeds_no_cancelling_is_ended_and_the_next_shot_has_another(
     apart: SubprocessAnalysis, simulated: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(work, "HEEDS_S", 0.2)
+    monkeypatch.setattr(subprocess_worker, "CANCEL_S", 0.2)
     apart.start()
     child = apart.child_id
     assert child is not None

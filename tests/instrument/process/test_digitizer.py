@@ -20,8 +20,7 @@ from instrument.capture.capture import Capture
 from instrument.capture.capture_options import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 from instrument.files.open_recording import open_recording
-from instrument.process import digitizer as apart
-from instrument.process import shared_ring
+from instrument.process import shared_ring, subprocess_digitizer
 from instrument.process.subprocess_digitizer import SubprocessDigitizer, open_in_subprocess
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer, samples
@@ -131,7 +130,7 @@ def test_a_refused_arming_and_an_unplugging_are_said_and_the_next_arming_recover
 
 
 def test_a_parent_that_stands_still_loses_nothing_silently(opened, monkeypatch):
-    monkeypatch.setattr(apart, "RING_S", 0.05)
+    monkeypatch.setattr(subprocess_digitizer, "RING_S", 0.05)
     digitizer = opened(partial(devices.Leaky, 0.02))
     digitizer.arm(ONE)
     buffer = np.empty((30_000, 3), np.int16)
@@ -174,7 +173,7 @@ def test_a_stop_reaches_a_driver_that_reads(opened):
 
 
 def test_a_driver_that_hangs_is_told_and_left_behind(opened, monkeypatch):
-    monkeypatch.setattr(apart, "ANSWERS_S", 0.5)
+    monkeypatch.setattr(subprocess_digitizer, "ANSWER_S", 0.5)
     digitizer = opened(partial(devices.Deaf, hears=False))
     child = digitizer.child_id
     digitizer.arm(ONE)
@@ -211,7 +210,7 @@ def test_closing_does_not_wait_for_a_preparation(opened):
 
 
 def test_closing_does_not_wait_for_an_arming(opened, monkeypatch):
-    monkeypatch.setattr(apart, "ANSWERS_S", 0.2)
+    monkeypatch.setattr(subprocess_digitizer, "ANSWER_S", 0.2)
     digitizer = opened(devices.slow_to_arm)
     threading.Timer(0.2, digitizer.stop).start()
     begun = time.monotonic()
@@ -221,7 +220,7 @@ def test_closing_does_not_wait_for_an_arming(opened, monkeypatch):
 
 
 def test_what_is_simulated_may_be_late(opened, monkeypatch):
-    monkeypatch.setattr(apart, "ANSWERS_S", 0.2)
+    monkeypatch.setattr(subprocess_digitizer, "ANSWER_S", 0.2)
     bench = opened(BenchDigitizer)
     bench.arm(CaptureSettings(10e6, 20_000, 2_000))
     buffer = np.empty((20_000, 3), np.int16)

@@ -8,10 +8,9 @@ import pytest
 
 from app.session.settings import Settings
 from app.session.settings_file import save
-from instrument.files import into_place as module
-from instrument.files.into_place import into_place
+from instrument.files import atomic_file
+from instrument.files.atomic_file import replace_file, write_text_atomic
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_writer import write_text_beside
 
 
 class Held:
@@ -33,32 +32,32 @@ def test_it_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     held = Held(3)
     monkeypatch.setattr(os, "replace", held)
     (tmp_path / "old").write_text("old")
-    write_text_beside(tmp_path / "old", "new", sync=True)
+    write_text_atomic(tmp_path / "old", "new", sync=True)
     assert held.asked == 4
     assert (tmp_path / "old").read_text() == "new"
     assert [path.name for path in tmp_path.iterdir()] == ["old"]
 
 
 def test_who_holds_on_is_told_and_nothing_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(atomic_file, "PATIENCE_S", 0.1)
     monkeypatch.setattr(os, "replace", Held(10**9))
     (tmp_path / "old").write_text("old")
     (tmp_path / "new").write_text("new")
     with pytest.raises(PermissionError, match="held by another program") as raised:
-        into_place(tmp_path / "new", tmp_path / "old")
+        replace_file(tmp_path / "new", tmp_path / "old")
     assert raised.value.filename == str(tmp_path / "old")
     assert (tmp_path / "new").read_text() == "new"
     with pytest.raises(RecordingError, match="held by another program"):
-        write_text_beside(tmp_path / "old", "newer", sync=True)
+        write_text_atomic(tmp_path / "old", "newer", sync=True)
     assert (tmp_path / "old").read_text() == "old"
 
 
 def test_where_nobody_holds_it_nobody_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "replace", Held(10**9))
-    monkeypatch.setattr(module, "_may_be_held", lambda target: False)
+    monkeypatch.setattr(atomic_file, "_may_be_held", lambda target: False)
     began = time.monotonic()
     with pytest.raises(PermissionError):
-        into_place(tmp_path / "new", tmp_path / "old")
+        replace_file(tmp_path / "new", tmp_path / "old")
     assert time.monotonic() - began < 1.0
 
 
@@ -76,7 +75,7 @@ def test_what_was_closed_to_others_stays_so(tmp_path: Path, mode: int, monkeypat
         replace(source, target)
 
     monkeypatch.setattr(os, "replace", looked_at)
-    write_text_beside(path, "new", sync=True)
+    write_text_atomic(path, "new", sync=True)
     assert path.read_text() == "new" and path.stat().st_mode & 0o777 == mode and seen == [mode]
     assert [left.name for left in tmp_path.iterdir()] == ["result.json"]
 

@@ -27,7 +27,7 @@ from tests.app import synthetic
 
 
 def _shot(folder: Path, speed: float = 0.25):
-    return open_recording(simulate(folder, 1, speeds_m_per_s=[speed])[0])
+    return open_recording(simulate(folder, [speed])[0])
 
 
 def _scope_csv(path: Path, recording, order) -> None:

@@ -19,8 +19,8 @@ from statistics import median
 from analysis.pipeline import read
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Progress, Shot
-from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
+from instrument.bench.rig import Bench
 from instrument.capture.acquisition import State
 from instrument.capture.analysis_thread import ShotAnalysis, fit_here
 from instrument.capture.capture import Capture

@@ -1,4 +1,4 @@
-"""The rig as a whole: any stretch of the stream of counts, in any order, from one seed."""
+"""The simulated rig as a whole, and its endless stream of counts, which follows from one seed."""
 
 from dataclasses import dataclass, field, replace
 
@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Setup
-from instrument.bench.effects import Effects, complete, for_shot
+from instrument.bench.effects import Effects, complete, effects_of_shot
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, Trajectory
-from instrument.bench.noise import Floor
+from instrument.bench.observation import run_shot, with_leak
 from instrument.bench.optics import Optics, Path, fill, node_times_s
-from instrument.bench.script import Scene, held, next_pause_s, play, push_s
-from instrument.bench.sight import lit, shoot
+from instrument.bench.push import PushedShot, hand_motion, next_push_time_s, push_block, push_duration_s
+from instrument.bench.sines import PathVibration
 from instrument.bench.site import QUIET, Site
 
 Floats = NDArray[np.float64]
@@ -20,16 +20,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """Everything about the simulated rig but the moments of its pushes."""
+    """The simulated rig: bodies, optics, effects, site and pushes."""
 
     bodies: Bodies = field(default_factory=Bodies)
     optics: Optics = field(default_factory=Optics)
     effects: Effects = field(default_factory=dict)
-    site: Site = QUIET  # what shakes the frame
-    floor_m: float = 3e-10  # rms of what the optical path does by itself
+    site: Site = QUIET  # the vibration of the frame
+    floor_m: float = 3e-10  # rms of the vibration of the optical path
     velocity_m_per_s: float = 0.265  # towards the plate
-    velocity_spread: float = 0.15  # each push is off by up to this part
-    added_kg: float = 0.0  # weights put on the block
+    velocity_spread: float = 0.15  # largest relative deviation of a push
+    added_kg: float = 0.0  # weights on the block
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -40,15 +40,15 @@ class Bench:
             raise ValueError(f"weights of {self.added_kg} kg on the block: 0 to 1 kg can be simulated")
 
     @property
-    def laden(self) -> Bodies:
-        """Get the bodies with the weights on the block."""
+    def loaded_bodies(self) -> Bodies:
+        """Get the bodies, the block with its weights."""
         return replace(self.bodies, block_mass_kg=self.bodies.block_mass_kg + self.added_kg)
 
     @property
     def setup(self) -> Setup:
-        """Get what is known of the rig to those who record it; nothing of its effects."""
+        """Get the setup as an operator knows it: without the effects."""
         return Setup(
-            moving_mass_kg=self.laden.block_mass_kg,
+            moving_mass_kg=self.loaded_bodies.block_mass_kg,
             moving_mass_u_kg=1e-6,
             wavelength_air_m=self.optics.wavelength_m,
             rest_frequency_hz=None if self.optics.with_reference else self.optics.rest_frequency_hz,
@@ -56,19 +56,19 @@ class Bench:
         )
 
 
-class Stage:
-    """The stream of a rig: position at any time, counts of any samples; pushes are put on its clock."""
+class SimulatedStream:
+    """The stream of a rig, with its pushes: position at any time, counts of any samples."""
 
     def __init__(self, rig: Bench, sample_rate_hz: float, first_shot: int = 0) -> None:
-        """Set the stage at ``sample_rate_hz``; its first push is number ``first_shot`` of the seed's sequence."""
+        """Begin the stream; its first push is number ``first_shot`` of the seed's sequence."""
         self._rig = rig
         self._rate_hz = sample_rate_hz
-        self._optics = lit(rig.optics, rig.effects)
+        self._optics = with_leak(rig.optics, rig.effects)
         self._effects = complete(rig.effects)
-        self._floor = Floor(rig.floor_m, rig.seed)
+        self._floor = PathVibration(rig.floor_m, rig.seed)
         self._frame = frame_of(rig.site, rig.seed)
         self._shot = first_shot
-        self._scenes: list[Scene] = []
+        self._pushed: list[PushedShot] = []
 
     @property
     def shots(self) -> int:
@@ -77,39 +77,39 @@ class Stage:
 
     @property
     def free_from_s(self) -> float:
-        """Get the time from which the hand has nothing to do."""
-        return self._scenes[-1].end_s if self._scenes else 0.0
+        """Get the time from which the hand is free."""
+        return self._pushed[-1].end_s if self._pushed else 0.0
 
-    def push(self, time_s: float) -> Scene:
-        """Push the block at ``time_s``, or as soon after as the hand is free; return what will happen."""
+    def push(self, time_s: float) -> PushedShot:
+        """Push the block at ``time_s``, or as soon as the hand is free; return the shot."""
         rig = self._rig
         random = np.random.default_rng((rig.seed, self._shot, 0x5))
         speed = rig.velocity_m_per_s * (1 + rig.velocity_spread * float(random.uniform(-1, 1)))
-        effects = for_shot(self._effects, self._shot, rig.seed)
+        effects = effects_of_shot(self._effects, self._shot, rig.seed)
 
         def collide(velocity: float, distance: float, duration: float, frame: Frame) -> Trajectory:
-            return shoot(velocity, effects, rig.laden, distance, duration, frame)
+            return run_shot(velocity, effects, rig.loaded_bodies, distance, duration, frame)
 
-        start_s = next_pause_s(max(time_s, self.free_from_s))
-        self._frame = self._frame.knocked(start_s + push_s(speed), self._shot)
-        scene = play(start_s, -speed, collide, effects, self._frame)
+        start_s = next_push_time_s(max(time_s, self.free_from_s))
+        self._frame = self._frame.knocked(start_s + push_duration_s(speed), self._shot)
+        pushed = push_block(start_s, -speed, collide, effects, self._frame)
         self._shot += 1
-        self._scenes = [*self._scenes[-1:], scene]  # older ones are past: the stream only goes forward
-        return scene
+        self._pushed = [*self._pushed[-1:], pushed]  # older ones are over: the stream only goes forward
+        return pushed
 
     def path(self, time_s: Floats) -> Path:
-        """Return the path at ascending times of equal spacing (s): what is in space, seen from the frame."""
-        x, v = held(time_s)
+        """Return the path, relative to the frame, at ascending times of equal spacing (s)."""
+        x, v = hand_motion(time_s)
         block = x.copy()
-        for scene in self._scenes:
-            a, b = np.searchsorted(time_s, (scene.start_s, scene.end_s))
+        for pushed in self._pushed:
+            a, b = np.searchsorted(time_s, (pushed.start_s, pushed.end_s))
             if b > a:
-                x[a:b], v[a:b], block[a:b] = scene.at(time_s[a:b])
+                x[a:b], v[a:b], block[a:b] = pushed.at(time_s[a:b])
         shake_x, shake_v = self._floor.at(float(time_s[0]), float(time_s[1] - time_s[0]), time_s.size)
         frame_x, frame_v = self._frame.motion(time_s)
         return Path(x + shake_x - frame_x, v + shake_v - frame_v, block - frame_x)
 
     def fill(self, first_sample: int, out: NDArray[np.int16]) -> tuple[int, ...]:
-        """Fill ``out`` (n, channels) with samples ``first_sample`` on; return how many clipped a channel."""
+        """Fill ``out`` (n, channels) with samples from ``first_sample`` on; return the clipped samples per channel."""
         path = self.path(node_times_s(first_sample, out.shape[0], self._rate_hz))
         return fill(self._optics, path, first_sample, self._rate_hz, self._rig.seed, out)

@@ -1,6 +1,5 @@
-"""From what the block does to what the optics see: drift, lag, a frame that moves, light in the wrong arm."""
+"""The path that the optics measure, from the motion of the block: drift, lag, vibration, light in the wrong arm."""
 
-import cmath
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,7 +12,7 @@ from instrument.bench.effects import Effects, force_slots
 from instrument.bench.frame import Frame
 from instrument.bench.mechanics import Bodies, Trajectory, collide
 from instrument.bench.optics import Optics
-from instrument.bench.sines import Sines, at_times
+from instrument.bench.sines import Sines, interpolate
 from instrument.bench.site import QUIET
 
 Floats = NDArray[np.float64]
@@ -21,7 +20,7 @@ _LAG_GRID_S = 1e-6
 _NONE: Mapping[str, float] = {}
 
 
-def shoot(
+def run_shot(
     velocity_m_per_s: float,
     effects: Effects,
     bodies: Bodies,
@@ -29,7 +28,7 @@ def shoot(
     duration_s: float,
     frame: Frame | None = None,
 ) -> Trajectory:
-    """Let the block go with the effects of one shot, in a frame whose time zero is that moment."""
+    """Simulate the collision with the effects of one shot, in a frame whose time zero is the release."""
     motion = effects.get("plate_motion", _NONE)
     return collide(
         velocity_m_per_s,
@@ -38,22 +37,22 @@ def shoot(
         distance_m=distance_m,
         duration_s=duration_s,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
-        frame=riding(frame, effects),
+        frame=plate_support(frame, effects),
     )
 
 
-def seen(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[Floats, Floats]:
-    """Return the displacement (m) and velocity (m/s) that the optics see at ascending ``time_s``.
+def observed(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[Floats, Floats]:
+    """Return the displacement (m) and velocity (m/s) that the optics measure at ascending ``time_s``.
 
     Sensor drift b: + b t^2 / 2.  Frame vibration: velocity + A sin(omega t + phi).  Demodulation lag tau: the optics
-    follow with tau dx_m/dt = x - x_m.  Cyclic error is light, see ``lit`` and ``cyclic_m``.
+    follow with tau dx_m/dt = x - x_m.  The cyclic error is in the light, see ``with_leak``.
     """
     tau = effects.get("demodulation_lag", _NONE).get("time_s", 0.0)
     if tau > 0.0:
         fine = np.arange(0.0, time_s[-1] + 2 * _LAG_GRID_S, _LAG_GRID_S)
         lagged = _first_order(trajectory.block_m(fine), trajectory.block_velocity_m_per_s(fine), _LAG_GRID_S, tau)
         slope = (trajectory.block_m(fine) - lagged) / tau
-        x = at_times(fine, lagged, slope, time_s)
+        x = interpolate(fine, lagged, slope, time_s)
         v = (trajectory.block_m(time_s) - x) / tau
     else:
         x, v = trajectory.block_m(time_s), trajectory.block_velocity_m_per_s(time_s)
@@ -69,10 +68,10 @@ def seen(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[Floa
     return x, v
 
 
-def riding(frame: Frame | None, effects: Effects) -> Frame | None:
-    """Return how the plate's foot moves: with the frame, and by a factor of a vibration that takes the plate along.
+def plate_support(frame: Frame | None, effects: Effects) -> Frame | None:
+    """Return the motion of the plate's clamp: that of the frame, plus its share of a vibration that moves the plate.
 
-    The bodies are followed in the foot's coordinates.
+    The equations of motion are in the clamp's coordinates.
     """
     shake = effects.get("frame_vibration_with_plate", _NONE)
     if not shake or shake["plate_factor"] == 0.0:
@@ -81,40 +80,28 @@ def riding(frame: Frame | None, effects: Effects) -> Frame | None:
     size = shake["plate_factor"] * shake["amplitude_m_per_s"] / omega
     turned = shake["phase_rad"] + 0.5 * math.pi  # a cosine
     line = Sines(np.array([omega]), np.array([size]), np.array([turned]))
-    return Frame(QUIET, 0, line) if frame is None else replace(frame, sines=frame.sines.with_(line))
+    return Frame(QUIET, 0, line) if frame is None else replace(frame, sines=frame.sines.plus(line))
 
 
 def _optics_alone(effects: Effects) -> Mapping[str, float]:
-    """Return what the optics move by against the plate's foot, as a frame's vibration."""
+    """Return the motion of the optics relative to the plate's clamp, as a frame vibration."""
     shake = effects.get("frame_vibration_with_plate", _NONE)
     if not shake:
         return _NONE
     return {**shake, "amplitude_m_per_s": shake["amplitude_m_per_s"] * (1.0 - shake["plate_factor"])}
 
 
-def lit(optics: Optics, effects: Effects) -> Optics:
-    """Return the optics with the light that takes the wrong arm."""
+def with_leak(optics: Optics, effects: Effects) -> Optics:
+    """Return the optics with the light in the wrong arm that makes the cyclic error."""
     cyclic = effects.get("cyclic_error", _NONE)
     if not cyclic:
         return optics
     return replace(optics, leak_m=cyclic["amplitude_m"], leak_order=int(cyclic["order"]), leak_turns=0.15)
 
 
-def cyclic_m(optics: Optics, x_m: Floats) -> Floats:
-    """Return the displacement error of the leak: lambda/(4 pi) times the phase of the sum of both lights."""
-    if optics.leak_m == 0.0:
-        return np.zeros_like(x_m)
-    scale = optics.wavelength_m / (4 * math.pi)
-    leak = optics.leak_m / scale * cmath.exp(2j * math.pi * optics.leak_turns)
-    # the beat is cos(rest - x / scale); the leak stands at -(1 - order) x / scale against the same rest
-    turned = leak * np.exp(1j * (x_m / scale) * optics.leak_order)
-    error: Floats = -scale * np.angle(1.0 + turned)
-    return error
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def _first_order(x: Floats, v: Floats, h: float, tau: float) -> Floats:
-    """Return the exact answer of a first-order lag to a path that is quadratic between samples."""
+    """Return the exact response of a first-order lag to a path that is quadratic between samples."""
     result = np.empty(x.shape[0])
     e = math.exp(-h / tau)
     y = x[0] - tau * v[0]
